@@ -35,7 +35,7 @@ from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation.camera_view import view_of
 from ros_visualise.landmarks.navigation.gps import GpsNoise
 from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise
-from ros_visualise.landmarks.navigation.landmark import KnownLandmark, told_covariance
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark, message_covariance
 from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
 from ros_visualise.landmarks.navigation.navigator import Navigator
@@ -180,14 +180,17 @@ def given(flight: Flight, random: np.random.Generator) -> dict[str, KnownLandmar
 
 def landmarks(navigator: Navigator, flight: Flight) -> tuple[float, float, float]:
     """RMS of their positions in metres, the same aligned, and their NEES."""
-    state, used = navigator.state, [o for o in navigator.chart.landmarks.values() if o.is_used]
+    state, used = (
+        navigator.state,
+        [o for o in navigator.landmark_map.landmarks.values() if o.is_used],
+    )
     if navigator.settings.rules.mode is MapMode.FROZEN:
         return np.nan, np.nan, np.nan
     at, true, nees = [], [], []
     for one in used:
         (place,) = state.indices([one.key])
-        found_p, covariance = state.landmarks_p[place], told_covariance(state, one.key)
-        if one.is_turned:
+        found_p, covariance = state.landmarks_p[place], message_covariance(state, one.key)
+        if one.has_orientation:
             T = flight.tags[int(one.name.rpartition("_")[2])].T
             turned, size = turn_between(T[:3, :3], state.landmarks_R[place]), 6
         else:

@@ -143,7 +143,7 @@ def test_what_a_whole_map_is_off_the_robot_is_off_too(tmp_path):
     np.testing.assert_allclose(landmark.hypotheses[0].covariance, common, atol=1e-5)
 
 
-def test_it_says_what_it_uses_and_refuses(params):
+def test_it_reports_what_it_uses_and_rejects(params):
     node = LandmarkNavigator(params)
     told = [answer for answer in run(node, params) if "diagnostics" in answer]
     (status,) = told[-1]["diagnostics"].statuses
@@ -152,15 +152,15 @@ def test_it_says_what_it_uses_and_refuses(params):
     (first,) = told[0]["diagnostics"].statuses
     assert (first.level, first.message) == (
         Level.ERROR,
-        "not located yet: one tag of the map in three images is needed",
+        "not localized: needs one map tag in three images",
     )
     wrong = detections(3.0, np.array([2.0, 0, 5]))
     wrong = replace(wrong, detections=(wrong.detections[0], wrong.detections[0]))
     node.step(params, odometry=odometry(3.0, 1.0), frames=tree())
     answer = node.step(params, detections=wrong, frames=tree())
     (status,) = answer["diagnostics"].statuses
-    assert status.values["refused tag36h11_3"] == "twice in an image"
-    label = next(m for m in answer["markers"].markers if "twice" in m.text)
+    assert status.values["rejected tag36h11_3"] == "duplicate in the image"
+    label = next(m for m in answer["markers"].markers if "duplicate" in m.text)
     assert label.color_rgba[0] > 0.9 > 0.2 > label.color_rgba[1]
     assert {m.ns for m in answer["markers"].markers} == {"robot", "plate", "error", "label"}
 
@@ -304,7 +304,7 @@ def test_fixes_are_counted_and_no_fix_is_none(tmp_path):
         node.step(params, odometry=odometry(1 + number / 10, 0), frames=tree())
     node.step(params, gps=fix(3, 9.4), frames=tree())
     said = values(node, params)
-    assert (said["gps fixes used"], said["gps fixes refused"]) == ("19", "1")
+    assert (said["GPS fixes used"], said["gps fixes refused"]) == ("19", "1")
 
 
 @pytest.mark.parametrize("text", ["here", "49, 8.4", "91, 0, 0", "nan, 0, 0"])
@@ -325,8 +325,8 @@ def test_another_who_tells_where_odom_is_gets_said(caplog):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda one: replace(one, side_m=0.3), "is 0.3 m wide here and 0.5 m in the map: check"),
-        (lambda one: replace(one, corners_uv=one.corners_uv + 40), "was it moved?"),
+        (lambda one: replace(one, side_m=0.3), "size 0.3 m, but 0.5 m in the map; check"),
+        (lambda one: replace(one, corners_uv=one.corners_uv + 40), "has it moved?"),
     ],
     ids=["of another size", "moved"],
 )
@@ -341,7 +341,7 @@ def test_a_tag_that_is_wrong_is_said_once(params, caplog, change, said):
         seen = replace(seen, detections=(change(wrong), right))
         node.step(params, detections=seen, frames=tree())
     [line] = [record.getMessage() for record in caplog.records]
-    assert "tag36h11_3 is left out" in line
+    assert "ignoring tag36h11_3" in line
     assert said in line
 
 

@@ -109,7 +109,7 @@ class LandmarkNavigator:
         self._told_ns: int | None = None
         self._said = ""
         self._mounted: dict[str, ImuMounting | None] = {}
-        self._doubts = Rejections()
+        self._rejections = Rejections()
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -203,7 +203,7 @@ class LandmarkNavigator:
         """How many images were used, and how often it was lost."""
         if self._navigator is None:
             return {}
-        there = self._navigator.chart.landmarks.values()
+        there = self._navigator.landmark_map.landmarks.values()
         return {**self._navigator.counts, "landmarks": sum(one.is_used for one in there)}
 
     def _go_on(self, odometry: Odometry, frames: FrameTree) -> dict[str, Any]:
@@ -249,10 +249,10 @@ class LandmarkNavigator:
         if navigator is None or not navigator.has_news:
             return {}
         navigator.has_news = False
-        for text in self._doubts.look(navigator.judged):
-            log.warning("landmark_navigator: %s (said once)", text)
+        for text in self._rejections.look(navigator.outcome):
+            log.warning("landmark_navigator: %s (further occurrences suppressed)", text)
         at = Header(navigator.at_ns, self._frame)
-        said = f"{navigator.trouble} {sorted(navigator.judged.refused)}"
+        said = f"{navigator.reason} {sorted(navigator.outcome.rejected)}"
         is_due = self._told_ns is None or at.stamp_ns - self._told_ns >= _SHOWN_NS
         if not is_due and said == self._said:
             return {}

@@ -1,7 +1,7 @@
 """Flights over tags that are computed, not rendered: the truth, the odometry and the corners.
 
 Corners are where a camera would see them, with the noise that tags of their size have, so that what
-a filter makes of them can be judged by laws of statistics, over many flights in little time.
+a filter makes of them can be outcome by laws of statistics, over many flights in little time.
 """
 
 from __future__ import annotations

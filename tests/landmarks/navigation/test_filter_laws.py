@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
-from ros_visualise.landmarks.navigation.imu import ImuInterval, ImuNoise, by_imu
+from ros_visualise.landmarks.navigation.imu import ImuInterval, ImuNoise, propagate_by_imu
 from ros_visualise.landmarks.navigation.measuring import Pair, measure
 from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import CORE, RobotState
@@ -68,9 +68,9 @@ def test_measurements_of_an_imu_joined_are_those_one_by_one():
         for n in range(5)
     ]
     joined, alone = Propagation(state), Propagation(state)
-    by_imu(joined, parts, noise)
+    propagate_by_imu(joined, parts, noise)
     for part in parts:
-        by_imu(alone, [part], noise)
+        propagate_by_imu(alone, [part], noise)
     np.testing.assert_allclose(joined.P, alone.P, rtol=1e-9, atol=1e-9)
     for name in ("R", "p", "v"):
         there, expected = getattr(joined.robot, name), getattr(alone.robot, name)

@@ -52,7 +52,7 @@ def error(one, number, now):
     return np.concatenate([T[:3, 3] - now.T_map_base[:3, 3], turned])
 
 
-def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda judged: None):
+def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda outcome: None):
     """Errors (N, 6) and covariances while it is located; images come so many odometries later.
 
     ``change`` makes other detections of those seen, ``watch`` is given what becomes of each image.
@@ -64,7 +64,7 @@ def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda jud
             waiting.append((number + late, view_of(change(seen), T_BASE_CAMERA)))
         while waiting and waiting[0][0] <= number:
             navigator.see(waiting.pop(0)[1])
-            watch(navigator.judged)
+            watch(navigator.outcome)
         if now is not None and now.is_located:
             found.append((error(one, number, now), now.covariance))
     errors, covariances = zip(*found, strict=True)
@@ -131,11 +131,11 @@ def test_a_moved_tag_is_refused_and_not_believed():
     often = Counter(d.id for *_, seen in told if seen for d in seen.detections)
     moved = f"tag36h11_{often.most_common(1)[0][0]}"
     there[moved] = replace(there[moved], p=there[moved].p + np.array([1.0, 0, 0]))
-    judged = []
-    errors, _ = fly(Navigator(FROZEN, there), one, told, watch=judged.append)
+    outcome = []
+    errors, _ = fly(Navigator(FROZEN, there), one, told, watch=outcome.append)
     assert ate(errors) < 0.2
-    assert any(moved in image.refused for image in judged)
-    assert not any(moved in image.used for image in judged[5:])
+    assert any(moved in image.rejected for image in outcome)
+    assert not any(moved in image.used for image in outcome[5:])
 
 
 def test_a_tag_of_another_size_than_the_map_says_is_refused():
@@ -148,7 +148,7 @@ def test_a_tag_of_another_size_than_the_map_says_is_refused():
 
     errors, _ = fly(navigator, one, told, shrink)
     assert ate(errors) < 0.2
-    assert any("wide here" in why for why in navigator.judged.refused.values())
+    assert any("in the map" in why for why in navigator.outcome.rejected.values())
 
 
 def test_two_tags_of_one_name_in_an_image_are_both_refused():
@@ -160,7 +160,7 @@ def test_two_tags_of_one_name_in_an_image_are_both_refused():
 
     errors, _ = fly(navigator, one, told, twice)
     assert ate(errors) < 0.2
-    assert "twice in an image" in navigator.judged.refused.values()
+    assert "duplicate in the image" in navigator.outcome.rejected.values()
 
 
 def test_a_frozen_camera_makes_it_no_surer():
@@ -189,7 +189,7 @@ def test_a_kidnapped_robot_is_noticed_said_and_found_again(caplog):
     assert (navigator.counts["losses"], navigator.counts["recovered"]) == (1, 1)
     assert np.linalg.norm(errors[-1][:3]) < 0.2
     said = [record.getMessage() for record in caplog.records]
-    assert sum("lost" in text for text in said) == sum("recovered" in text for text in said) == 1
+    assert sum("lost" in text for text in said) == sum("relocalized" in text for text in said) == 1
 
 
 def test_an_odometry_that_jumps_costs_the_place_until_tags_tell_it():
@@ -248,7 +248,7 @@ def test_without_a_landmark_nothing_is_known_of_the_place(mode):
 
 def positions(navigator, one):
     """Of the landmarks that are used: where they are believed to be, and where they are."""
-    state, chart = navigator.state, navigator.chart
+    state, chart = navigator.state, navigator.landmark_map
     used = [landmark for landmark in chart.landmarks.values() if landmark.is_used]
     found = state.landmarks_p[state.indices([landmark.key for landmark in used])]
     ids = [int(landmark.name.rpartition("_")[2]) for landmark in used]
@@ -279,7 +279,7 @@ def test_a_map_is_extended_by_the_tags_that_it_lacks():
     errors, _ = fly(navigator, one, told)
     assert ate(errors) < 0.1
     found, true = positions(navigator, one)
-    assert len(found) > len(some.keys() & navigator.chart.landmarks.keys())
+    assert len(found) > len(some.keys() & navigator.landmark_map.landmarks.keys())
     assert np.linalg.norm(found - true, axis=1).max() < 0.1
 
 
@@ -299,10 +299,10 @@ def test_a_tag_of_another_size_than_said_gets_into_no_map():
                 several.append(found)
         return replace(seen, detections=tuple(several))
 
-    navigator, judged = Navigator(BUILD), []
-    errors, covariances = fly(navigator, one, told, mislabel, watch=judged.append)
-    assert not any(f"tag36h11_{wrong}" in image.used for image in judged)
-    assert any(f"tag36h11_{wrong}" in image.refused for image in judged)
+    navigator, outcome = Navigator(BUILD), []
+    errors, covariances = fly(navigator, one, told, mislabel, watch=outcome.append)
+    assert not any(f"tag36h11_{wrong}" in image.used for image in outcome)
+    assert any(f"tag36h11_{wrong}" in image.rejected for image in outcome)
     assert_within(errors[-1], covariances[-1])
 
 

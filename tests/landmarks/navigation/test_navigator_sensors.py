@@ -116,7 +116,7 @@ def test_a_map_that_is_built_with_an_imu_lies_level():
     def marks(imu):
         navigator = Navigator(BUILD)
         fly(navigator, one, told, imu)
-        used = [mark for mark in navigator.chart.landmarks.values() if mark.is_used]
+        used = [mark for mark in navigator.landmark_map.landmarks.values() if mark.is_used]
         found = navigator.state.landmarks_p[navigator.state.indices([m.key for m in used])]
         true = [one.tags[int(mark.name.rpartition("_")[2])].T[:3, 3] for mark in used]
         return rms(found - np.array(true))
@@ -143,7 +143,7 @@ def test_an_imu_that_is_mounted_otherwise_than_said_is_left_out(caplog):
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, imu, mounting=askew)
-    assert navigator.past.is_imu_refused
+    assert navigator.sensors.is_imu_rejected
     assert "the IMU contradicts the odometry" in caplog.text
     assert rms(errors) < 2 * rms(without) + 0.5
 
@@ -154,12 +154,12 @@ def test_an_imu_that_counts_in_g_is_left_out():
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, in_g)
-    assert navigator.past.is_imu_refused
+    assert navigator.sensors.is_imu_rejected
     assert rms(errors) < 2 * rms(without) + 0.5
 
 
 def test_a_stamp_of_another_time_costs_an_imu_little():
-    imu = Navigator(BUILD).past.imu
+    imu = Navigator(BUILD).sensors.imu
     for stamp in (10, 20, 10**6, 30, 40, 50):
         imu.add(stamp * 10**6, np.zeros(3), np.array([0, 0, 9.8]), IN_THE_MIDDLE)
     imu.add(60 * 10**6, np.full(3, np.nan), np.zeros(3), IN_THE_MIDDLE)
@@ -171,7 +171,7 @@ def test_a_stamp_of_another_time_costs_an_imu_little():
 def test_an_imu_away_from_the_middle_feels_its_turns():
     """Said to be elsewhere, and measured there: as if it were in the middle."""
     at = ImuMounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))
-    imu = Navigator(BUILD).past.imu
+    imu = Navigator(BUILD).sensors.imu
     turn, speed_up = np.array([0.2, -0.5, 1.5]), np.array([0.5, 0.1, -0.3])
     for number in range(20):
         rates = turn + speed_up * number / 100
@@ -188,7 +188,7 @@ def test_gps_holds_the_error_small_between_landmarks():
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, covariances = fly(navigator, one, told, gps=gps)
-    assert navigator.past.gps.used > 50
+    assert navigator.sensors.gps.used > 50
     end = len(errors) // 2
     assert rms(errors[end:]) < 0.8 * rms(without[end:])
     assert_expected(errors[-1], covariances[-1])
@@ -199,7 +199,7 @@ def test_gps_finds_out_where_it_counts_from():
     nobody = replace(BUILD, noise=replace(BUILD.noise, gps=replace(GPS, origin=None)))
     navigator = Navigator(nobody)
     errors, covariances = fly(navigator, one, told, gps=gps)
-    assert navigator.past.gps.used > 50
+    assert navigator.sensors.gps.used > 50
     assert abs(navigator.state.robot.datum_R[1, 0]) < 0.1  # the map's x axis points east
     assert_expected(errors[-1], covariances[-1])
 
@@ -210,7 +210,7 @@ def test_gps_that_jumps_is_refused():
     jumped = [*gps[:half], *(replace(fix, latitude=fix.latitude + 1e-3) for fix in gps[half:])]
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, gps=jumped)
-    assert navigator.past.gps.refused >= len(gps) - half - 2
+    assert navigator.sensors.gps.rejected >= len(gps) - half - 2
     assert np.linalg.norm(errors[-1]) < 5
 
 
@@ -222,7 +222,7 @@ def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
     errors, covariances = fly(navigator, one, told)
     assert rms(errors) < 0.5 * rms(without)
     assert_expected(errors[-1], covariances[-1])
-    used = [post for post in navigator.chart.landmarks.values() if post.is_used]
+    used = [post for post in navigator.landmark_map.landmarks.values() if post.is_used]
     found = navigator.state.landmarks_p[navigator.state.indices([post.key for post in used])]
     off = np.linalg.norm(found[:, None] - one.posts, axis=-1)
     assert len(used) > 10
@@ -239,6 +239,6 @@ def test_posts_of_a_map_correct_a_robot_that_a_tag_has_located():
     begun = NavigatorSettings(MapRules(MapMode.BUILD), BUILD.noise, LEVEL)
     navigator = Navigator(begun, posts)
     errors, covariances = fly(navigator, one, told)
-    assert any(name.startswith("post_") for name in navigator.chart.landmarks)
+    assert any(name.startswith("post_") for name in navigator.landmark_map.landmarks)
     assert rms(errors) < 0.3
     assert_expected(errors[-1], covariances[-1])

@@ -5,21 +5,21 @@ from ros_visualise.landmarks.navigation.rejections import Rejections
 
 
 def refused():
-    judged = ImageOutcome()
-    judged.refuse("tag36h11_3", "is not where the map has it: 7 times too far", "was it moved?")
-    return judged
+    outcome = ImageOutcome()
+    outcome.reject("tag36h11_3", "position disagrees with the map (22.7 sigma)", "has it moved?")
+    return outcome
 
 
 def test_a_tag_that_is_always_refused_is_named_once():
     doubts = Rejections()
     said = [text for _ in range(30) for text in doubts.look(refused())]
-    assert said == ["tag36h11_3 is left out, as it is not where the map has it: was it moved?"]
+    assert said == ["ignoring tag36h11_3: position disagrees with the map; has it moved?"]
 
 
 def test_one_that_is_refused_now_and_then_is_not_worth_a_word():
     doubts = Rejections()
     images = [*[refused()] * 4, ImageOutcome(used=["tag36h11_3"])] * 5
-    assert not [text for judged in images for text in doubts.look(judged)]
+    assert not [text for outcome in images for text in doubts.look(outcome)]
 
 
 def test_images_without_it_change_nothing():

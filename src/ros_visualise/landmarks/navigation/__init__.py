@@ -1,1 +1,1 @@
-"""Where the robot is in a map of landmarks: a filter that corrects its odometry by what it sees."""
+"""Localization in a map of landmarks: a filter that corrects odometry by what the camera sees."""

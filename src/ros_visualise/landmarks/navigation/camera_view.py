@@ -1,4 +1,4 @@
-"""What an image shows of landmarks, as the filter takes it: corners, poses or directions."""
+"""Landmark sightings in an image, as the filter needs them: corners, poses or directions."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _CORNERS = 4  # of a tag
 
 @dataclass(frozen=True, eq=False)
 class ObservedPose:
-    """One reading of a landmark: its pose in the camera's frame, and the covariance of that.
+    """One reading of a landmark: its pose in the camera's frame, with covariance.
 
-    ``covariance`` (6, 6) is that of the position and of a turn about the camera's axes. Where
-    ``R`` is None it has no orientation; without ``has_range``, ``t`` tells a direction alone.
+    ``covariance`` (6, 6) is of the position and of a rotation about the camera's axes. ``R`` is
+    None without an orientation; without ``has_range``, ``t`` is only a direction.
     """
 
     R: Floats | None
@@ -38,12 +38,12 @@ class Sighting:
     """One landmark in one image.
 
     Attributes:
-        name: its class; that of a tag is of one landmark alone.
-        number: of the class, as `ros_visualise.data.Hypothesis` has it.
-        side_m: of a tag's square; 0 where nobody knows.
-        rays: of its four corners; None where nobody knows.
+        name: its class; that of a tag is unique.
+        number: of the class, see `ros_visualise.data.Hypothesis`.
+        side_m: side of a tag; 0 if unknown.
+        rays: of its four corners; None if unknown.
         noise_px2: (8, 8) covariance of their coordinates.
-        poses: what its picture may be, the likeliest first.
+        poses: its possible readings, the likeliest first.
     """
 
     name: str
@@ -55,31 +55,31 @@ class Sighting:
 
     @property
     def has_corners(self) -> bool:
-        """Whether its corners can be compared with where they are expected."""
+        """True if its corners can be compared with their expected pixels."""
         return self.rays is not None and self.side_m > 0
 
     @property
-    def is_turned(self) -> bool:
-        """Whether it tells how it is turned: then it is the only one of its class."""
+    def has_orientation(self) -> bool:
+        """True if it has an orientation, as tags do; then its class is unique."""
         return self.has_corners or any(pose.R is not None for pose in self.poses)
 
 
 @dataclass(frozen=True, eq=False)
 class CameraView:
-    """One image: when it was taken, where its camera is on the robot, and what is in it.
+    """One image: its time, the camera's pose on the robot, and the landmarks in it.
 
     Attributes:
         R_base_camera, p_base_camera: (3, 3) and (3,).
-        sights: of landmarks, each that can be used.
-        left_out: names of those that cannot, and why.
-        print: of all corners and poses; two images with the same are one image.
+        sights: the usable sightings.
+        skipped: names of the others, with the reason.
+        print: fingerprint of all corners and poses; equal ones mean the same image.
     """
 
     stamp_ns: int
     R_base_camera: Floats
     p_base_camera: Floats
     sights: tuple[Sighting, ...]
-    left_out: dict[str, str]
+    skipped: dict[str, str]
     print: bytes
 
 
@@ -90,35 +90,35 @@ def view_of(
     floor_px: float = 0.0,
     moving: Container[str] = (),
 ) -> CameraView:
-    """What detections tell.
+    """The view given by detections.
 
     Args:
-        detections: their poses are in the camera's optical frame.
-        T_base_camera: (4, 4) where that is on the robot, at the time of the image.
-        prefix: what to put before classes that are numbers.
-        floor_px: standard deviation that corners have at least.
-        moving: classes that are no landmarks.
+        detections: with poses in the camera's optical frame.
+        T_base_camera: (4, 4) the camera's pose on the robot at the time of the image.
+        prefix: put before classes that are numbers.
+        floor_px: smallest standard deviation of corners.
+        moving: classes that are not landmarks.
     """
-    sights, left_out = [], {}
+    sights, skipped = [], {}
     found = [one for one in detections.detections if one.hypotheses]
     rays = _rays(found, detections)
     for number, one in enumerate(found):
         sight = _sight(one, rays.get(number), prefix, floor_px)
         if sight.name in moving:
-            left_out[sight.name] = "moves"
+            skipped[sight.name] = "moves"
         elif sight.poses or sight.has_corners:
             sights.append(sight)
         else:
-            left_out[sight.name] = "no pose"
-    often = Counter(sight.name for sight in sights if sight.is_turned)
-    left_out |= {name: "twice in an image" for name, count in often.items() if count > 1}
-    kept = tuple(sight for sight in sights if sight.name not in left_out)
+            skipped[sight.name] = "no pose"
+    often = Counter(sight.name for sight in sights if sight.has_orientation)
+    skipped |= {name: "duplicate in the image" for name, count in often.items() if count > 1}
+    kept = tuple(sight for sight in sights if sight.name not in skipped)
     R, p = T_base_camera[:3, :3], T_base_camera[:3, 3]
-    return CameraView(detections.header.stamp_ns, R, p, kept, left_out, _print(found))
+    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found))
 
 
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
-    """The rays of tags' corners, by their places in the list."""
+    """The rays of tags' corners, by index in the list."""
     info = detections.camera_info
     tags = [n for n, one in enumerate(found) if len(one.corners_uv) == _CORNERS and one.side_m > 0]
     if info is None or not tags:
@@ -140,7 +140,7 @@ def _sight(one: Detection, rays: Rays | None, prefix: str, floor_px: float) -> S
 
 
 def _noise(one: Detection, floor_px: float) -> Floats:
-    """(8, 8) covariance of its corners; by the tag's size where its detector does not tell."""
+    """(8, 8) covariance of its corners; from the tag's size if its detector gives none."""
     if len(one.corners_uv) != _CORNERS:
         return np.zeros((8, 8))
     known = one.corners_covariance if one.corners_covariance.any() else np.full((8, 8), np.nan)
@@ -149,7 +149,7 @@ def _noise(one: Detection, floor_px: float) -> Floats:
 
 
 def _pose(hypothesis: Hypothesis) -> ObservedPose | None:
-    """One reading; None of what has no pose."""
+    """One reading; None without a pose."""
     t, covariance = hypothesis.position_xyz, hypothesis.covariance
     range_m = float(np.linalg.norm(t))
     if not (0 < range_m < np.inf and np.isfinite(covariance).all() and np.isfinite(t).all()):
@@ -159,8 +159,8 @@ def _pose(hypothesis: Hypothesis) -> ObservedPose | None:
         return None
     ray = t / range_m
     has_range = bool(ray @ covariance[:3, :3] @ ray < UNKNOWN)
-    is_turned = has_range and bool(np.trace(covariance[3:, 3:]) < UNKNOWN)
-    R = rotations.to_matrix(hypothesis.quat_xyzw) if is_turned else None
+    has_orientation = has_range and bool(np.trace(covariance[3:, 3:]) < UNKNOWN)
+    R = rotations.to_matrix(hypothesis.quat_xyzw) if has_orientation else None
     return ObservedPose(R, t, covariance, hypothesis.score, has_range)
 
 

@@ -1,4 +1,4 @@
-"""GPS: fixes that correct the robot, and where the map is on the Earth."""
+"""GPS: fixes that correct the robot, and the position of the map on the Earth."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import CORE, DATUM, POSE, SLOW, YAW
 from ros_visualise.landmarks.navigation.state import FilterState
 
-_BACK_NS = 2_000_000_000  # a stamp that is so much older than the last: that one was wrong
-_LONGEST_S = 0.5  # a fix that is so much older than the next odometry tells nothing
-_BASE = 10.0  # deviations of a fix, that the first two have to be apart to tell the heading
+_BACK_NS = 2_000_000_000  # stamps going back more than this mean that time was reset
+_LONGEST_S = 0.5  # largest age of a fix at the next odometry message
+_BASE = 10.0  # least distance of two fixes that give the heading, standard deviations
 _VAGUE_M, _VAGUE_RAD = 100.0, 0.3
-_HEIGHT = 2.0  # times as uncertain is a height, where the receiver does not say
+_HEIGHT = 2.0  # ratio of vertical to horizontal error, if not reported
 
 
 @dataclass(frozen=True)
 class GpsNoise:
-    """What GPS does wrong.
+    """GPS errors.
 
     Attributes:
-        sigma_m: standard deviation east and north, of a receiver that does not say it.
-        slow: part of the variance that is of errors which change slowly.
-        time_s: in which these are forgotten.
-        origin: latitude, longitude and altitude where the map has its origin, its x axis to the
-            east; None: nobody knows, both are found out.
+        sigma_m: standard deviation east and north if the receiver reports none.
+        slow: slowly changing fraction of the variance.
+        time_s: time constant of the slow part.
+        origin: latitude, longitude and altitude of the map's origin, its x axis pointing east;
+            None: estimate both from the fixes.
     """
 
     sigma_m: float = 2.0
@@ -42,12 +42,12 @@ class GpsNoise:
 
 
 class GpsFix(NamedTuple):
-    """One fix: east, north and up of the origin, in metres.
+    """One fix: metres east, north and up of the origin.
 
     Attributes:
-        before_ns: the time of the fix before.
+        before_ns: time of the previous fix.
         covariance: (3, 3) m^2.
-        arm: (3,) where the antenna is in the robot's axes.
+        arm: (3,) position of the antenna in the robot's axes.
     """
 
     stamp_ns: int
@@ -58,24 +58,24 @@ class GpsFix(NamedTuple):
 
 
 class GpsBuffer:
-    """The last seconds of a receiver.
+    """The last seconds of a GPS receiver.
 
     Attributes:
-        used, refused: how many fixes were, as they came.
+        used, rejected: numbers of fixes.
     """
 
     def __init__(self, model: GpsNoise) -> None:
         self.model = model
-        self.used = self.refused = 0
+        self.used = self.rejected = 0
         self._plane = LocalPlane(*model.origin) if model.origin else None
         self._is_placed = model.origin is not None
         self._first: tuple[Floats, Floats] | None = None
         self._fixes: list[GpsFix] = []
 
     def add(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> bool:
-        """Take a fix (3,) that is newer than all others; a covariance of zeros is not known."""
+        """Add a fix (3,) newer than all others; a zero covariance is unknown."""
         if self._fixes and stamp_ns < self._fixes[-1].stamp_ns - _BACK_NS:
-            self._fixes = []  # one stamp was of another time
+            self._fixes = []  # time was reset
         before_ns = self._fixes[-1].stamp_ns if self._fixes else stamp_ns
         if stamp_ns < before_ns or not np.isfinite(geodetic).all():
             return False
@@ -88,7 +88,7 @@ class GpsBuffer:
         return True
 
     def place(self, state: FilterState, now: Propagation) -> bool:
-        """Find out where GPS counts from, as soon as the robot has gone far enough; whether now."""
+        """Locate the GPS origin in the map once the robot moved far enough; True if done now."""
         if self._is_placed or not self._fixes:
             return False
         fix = self._fixes[-1]
@@ -110,25 +110,25 @@ class GpsBuffer:
         return True
 
     def between(self, from_ns: int, to_ns: int) -> list[GpsFix]:
-        """Those after a time, until another."""
+        """The fixes after one time, up to another."""
         if not self._is_placed:
             return []
         stamps = [fix.stamp_ns for fix in self._fixes]
         return self._fixes[bisect_right(stamps, from_ns) : bisect_right(stamps, to_ns)]
 
     def forget(self, before_ns: int) -> None:
-        """Let go of what is older, but for the last fix of it."""
+        """Forget older fixes, except the last of them."""
         stamps = [fix.stamp_ns for fix in self._fixes]
         del self._fixes[: max(bisect_right(stamps, before_ns) - 1, 0)]
 
 
-def correct(carried: Propagation, fix: GpsFix, stamp_ns: int, model: GpsNoise) -> bool:
-    """Let a fix correct a robot of soon after; whether it fits."""
+def correct(propagation: Propagation, fix: GpsFix, stamp_ns: int, model: GpsNoise) -> bool:
+    """Correct a robot by a slightly older fix; True if it fits."""
     late_s = (stamp_ns - fix.stamp_ns) / 1e9
     if late_s > _LONGEST_S:
         return False
-    _age(carried, (fix.stamp_ns - fix.before_ns) / 1e9, model)
-    robot = carried.robot
+    _age(propagation, (fix.stamp_ns - fix.before_ns) / 1e9, model)
+    robot = propagation.robot
     at = robot.p + robot.R @ fix.arm - robot.v * late_s
     back = robot.datum_R.T
     slow = np.linalg.cholesky(model.slow * fix.covariance + 1e-12 * np.eye(3))
@@ -137,11 +137,11 @@ def correct(carried: Propagation, fix: GpsFix, stamp_ns: int, model: GpsNoise) -
     H[:, DATUM] = -H[:, YAW]
     H[:, SLOW] = slow
     residual = fix.enu - back @ (at - robot.datum_p) - slow @ robot.slow
-    return carried.correct(residual, H, (1 - model.slow) * fix.covariance, 0.0)
+    return propagation.correct(residual, H, (1 - model.slow) * fix.covariance, 0.0)
 
 
-def _age(carried: Propagation, seconds: float, model: GpsNoise) -> None:
-    """The slow error goes on: a first-order Gauss-Markov process.
+def _age(propagation: Propagation, seconds: float, model: GpsNoise) -> None:
+    """Propagate the slow error: a first-order Gauss-Markov process.
 
     Source: A. Gelb, Applied Optimal Estimation, 1974, section 2.4.
     """
@@ -149,5 +149,5 @@ def _age(carried: Propagation, seconds: float, model: GpsNoise) -> None:
     J, noise = np.eye(CORE), np.zeros((CORE, CORE))
     J[SLOW, SLOW] *= keep
     noise[SLOW, SLOW] = (1 - keep**2) * np.eye(3)
-    carried.go(J, noise)
-    carried.robot = replace(carried.robot, slow=keep * carried.robot.slow)
+    propagation.propagate(J, noise)
+    propagation.robot = replace(propagation.robot, slow=keep * propagation.robot.slow)

@@ -1,4 +1,4 @@
-"""An IMU: how the robot goes on by its rates and accelerations, between two odometries."""
+"""IMU: propagates the robot by angular velocities and accelerations."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from ros_visualise.landmarks.navigation.robot import (
 )
 
 _EYE = np.eye(3)
-_MOVED = VELOCITY.stop  # the first errors: those of pose, scales and velocity
-_GAP_NS = 100_000_000  # longer without a measurement, an IMU tells nothing
-_BACK_NS = 1_000_000_000  # a stamp that is so much older than the last: that one was wrong
+_MOVED = VELOCITY.stop  # the first errors: pose, scales and velocity
+_GAP_NS = 100_000_000  # longest gap between measurements
+_BACK_NS = 1_000_000_000  # stamps going back more than this mean that time was reset
 
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """Standard deviations of what an IMU does wrong, as its data sheet has them.
+    """Standard deviations of IMU errors, as in data sheets.
 
     Attributes:
-        gyro, accel: densities, rad/s and m/s^2 by the root of hertz.
-        gyro_bias, accel_bias: what biases are at first, rad/s and m/s^2.
-        gyro_walk, accel_walk: how they change, rad/s and m/s^2 by the root of seconds.
+        gyro, accel: noise densities, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz).
+        gyro_bias, accel_bias: initial biases, rad/s and m/s^2.
+        gyro_walk, accel_walk: bias random walks, rad/s/sqrt(s) and m/s^2/sqrt(s).
     """
 
     gyro: float = 1e-3
@@ -48,14 +48,14 @@ class ImuNoise:
 
 @dataclass(frozen=True, eq=False)
 class ImuMounting:
-    """Where an IMU is on the robot: T_base_imu, (3, 3) and (3,)."""
+    """Pose of an IMU on the robot: T_base_imu, (3, 3) and (3,)."""
 
     R: Floats
     p: Floats
 
 
 class ImuInterval(NamedTuple):
-    """Some seconds in which rates (3,) in rad/s and force (3,) in m/s^2 hardly changed."""
+    """An interval of nearly constant rates (3,) in rad/s and specific force (3,) in m/s^2."""
 
     seconds: float
     rates: Floats
@@ -74,17 +74,17 @@ class ImuBuffer:
         self._forces: list[Floats] = []
 
     @property
-    def is_there(self) -> bool:
-        """Whether it has measured."""
+    def has_data(self) -> bool:
+        """True if it has measurements."""
         return bool(self._stamps_ns)
 
     def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: ImuMounting) -> None:
-        """Take a measurement, in the IMU's axes, that is newer than all others.
+        """Add a measurement, in the IMU's axes, newer than all others.
 
-        Away from the robot's origin an IMU also feels how the robot turns about that.
+        Off the robot's origin an IMU also measures the robot's rotation about it.
         """
         if self._stamps_ns and stamp_ns < self._stamps_ns[-1] - _BACK_NS:
-            self.forget_all()  # one stamp was of another time
+            self.forget_all()  # time was reset
         is_number = np.isfinite(rates).all() and np.isfinite(force).all()
         if not is_number or (self._stamps_ns and stamp_ns <= self._stamps_ns[-1]):
             return
@@ -99,7 +99,7 @@ class ImuBuffer:
         self._forces.append(f)
 
     def between(self, from_ns: int, to_ns: int) -> ImuIntervals | None:
-        """All parts of a time, in the robot's axes; None where there is too little."""
+        """The intervals between two times, in the robot's axes; None if any is missing."""
         times = self._stamps_ns
         first, end = bisect_right(times, from_ns) - 1, bisect_left(times, to_ns)
         if first < 0:
@@ -116,24 +116,25 @@ class ImuBuffer:
         return parts
 
     def forget_all(self) -> None:
-        """Begin anew."""
+        """Forget all measurements."""
         self._stamps_ns, self._rates, self._forces = [], [], []
 
     def forget(self, before_ns: int) -> None:
-        """Let go of what is older, but for the last measurement of it."""
+        """Forget older measurements, except the last of them."""
         count = max(bisect_right(self._stamps_ns, before_ns) - 1, 0)
         del self._stamps_ns[:count], self._rates[:count], self._forces[:count]
 
 
-def by_imu(carried: Propagation, parts: ImuIntervals, model: ImuNoise) -> None:
-    """Go on by all that an IMU measured in a time, with one Jacobian for the whole of it.
+def propagate_by_imu(propagation: Propagation, parts: ImuIntervals, model: ImuNoise) -> None:
+    """Propagate by all measurements of an interval, with one Jacobian for the whole of it.
 
-    Source: A. Barrau, S. Bonnabel, as in `ros_visualise.landmarks.navigation.robot`: how pose and
-    velocity depend on what they were does not depend on what they are; J. Sola, Quaternion
+    Source: A. Barrau, S. Bonnabel, as in `ros_visualise.landmarks.navigation.robot`: the
+    propagation of errors of pose and velocity does not depend on the estimate; J. Sola, Quaternion
     kinematics for the error-state Kalman filter, 2017, section 5, for the biases; C. Forster et
-    al., On-manifold preintegration for real-time visual-inertial odometry, 2017, for joining them.
+    al., On-manifold preintegration for real-time visual-inertial odometry, 2017, for joining the
+    intervals.
     """
-    robot = carried.robot
+    robot = propagation.robot
     seconds = np.array([part.seconds for part in parts])[:, None]
     middles, R = _attitudes(robot, parts)
     forces = np.array([part.force for part in parts]) - robot.accel
@@ -148,12 +149,12 @@ def by_imu(carried: Propagation, parts: ImuIntervals, model: ImuNoise) -> None:
     J[:_MOVED, GYRO] = -(turned @ lasting).sum(axis=0)
     J[:3, ACCEL] = -(lasting * (left + seconds / 2)[..., None]).sum(axis=0)
     J[VELOCITY, ACCEL] = -lasting.sum(axis=0)
-    carried.go(J, _noise(turned, seconds, left, model))
-    carried.robot = replace(robot, R=R, p=p[-1], v=v[-1])
+    propagation.propagate(J, _noise(turned, seconds, left, model))
+    propagation.robot = replace(robot, R=R, p=p[-1], v=v[-1])
 
 
 def _attitudes(robot: RobotState, parts: ImuIntervals) -> tuple[Floats, Floats]:
-    """(K, 3, 3) in the middle of each part, and (3, 3) at the end."""
+    """Attitudes in the middle of each interval (K, 3, 3), and at the end (3, 3)."""
     R, middles = robot.R, []
     for part in parts:
         half = cv2.Rodrigues((part.rates - robot.gyro) * (part.seconds / 2))[0]
@@ -163,12 +164,12 @@ def _attitudes(robot: RobotState, parts: ImuIntervals) -> tuple[Floats, Floats]:
 
 
 def _turned(p: Floats, v: Floats, left: Floats, fall: Floats) -> Floats:
-    """(K, _MOVED, 3) what a turn (3,) at the end of each part is for the errors when all is over.
+    """(K, _MOVED, 3) effect on the final errors of a rotation (3,) at the end of each interval.
 
     Args:
-        p, v: (K, 3) at the end of each part.
-        left: (K, 1, 1) seconds until all is over.
-        fall: (3, 3) of gravity.
+        p, v: (K, 3) at the end of each interval.
+        left: (K, 1, 1) seconds until the end of all.
+        fall: (3, 3) cross-product matrix of gravity.
     """
     swing = twists.cross(v)
     turned = np.zeros((len(p), _MOVED, 3))
@@ -179,7 +180,7 @@ def _turned(p: Floats, v: Floats, left: Floats, fall: Floats) -> Floats:
 
 
 def _motion(seconds: float, fall: Floats) -> Floats:
-    """(CORE, CORE) how errors follow from those so many seconds before, but for the biases."""
+    """(CORE, CORE) propagation of the errors over so many seconds, except the biases."""
     J = np.eye(CORE)
     J[:3, VELOCITY] = seconds * _EYE
     J[VELOCITY, 3:6] = fall * seconds
@@ -190,7 +191,7 @@ def _motion(seconds: float, fall: Floats) -> Floats:
 
 
 def _noise(turned: Floats, seconds: Floats, left: Floats, model: ImuNoise) -> Floats:
-    """(CORE, CORE) covariance that comes to the errors in all parts."""
+    """(CORE, CORE) covariance that all intervals add to the errors."""
     noise = np.zeros((CORE, CORE))
     rows = np.concatenate(turned * (model.gyro * np.sqrt(seconds[..., None])), axis=1)
     noise[:_MOVED, :_MOVED] = rows @ rows.T

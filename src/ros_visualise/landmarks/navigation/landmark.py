@@ -1,4 +1,4 @@
-"""One landmark of the navigator: where it is in the state, and whether it may correct the robot."""
+"""One landmark of the navigator: its place in the state, and when it may correct the robot."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from ros_visualise.landmarks.localization.track import DECIDED, log_score
 from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
 from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
 from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.twists import about_itself, about_origin, carried
+from ros_visualise.landmarks.navigation.twists import about_itself, about_origin, adjoint
 from ros_visualise.landmarks.navigation.updating import Innovation, fits, update
 
-_SAME = 1.0  # squared distance of readings that have become one
-_WORST = -40.0  # a view's part in the evidence: one outlier decides nothing alone
-_SURPRISE = 3.1  # deviations of a sum of squared distances, 999 of 1000 sums are below
+_SAME = 1.0  # squared distance below which two readings are merged
+_WORST = -40.0  # least evidence of a view, so that one outlier alone decides nothing
+_SURPRISE = 3.1  # standard deviations of a sum of squared distances: the 99.9% point
 
 
 @dataclass(frozen=True, eq=False)
 class KnownLandmark:
     """A landmark of a map.
 
-    ``covariance`` (6, 6) is of its twist, ``side_m`` of its square. ``kind`` is the class of a
-    point, which has no orientation; of a tag, which is the only one of its name, it is empty.
+    ``covariance`` (6, 6) is of its twist, ``side_m`` the side of a tag. ``kind`` is the class of a
+    point, which has no orientation; it is empty for a tag, which is unique by its name.
     """
 
     R: Floats
@@ -40,10 +40,10 @@ class KnownLandmark:
     def of(
         cls, R: Floats, p: Floats, covariance: Floats, side_m: float, common: Floats | None = None
     ) -> KnownLandmark:
-        """By the covariance (6, 6) that messages and maps tell, which is about itself.
+        """A landmark with the covariance (6, 6) of messages and maps, about the landmark itself.
 
         Args:
-            common: (6, 6) what of it all landmarks of the map have together.
+            common: (6, 6) part of it that all landmarks of the map share.
         """
         change = about_origin(p)
         twist = change @ covariance @ change.T
@@ -51,7 +51,7 @@ class KnownLandmark:
 
     @classmethod
     def point(cls, p: Floats, covariance: Floats, kind: str, number: int) -> KnownLandmark:
-        """One without an orientation, by the covariance (6, 6) of its position."""
+        """A landmark without orientation, with the covariance (6, 6) of its position."""
         spread = np.zeros((6, 6))
         spread[:3, :3] = covariance[:3, :3]
         return cls(np.eye(3), p, spread, 0.0, kind, number)
@@ -59,17 +59,17 @@ class KnownLandmark:
 
 @dataclass(eq=False)
 class Landmark:
-    """What is known of one landmark beside its place in the state.
+    """A landmark, apart from its estimate, which is in the state.
 
     Attributes:
-        name: what it is called: its class, of a point with a number behind it.
+        name: its class, followed by a number for points.
         kind, number: its class.
-        side_m: of its square; 0 of what is no tag.
+        side_m: side of a tag; 0 for others.
         keys: its readings in the state, the likeliest first.
-        evidence: the logarithm of how likely the views are under each.
-        is_used: whether it corrects the robot. Before, it is only estimated itself.
-        seen, last_ns: how often, and when last.
-        refused: how often in a row it was not where it should be.
+        evidence: log-likelihood of the views for each reading.
+        is_used: True if it corrects the robot; before that, only it is estimated.
+        seen, last_ns: number of sightings, and time of the last.
+        rejected: number of consecutive rejections.
     """
 
     name: str
@@ -81,11 +81,11 @@ class Landmark:
     is_used: bool
     last_ns: int
     seen: int = 1
-    refused: int = 0
-    is_turned: bool = True
+    rejected: int = 0
+    has_orientation: bool = True
     _from_p: Floats = field(default_factory=lambda: np.zeros(3))
-    _reach: float = 0.0  # of its views, as a part of the range
-    _surprise: float = 0.0  # squared distances of all views, less what they are expected to be
+    _reach: float = 0.0  # distance between its views, as a fraction of its range
+    _surprise: float = 0.0  # sum of squared distances of all views, minus its expectation
     _numbers: int = 0
 
     @classmethod
@@ -98,37 +98,37 @@ class Landmark:
         view: CameraView,
         at: Floats,
     ) -> Landmark:
-        """One that is seen for the first time, from a place (3,) of the camera."""
+        """A landmark seen for the first time, from a camera at ``at`` (3,)."""
         number, side_m = sight.number, sight.side_m
         new = cls(name, sight.name, number, side_m, keys, evidence, False, view.stamp_ns)
-        new.is_turned, new._from_p = sight.is_turned, at
+        new.has_orientation, new._from_p = sight.has_orientation, at
         return new
 
     @classmethod
     def known(cls, name: str, one: KnownLandmark) -> Landmark:
-        """One of a map: it may be used at once."""
+        """A landmark of a map, usable at once."""
         kind = one.kind or name
         new = cls(name, kind, one.number, one.side_m, [name], [0.0], True, 0, 0)
-        new.is_turned = not one.kind
+        new.has_orientation = not one.kind
         return new
 
     @property
     def key(self) -> str:
-        """Its likelier reading."""
+        """Its likeliest reading."""
         return self.keys[0]
 
     @property
     def weights(self) -> list[float]:
-        """How probable each reading is."""
+        """Probability of each reading."""
         likely = [math.exp(one - self.evidence[0]) for one in self.evidence]
         return [one / sum(likely) for one in likely]
 
     def watch(self, state: FilterState, view: CameraView, sight: Sighting) -> FilterState:
-        """Take a view of one that is not used yet: it is estimated, and the robot is not."""
+        """Update a landmark that is not used yet, without correcting the robot."""
         found = [fits(view, [Pair(sight, key)], state)[0] for key in self.keys]
         best = max(found, key=lambda one: one.evidence)
         if not best.is_inlier:
-            self.refused += 1
+            self.rejected += 1
             return state
         for key, one in zip(self.keys, found, strict=True):
             if one.is_inlier:
@@ -140,7 +140,7 @@ class Landmark:
         return state
 
     def decide(self, state: FilterState) -> None:
-        """Drop readings that the views make unlikely, and those that have become one."""
+        """Drop readings that the views make unlikely, and merge those that have converged."""
         order = sorted(range(len(self.keys)), key=lambda n: -self.evidence[n])
         kept: list[int] = []
         for n in order:
@@ -153,18 +153,18 @@ class Landmark:
         self.keys, self.evidence = [self.keys[n] for n in kept], [self.evidence[n] for n in kept]
 
     def may_be_used(self, sightings: int, reach: float) -> bool:
-        """Whether views from places apart enough agree that it is there."""
+        """True if consistent views from distant enough places confirm it."""
         return len(self.keys) == 1 and self.seen >= sightings and self._reach >= reach
 
     @property
     def is_contradictory(self) -> bool:
-        """Whether its views do not fit together."""
-        return self.refused > 3 or self._surprise > _SURPRISE * math.sqrt(2 * self._numbers)
+        """True if its views are inconsistent."""
+        return self.rejected > 3 or self._surprise > _SURPRISE * math.sqrt(2 * self._numbers)
 
     def _note(self, fit: Innovation, view: CameraView, state: FilterState) -> None:
         """Count a view."""
         self.seen += 1
-        self.refused = 0
+        self.rejected = 0
         self.last_ns = view.stamp_ns
         self._surprise += fit.distance2 - fit.size
         self._numbers += fit.size
@@ -176,7 +176,7 @@ class Landmark:
     @staticmethod
     def _are_same(state: FilterState, one: str, other: str) -> bool:
         a, b = state.indices([one, other])
-        ahead = carried(state.landmarks_R[a], state.landmarks_p[a])
+        ahead = adjoint(state.landmarks_R[a], state.landmarks_p[a])
         back = np.linalg.inv(ahead)
         p = state.landmarks_R[a].T @ (state.landmarks_p[b] - state.landmarks_p[a])
         R = state.landmarks_R[a].T @ state.landmarks_R[b]
@@ -189,7 +189,7 @@ class Landmark:
 
 
 def begin(state: FilterState, view: CameraView, sight: Sighting) -> Landmark:
-    """Put what is seen for the first time into a state, with each reading of its picture."""
+    """Add a newly seen landmark to a state, with each reading of its image."""
     camera = camera_of(view, state.R, state.p)
     keys = [f"{sight.name}/{n}" for n, pose in enumerate(sight.poses) if pose.R is not None]
     poses = [pose for pose in sight.poses if pose.R is not None]
@@ -205,21 +205,21 @@ def begin(state: FilterState, view: CameraView, sight: Sighting) -> Landmark:
 
 
 def seen_noise(pose: ObservedPose, R: Floats, p: Floats) -> Floats:
-    """(6, 6) covariance of the twist in the map that a reading leaves between camera and landmark.
+    """(6, 6) covariance of a landmark's twist in the map due to a reading.
 
     Args:
-        R, p: of the camera in the map.
+        R, p: pose of the camera in the map.
     """
-    change = carried(R, p) @ about_origin(pose.t)
+    change = adjoint(R, p) @ about_origin(pose.t)
     noise: Floats = change @ pose.covariance @ change.T
     return noise
 
 
-def told_covariance(state: FilterState, key: str, common: Floats | float = 0.0) -> Floats:
-    """(6, 6) of a landmark, as messages have it: of its position, and of turns about itself.
+def message_covariance(state: FilterState, key: str, common: Floats | float = 0.0) -> Floats:
+    """(6, 6) covariance of a landmark as in messages: of its position, and rotations about itself.
 
     Args:
-        common: (6, 6) covariance of the twist by which the whole map is off.
+        common: (6, 6) covariance of the twist of the whole map.
     """
     (place,) = state.indices([key])
     rows = state.rows(key)

@@ -1,4 +1,4 @@
-"""Where landmarks are expected in an image, and how that depends on the errors of a state."""
+"""Expected measurements of landmarks in an image, and their derivatives by errors of a state."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.twists import cross
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-_NEAR = 1e-3  # of its distance, that a corner has to lie in front of the camera
+_NEAR = 1e-3  # least depth of a corner, as a fraction of its distance
 
 
 class Pair(NamedTuple):
-    """A sight, and the key of the landmark in the state that it is of."""
+    """A sighting, and the key of its landmark in the state."""
 
     sight: Sighting
     key: str
@@ -30,8 +30,8 @@ class LinearizedPair:
     """One pair, of k numbers, to first order.
 
     Attributes:
-        residual: (k,) what was measured, less what was expected; NaN behind the camera.
-        of_landmark, of_robot: (k, 6) how what is expected depends on their twists.
+        residual: (k,) measured minus expected; NaN behind the camera.
+        of_landmark, of_robot: (k, 6) derivatives of the expected by their twists.
         noise: (k, k) covariance.
     """
 
@@ -42,7 +42,7 @@ class LinearizedPair:
 
 
 class CameraPose(NamedTuple):
-    """Where the camera is in the map: (3, 3) and (3,)."""
+    """Pose of the camera in the map: (3, 3) and (3,)."""
 
     R: Floats
     p: Floats
@@ -54,7 +54,7 @@ def camera_of(view: CameraView, R: Floats, p: Floats) -> CameraPose:
 
 
 def measure(view: CameraView, pairs: Sequence[Pair], state: FilterState) -> list[LinearizedPair]:
-    """What each pair says, by the state's estimates."""
+    """Each pair linearized at the state's estimates."""
     camera = camera_of(view, state.R, state.p)
     by_corners = [n for n, pair in enumerate(pairs) if pair.sight.has_corners]
     corners = _corners(camera, [pairs[n] for n in by_corners], state)
@@ -93,7 +93,7 @@ def _corners(camera: CameraPose, pairs: Sequence[Pair], state: FilterState) -> l
 
 
 def _best_pose(camera: CameraPose, pair: Pair, state: FilterState) -> LinearizedPair:
-    """What that reading says that fits best by its own covariance."""
+    """The reading that fits best by its own covariance."""
     (place,) = state.indices([pair.key])
     R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
     several = [_pose(camera, pose, R, p, first) for pose in pair.sight.poses]
@@ -103,7 +103,7 @@ def _best_pose(camera: CameraPose, pair: Pair, state: FilterState) -> Linearized
 def _pose(
     camera: CameraPose, pose: ObservedPose, R: Floats, p: Floats, first: Floats
 ) -> LinearizedPair:
-    """Six numbers of a pose, three of a place, or two of a direction."""
+    """Six numbers for a pose, three for a position, or two for a direction."""
     back = camera.R.T
     away = back @ (p - camera.p)
     if pose.R is not None:
@@ -112,7 +112,7 @@ def _pose(
         H[:3, :3] = H[3:, 3:] = back
         H[:3, 3:] = -back @ cross(p)
         return LinearizedPair(np.concatenate([pose.t - away, turn]), H, -H, pose.covariance)
-    # no turn of its own: it is where it is by the first estimate's Jacobian (`twists`)
+    # without rotation: a position, by the Jacobian at the first estimate (`twists`)
     of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
     of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)
     noise, residual = pose.covariance[:3, :3], pose.t - away
@@ -125,10 +125,10 @@ def _pose(
 def _direction(
     pose: ObservedPose, away: Floats, first_away: Floats, of_landmark: Floats, of_robot: Floats
 ) -> LinearizedPair:
-    """Two numbers: how far aside of where it is expected, as a part of its range.
+    """Two numbers: the offset across the expected direction, as a fraction of its range.
 
-    Jacobians know nothing of what was measured now, or they would be multiplied with its noise; nor
-    of what was learnt of the landmark since, or they would tell how long all ways are.
+    The Jacobians use the first estimate. With the present measurement they would be correlated with
+    its noise; with what was learnt since, they would wrongly contain information on the scale.
     """
     range_m = float(np.linalg.norm(first_away))
     ahead, ray = first_away / range_m, pose.t / np.linalg.norm(pose.t)

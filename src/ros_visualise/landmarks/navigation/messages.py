@@ -1,4 +1,4 @@
-"""What the navigator tells, as messages: landmarks, what to draw, and how it is doing."""
+"""Messages of the navigator: landmarks, markers and diagnostics."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.messages import ellipsoid
 from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
-from ros_visualise.landmarks.navigation.landmark import Landmark, told_covariance
+from ros_visualise.landmarks.navigation.landmark import Landmark, message_covariance
 from ros_visualise.landmarks.navigation.landmark_map import MapMode
 from ros_visualise.landmarks.navigation.navigator import Navigator, RobotEstimate
 from ros_visualise.landmarks.navigation.state import FilterState
 
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
-_SHOWN_NS = 1_000_000_000  # so long a landmark keeps the colour of what became of it
+_SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 
 
 def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
-    """The landmarks that the robot is corrected by; one that may be in two poses has both."""
-    chart, state = navigator.chart, navigator.state
+    """The landmarks that correct the robot; an undecided one has both poses."""
+    chart, state = navigator.landmark_map, navigator.state
     there = [
         _detection(one, state, navigator.common) for one in chart.landmarks.values() if one.is_used
     ]
@@ -48,38 +48,36 @@ def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
 def tracks_of(
     navigator: Navigator, given: Mapping[str, LandmarkTrack]
 ) -> tuple[list[LandmarkTrack], Floats]:
-    """The map, as `ros_visualise.landmarks.localization.map_file` writes it.
-
-    And the covariance (6, 6) of what its landmarks are off together.
+    """The map as tracks, with the covariance (6, 6) that all landmarks share.
 
     Args:
-        given: that of before; a landmark that was not seen is as it was.
+        given: the previous map; landmarks that were not seen stay unchanged.
     """
-    chart, state, common = navigator.chart, navigator.state, navigator.common
+    chart, state, common = navigator.landmark_map, navigator.state, navigator.common
     if navigator.settings.rules.mode is MapMode.FROZEN:
         return list(given.values()), common
     before = [one for name, one in given.items() if name not in chart.landmarks]
     found = [one for one in chart.landmarks.values() if one.is_used]
     if navigator.settings.rules.mode is MapMode.BUILD:
-        common = _common(state, [one.key for one in found if one.is_turned])
+        common = _common(state, [one.key for one in found if one.has_orientation])
         return [_track(one, state, 0.0) for one in found], common
     return [*before, *(_track(one, state, common) for one in found)], common
 
 
 def _common(state: FilterState, keys: list[str]) -> Floats:
-    """(6, 6) what tags are off together, of what the state has."""
+    """(6, 6) common covariance of the tags in the state."""
     rows = np.array([np.arange(state.rows(key).start, state.rows(key).stop) for key in keys], int)
     rows = rows.ravel()
     return split(state.covariance[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
 def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> MarkerArray:
-    """The robot's ellipsoid, and the landmarks': green used, red refused with the reason."""
+    """The ellipsoids of robot and landmarks: green if used, red if rejected, with the reason."""
     axes_lengths, axes = ellipsoid(now.covariance[:3, :3])
     color = np.array([*(_BLUE if now.is_located else _RED), 0.4])
     place = now.T_map_base[:3, 3]
     drawn = [Marker(MarkerType.SPHERE, place, axes, axes_lengths, color, ns="robot", id=0)]
-    for one in navigator.chart.landmarks.values():
+    for one in navigator.landmark_map.landmarks.values():
         drawn += _landmark(navigator, one, header.stamp_ns)
     return MarkerArray(tuple(replace(one, header=header) for one in drawn))
 
@@ -87,36 +85,36 @@ def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> Mark
 def diagnostics_of(
     navigator: Navigator, now: RobotEstimate | None, header: Header
 ) -> DiagnosticArray:
-    """Whether it knows where the robot is, how well, and what became of the last image."""
-    judged = navigator.judged
+    """Diagnostics: localized or why not, the uncertainty, and the outcome of the last image."""
+    outcome = navigator.outcome
     lost = not navigator.is_located
-    said = navigator.trouble or "knows where the robot is"
-    if not lost and judged.refused:
-        said = f"refuses {', '.join(judged.refused)}"
-    level = Level.ERROR if lost else Level.WARN if judged.refused else Level.OK
+    said = navigator.reason or "localized"
+    if not lost and outcome.rejected:
+        said = f"rejects {', '.join(outcome.rejected)}"
+    level = Level.ERROR if lost else Level.WARN if outcome.rejected else Level.OK
     sigmas = np.sqrt(np.diag(now.covariance)) if now else np.full(6, np.nan)
     values = {
         "mode": navigator.settings.rules.mode.value,
         "located": str(navigator.is_located),
         "position sigma (m)": f"{np.linalg.norm(sigmas[:3]):.3f}",
         "heading sigma (deg)": f"{np.degrees(sigmas[5]):.2f}",
-        "found so far by": ", ".join(sorted(navigator.found_by)),
-        "used": ", ".join(judged.used),
-        "watched": ", ".join(judged.watched),
-        "landmarks": str(sum(one.is_used for one in navigator.chart.landmarks.values())),
-        **{f"refused {name}": why for name, why in judged.refused.items()},
+        "candidate supported by": ", ".join(sorted(navigator.found_by)),
+        "used": ", ".join(outcome.used),
+        "pending": ", ".join(outcome.pending),
+        "landmarks": str(sum(one.is_used for one in navigator.landmark_map.landmarks.values())),
+        **{f"rejected {name}": why for name, why in outcome.rejected.items()},
         **{name: str(count) for name, count in navigator.counts.items()},
         "imu": _imu(navigator),
-        "gps fixes used": str(navigator.past.gps.used),
-        "gps fixes refused": str(navigator.past.gps.refused),
+        "GPS fixes used": str(navigator.sensors.gps.used),
+        "GPS fixes rejected": str(navigator.sensors.gps.rejected),
     }
     return DiagnosticArray((DiagnosticStatus("landmark_navigator", level, said, values),), header)
 
 
 def _imu(navigator: Navigator) -> str:
-    if navigator.past.is_imu_refused:
-        return "contradicts the odometry: left out"
-    return "used" if navigator.past.imu.is_there else "none"
+    if navigator.sensors.is_imu_rejected:
+        return "ignored: contradicts the odometry"
+    return "used" if navigator.sensors.imu.has_data else "none"
 
 
 def _pose(state: FilterState, key: str) -> tuple[Floats, Floats]:
@@ -128,7 +126,7 @@ def _detection(one: Landmark, state: FilterState, common: Floats) -> Detection3D
     hypotheses = []
     for key, weight in zip(one.keys, one.weights, strict=True):
         p, R = _pose(state, key)
-        covariance = told_covariance(state, key, common)
+        covariance = message_covariance(state, key, common)
         quat = rotations.from_matrix(R)
         hypotheses.append(Hypothesis(one.kind, weight, p, quat, covariance, one.number))
     first = hypotheses[0]
@@ -137,14 +135,14 @@ def _detection(one: Landmark, state: FilterState, common: Floats) -> Detection3D
 
 def _track(one: Landmark, state: FilterState, common: Floats | float) -> LandmarkTrack:
     p, R = _pose(state, one.key)
-    branch = Branch(known(p, R, told_covariance(state, one.key, common)), 0.0)
+    branch = Branch(known(p, R, message_covariance(state, one.key, common)), 0.0)
     return LandmarkTrack(
         one.kind,
         one.number,
-        one.is_turned,
+        one.has_orientation,
         (branch,),
         one.last_ns,
-        number=0 if one.is_turned else int(one.name.rpartition("_")[2]),
+        number=0 if one.has_orientation else int(one.name.rpartition("_")[2]),
         size_xyz=_size(one),
         sizes=one.seen if one.side_m else 0,
         seen=one.seen,
@@ -156,13 +154,13 @@ def _size(one: Landmark) -> Floats:
 
 
 def _landmark(navigator: Navigator, one: Landmark, stamp_ns: int) -> list[Marker]:
-    """A plate in the colour of what became of it, its ellipsoid, and why it is refused."""
-    state, why = navigator.state, navigator.judged.refused.get(one.name, "")
+    """A plate in the colour of its outcome, the ellipsoid, and the reason of a rejection."""
+    state, why = navigator.state, navigator.outcome.rejected.get(one.name, "")
     p, R = _pose(state, one.key)
-    is_fresh = one.name in navigator.judged.used or stamp_ns - one.last_ns < _SHOWN_NS
+    is_fresh = one.name in navigator.outcome.used or stamp_ns - one.last_ns < _SHOWN_NS
     color = _RED if why else _GREEN if is_fresh and one.is_used else _GRAY
     number = zlib.crc32(one.name.encode()) & 0x7FFFFFFF
-    lengths, axes = ellipsoid(told_covariance(state, one.key, navigator.common)[:3, :3])
+    lengths, axes = ellipsoid(message_covariance(state, one.key, navigator.common)[:3, :3])
     plate = np.array([one.side_m or _TEXT_M, one.side_m or _TEXT_M, _PLATE_M])
     quat, text = rotations.from_matrix(R), f"{one.name}: {why}" if why else one.name
     above = p + np.array([0, 0, plate[0] / 2 + _TEXT_M])

@@ -1,4 +1,4 @@
-"""How the robot's pose goes on by its odometry, and how much less sure it gets."""
+"""Propagation of the robot's pose by odometry, with its growing uncertainty."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from ros_visualise.landmarks.navigation.state import FilterState
 
 _EYE = np.eye(3)
 GAP_NS = 250_000_000
-"""Longer between two poses of an odometry, nobody knows how it went."""
+"""Longest interval between two odometry poses; a longer one is a gap."""
 
-_LEAST = 1e-10  # variance, m^2 and rad^2, of what is said to be exact
-_SPEED_SIGMA = 1.0  # m/s, of a velocity that one step of an odometry tells
-_VAGUE_SPEED = 10.0  # m/s, where nothing tells it
-_LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: an odometry jitters, and is rounded
+_LEAST = 1e-10  # variance, m^2 and rad^2, of exact odometry
+_SPEED_SIGMA = 1.0  # m/s, velocity uncertainty of one odometry step
+_VAGUE_SPEED = 10.0  # m/s, unknown velocity
+_LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: jitter and rounding of odometry
 
 
 class OdometryStep(NamedTuple):
-    """A motion that the odometry tells.
+    """A motion measured by odometry.
 
     Attributes:
-        motion: in the robot's own axes of before.
-        from_ns, to_ns: when it began and ended.
-        up: (3,) where up is for the odometry, in the robot's axes of after.
-        is_guess: nothing was told for long, and it ends on the straight between.
+        motion: in the robot's axes at the beginning.
+        from_ns, to_ns: beginning and end.
+        up: (3,) the odometry's vertical, in the robot's axes at the end.
+        is_guess: True if it is interpolated across a gap.
     """
 
     motion: Pose
@@ -52,12 +52,12 @@ class OdometryStep(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """That it took."""
+        """Duration, seconds."""
         return (self.to_ns - self.from_ns) / 1e9
 
     @property
     def is_long(self) -> bool:
-        """Whether the odometry may have begun anew in between."""
+        """True if the odometry may have restarted meanwhile."""
         return self.is_guess or self.to_ns - self.from_ns > GAP_NS
 
 
@@ -69,22 +69,22 @@ def step_between(
 
 
 def up_of(pose: Pose) -> Floats:
-    """(3,) where up is in the axes of a robot at a pose."""
+    """(3,) vertical in the axes of a robot at a pose."""
     up: Floats = to_matrix(pose)[2, :3]
     return up
 
 
 @dataclass(frozen=True)
 class OdometryNoise:
-    """Standard deviations of what an odometry does wrong.
+    """Standard deviations of odometry errors.
 
     Attributes:
-        scale: of all ways, as a fraction; lasting.
-        turn_scale: of all turns, as a fraction; lasting.
-        walk: of the position, m by the root of metres.
-        heading_walk: of the heading, rad by the root of metres.
-        tilt_walk: of roll and pitch, rad by the root of metres.
-        still_m, still_rad: of position and heading, by the root of seconds, also while it stands.
+        scale: constant scale error of all distances, as a fraction.
+        turn_scale: constant scale error of all rotations, as a fraction.
+        walk: of the position, m/sqrt(m).
+        heading_walk: of the heading, rad/sqrt(m).
+        tilt_walk: of roll and pitch, rad/sqrt(m).
+        still_m, still_rad: of position and heading, per sqrt(s), also at standstill.
     """
 
     scale: float = 0.01
@@ -96,7 +96,7 @@ class OdometryNoise:
     still_rad: float = 1e-4
 
     def of(self, step: OdometryStep, up: Floats) -> tuple[float, Floats]:
-        """Variance of a step's position, and covariance (3, 3) of its turn where up is so."""
+        """Variance of a step's position, and covariance (3, 3) of its rotation."""
         metres = math.sqrt(sum(x * x for x in step.motion[:3]))
         tilt = self.tilt_walk**2 * metres + _LEAST
         heading = self.heading_walk**2 * metres + self.still_rad**2 * step.seconds
@@ -104,9 +104,11 @@ class OdometryNoise:
         return self.walk**2 * metres + self.still_m**2 * step.seconds + _LEAST, turned
 
 
-def by_odometry(carried: Propagation, step: OdometryStep, model: OdometryNoise) -> None:
-    """Go on as the odometry tells."""
-    robot = carried.robot
+def propagate_by_odometry(
+    propagation: Propagation, step: OdometryStep, model: OdometryNoise
+) -> None:
+    """Propagate by a step of odometry."""
+    robot = propagation.robot
     T = to_matrix(step.motion)
     way, axis = robot.R @ T[:3, 3], robot.R @ _rotation_vector(step.motion)
     ways, turns = 1 + robot.scales
@@ -125,17 +127,17 @@ def by_odometry(carried: Propagation, step: OdometryStep, model: OdometryNoise) 
     noise[:3, :3] = spread @ arm.T + moved * _EYE
     noise[:3, 3:6], noise[3:6, :3], noise[3:6, 3:6] = spread, spread.T, turned
     noise[VELOCITY, VELOCITY] = _SPEED_SIGMA**2 * _EYE
-    carried.go(J, noise)
-    carried.robot = replace(robot, R=R, p=p, v=v)
+    propagation.propagate(J, noise)
+    propagation.robot = replace(robot, R=R, p=p, v=v)
 
 
-def check_odometry(carried: Propagation, step: OdometryStep, model: OdometryNoise) -> bool:
-    """Compare a robot that something else carried on from the pose of before; whether it fits.
+def check_odometry(propagation: Propagation, step: OdometryStep, model: OdometryNoise) -> bool:
+    """Compare a propagation since the previous pose with a step of odometry; True if they agree.
 
     Source: S. Roumeliotis, J. Burdick, Stochastic cloning: a generalized framework for processing
     relative state measurements, 2002.
     """
-    robot = carried.robot
+    robot = propagation.robot
     back = robot.before_R.T
     T = to_matrix(step.motion)
     turn = _rotation_vector(step.motion)
@@ -148,33 +150,33 @@ def check_odometry(carried: Propagation, step: OdometryStep, model: OdometryNois
     H[:3, :3], H[:3, 3:6] = back, -back @ twists.cross(robot.p)
     H[3:, 3:6] = back
     H[:, BEFORE] = -H[:, POSE]
-    # as expected, not as measured: noise that is in both would pass for an error of the scale
+    # as expected, not as measured: noise in both would look like a scale error
     H[:3, 6], H[3:, 7] = -way / ways, -cv2.Rodrigues(between)[0][:, 0] / turns
     moved, turned = model.of(step, T[:3, :3] @ step.up)
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = moved * _EYE, turned
-    return carried.correct(residual, H, noise, _LEEWAY)
+    return propagation.correct(residual, H, noise, _LEEWAY)
 
 
-def is_speed_known(carried: Propagation) -> bool:
-    """Whether something told the robot's velocity, so that an IMU can carry it on."""
-    return bool(carried.P[VELOCITY.start, VELOCITY.start] < _VAGUE_SPEED**2 / 2)
+def is_speed_known(propagation: Propagation) -> bool:
+    """True if the velocity is known well enough to propagate by an IMU."""
+    return bool(propagation.P[VELOCITY.start, VELOCITY.start] < _VAGUE_SPEED**2 / 2)
 
 
 def predict(state: FilterState, steps: Iterable[OdometryStep], model: OdometryNoise) -> FilterState:
-    """A state carried on by the odometry alone."""
-    carried = Propagation(state)
+    """A state propagated by odometry alone."""
+    propagation = Propagation(state)
     for step in steps:
-        by_odometry(carried, step, model)
-    return carried.into(state, frozen=True)
+        propagate_by_odometry(propagation, step, model)
+    return propagation.applied_to(state, frozen=True)
 
 
 def begin(
     state: FilterState, R: Floats, p: Floats, covariance: Floats, model: OdometryNoise
 ) -> None:
-    """Put the robot at a pose, with a covariance (6, 6) of its twist that nothing else shares.
+    """Put the robot at a pose, with an independent covariance (6, 6) of its twist.
 
-    Only biases and what is known of GPS and gravity stay as they are.
+    Only biases and what is known of GPS and gravity stay.
     """
     P = state.covariance
     for rows in (POSE, SCALES, VELOCITY, BEFORE):

@@ -1,8 +1,8 @@
-"""The navigator: carries the robot's pose on by its odometry, and corrects it by landmarks.
+"""The navigator: propagates the robot's pose by its sensors, and corrects it by landmarks.
 
-An image is seen later than the odometry has gone on. So the state stays at the last image, and what
-is told now is that state carried on by the odometry since; an image that comes is put in at its own
-time, and nothing has to be taken back.
+Images are processed later than the odometry of their time. So the state stays at the last image,
+and the present estimate is that state propagated since. A new image is applied at its own time, and
+nothing has to be undone.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 log = logging.getLogger(__name__)
 
-_BACK_NS = 1_000_000_000  # a stamp so much older than the last one: the clock was set back
+_BACK_NS = 1_000_000_000  # stamps going back more than this mean that time was reset
 _MOST_WAITING = 100  # images
-_LOST_AFTER = 3  # images in a row that contradict all that is known
+_LOST_AFTER = 3  # images in a row that contradict the estimate
 
 
 @dataclass(frozen=True, eq=False)
 class RobotEstimate:
-    """Where the robot is at the time of an odometry.
+    """Pose of the robot at the time of an odometry message.
 
-    ``covariance`` (6, 6) is of the position and of turns there, in the map; ``T_map_odom`` (4, 4)
-    is what the odometry is wrong by. Where ``is_located`` is false, they are of the last time that
-    it was known.
+    ``covariance`` (6, 6) is of the position and of rotations about the robot, in the map;
+    ``T_map_odom`` (4, 4) is the correction of the odometry. If ``is_located`` is false, they are
+    the last known ones.
     """
 
     stamp_ns: int
@@ -54,21 +54,21 @@ class RobotEstimate:
 
 
 class Navigator:
-    """The robot in a map of landmarks.
+    """Localizes the robot in a map of landmarks.
 
     Attributes:
-        state, at_ns: at the last image, or at an odometry that none came after for long.
-        chart: the landmarks.
-        judged: what became of the sights of the last image.
-        is_located: whether it is known where the robot is.
-        trouble: why it is not, in words; empty while it is.
-        counts: images by what became of them.
-        has_news: an image was put in; whoever has told of it sets it back.
+        state, at_ns: at the last image, or at an older odometry message if no images come.
+        landmark_map: the landmarks.
+        outcome: results of the last image.
+        is_located: True if the robot is localized.
+        reason: why it is not; empty while it is.
+        counts: images by outcome.
+        has_news: True after an image was applied, until its publisher resets it.
 
     Args:
         known: the landmarks of a map, by name, each with its own error alone.
-        start: T_map_odom where a map begins to be built.
-        common: (6, 6) covariance of the twist by which the whole map is off.
+        start: T_map_odom at the start of a new map.
+        common: (6, 6) covariance of the twist of the whole map.
     """
 
     def __init__(
@@ -84,15 +84,15 @@ class Navigator:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: time has jumped."""
+        """Start again after a time jump."""
         self.state = self.settings.unknown()
-        self.chart = LandmarkMap(self.settings.rules, self._known)
-        self.judged = ImageOutcome()
+        self.landmark_map = LandmarkMap(self.settings.rules, self._known)
+        self.outcome = ImageOutcome()
         self.is_located = False
-        self.trouble = "not located yet: one tag of the map in three images is needed"
-        self.past = SensorBuffer(self.settings.noise)
+        self.reason = "not localized: needs one map tag in three images"
+        self.sensors = SensorBuffer(self.settings.noise)
         self._search = PoseSearch()
-        self._trail = PropagationTrail(self.past, self.state)
+        self._trail = PropagationTrail(self.sensors, self.state)
         self._waiting: list[tuple[int, int, CameraView]] = []
         self._count = self._contradicted = self.at_ns = 0
         self._has_pose = self.has_news = False
@@ -100,22 +100,22 @@ class Navigator:
 
     @property
     def found_by(self) -> set[str]:
-        """Tags that tell so far where it may be, while it looks for that."""
+        """Tags that support the likeliest pose so far, while not localized."""
         return self._search.names
 
     def configure(self, settings: NavigatorSettings) -> None:
-        """Go on with other settings."""
-        self.settings, self.past.noise = settings, settings.noise
+        """Change the settings."""
+        self.settings, self.sensors.noise = settings, settings.noise
 
     def odometry(self, stamp_ns: int, pose: Pose) -> RobotEstimate | None:
-        """Go on by an odometry, T_odom_base; None while nothing is known of where the robot is."""
-        newest_ns = self.past.odometer.newest_ns
+        """Process an odometry pose, T_odom_base; None while the robot's pose is unknown."""
+        newest_ns = self.sensors.odometer.newest_ns
         if newest_ns is not None and stamp_ns <= newest_ns:
             if stamp_ns < newest_ns - _BACK_NS:
                 self.reset()
             else:
                 return None
-        step = self.past.odometer.add(stamp_ns, pose)
+        step = self.sensors.odometer.add(stamp_ns, pose)
         if step is None:
             self._begin(stamp_ns, pose)
         elif self._is_jump(step):
@@ -127,17 +127,19 @@ class Navigator:
         return self._now(stamp_ns) if self._has_pose else None
 
     def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: ImuMounting) -> None:
-        """Take rates (3,) in rad/s and specific force (3,) in m/s^2, in the IMU's axes."""
-        self.past.imu.add(stamp_ns, rates, force, mounting)
+        """Process an angular velocity (3,), rad/s, and specific force (3,), m/s^2, in the IMU's
+        axes.
+        """
+        self.sensors.imu.add(stamp_ns, rates, force, mounting)
 
     def fix(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> None:
-        """Take a fix of GPS, as `ros_visualise.landmarks.navigation.gps` has it."""
-        is_new = self.past.gps.add(stamp_ns, geodetic, covariance, arm)
-        if is_new and self.is_located and self.past.gps.place(self.state, self._trail.newest):
+        """Process a GPS fix; see `ros_visualise.landmarks.navigation.gps.GpsBuffer.add`."""
+        is_new = self.sensors.gps.add(stamp_ns, geodetic, covariance, arm)
+        if is_new and self.is_located and self.sensors.gps.place(self.state, self._trail.newest):
             self._retrace()
 
     def see(self, view: CameraView) -> bool:
-        """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
+        """Queue an image; True if it was applied already, else its odometry is still missing."""
         self._count += 1
         insort(self._waiting, (view.stamp_ns, self._count, view))
         if len(self._waiting) > _MOST_WAITING:  # the odometry has stopped
@@ -146,7 +148,7 @@ class Navigator:
         return self._work()
 
     def _begin(self, stamp_ns: int, pose: Pose) -> None:
-        """Where a map is begun, the odometry's frame is known in it, but for how level it is."""
+        """Start at the odometry's frame: known when a map is built, except its tilt."""
         self.at_ns = stamp_ns
         if self.settings.rules.mode is MapMode.BUILD:
             T = to_matrix(self._start) @ to_matrix(pose)
@@ -161,44 +163,44 @@ class Navigator:
 
     def _locate(self) -> None:
         self.is_located = self._has_pose = True
-        self.trouble = ""
+        self.reason = ""
         self._contradicted = 0
         self._search.clear()
 
     def _is_jump(self, step: OdometryStep) -> bool:
-        """Whether no robot is so fast; an IMU tells better how it went."""
+        """True if the step is faster than the robot can be, unless an IMU measured it."""
         is_fast = np.hypot(*step.motion[:2]) > self.settings.fastest * max(step.seconds, 0.02)
-        return bool(is_fast) and not (self.is_located and self.past.has_imu(step))
+        return bool(is_fast) and not (self.is_located and self.sensors.has_imu(step))
 
     def _jump(self, stamp_ns: int, pose: Pose) -> None:
-        """The odometry begins anew elsewhere: the robot is where it was, as far as is known."""
+        """Restart the odometry elsewhere: the robot itself stays, as far as is known."""
         self._work()
         robot = self._trail.newest.robot
         self.state.robot = replace(self.state.robot, R=robot.R, p=robot.p)
-        self.past.odometer = OdometryBuffer()
-        self.past.odometer.add(stamp_ns, pose)
+        self.sensors.odometer = OdometryBuffer()
+        self.sensors.odometer.add(stamp_ns, pose)
         self.at_ns = stamp_ns
         self._trail.restart(self.state, stamp_ns)
         self._search.clear()
         if self._has_pose:
-            self._lose("the odometry has jumped")
+            self._lose("the odometry jumped")
 
     def _lose(self, why: str) -> None:
         self.is_located = False
-        self.trouble = f"lost: {why}; two different tags of the map are needed to find it again"
+        self.reason = f"lost: {why}; two different map tags are needed to relocalize"
         self.counts["losses"] += 1
-        log.warning("%s", self.trouble)
+        log.warning("%s", self.reason)
 
     def _go_on(self, step: OdometryStep) -> None:
-        """Go on by the newest odometry."""
-        was_refused = self.past.is_imu_refused
+        """Propagate by the newest odometry."""
+        was_refused = self.sensors.is_imu_rejected
         self._trail.add(step, self.is_located)
-        if self.past.is_imu_refused and not was_refused:
-            log.warning("the IMU contradicts the odometry: it is left out (its frame on tf?)")
+        if self.sensors.is_imu_rejected and not was_refused:
+            log.warning("the IMU contradicts the odometry: ignoring it; check its tf frame")
 
     def _work(self) -> bool:
-        """Put in the images whose odometry is there; whether there were any."""
-        newest_ns = self.past.odometer.newest_ns
+        """Apply the images whose odometry has come; True if there were any."""
+        newest_ns = self.sensors.odometer.newest_ns
         worked = False
         while newest_ns is not None and self._waiting and self._waiting[0][0] <= newest_ns:
             view = self._waiting.pop(0)[2]
@@ -213,7 +215,7 @@ class Navigator:
         if view.stamp_ns < self.at_ns or is_same:
             self.counts["frozen" if is_same else "late"] += 1
             if is_same:
-                self.judged, self.has_news = (
+                self.outcome, self.has_news = (
                     ImageOutcome.same(one.name for one in view.sights),
                     True,
                 )
@@ -222,72 +224,72 @@ class Navigator:
         self._advance(view.stamp_ns)
         self.has_news = True
         if self.is_located:
-            self.state, self.judged = self.chart.take(self.state, view)
+            self.state, self.outcome = self.landmark_map.take(self.state, view)
             self._doubt(view)
         else:
-            self.judged = ImageOutcome(refused=dict(view.left_out))
-            self._search.look(view, self.chart.map_of(self.state), self._prior(view))
+            self.outcome = ImageOutcome(rejected=dict(view.skipped))
+            self._search.look(view, self.landmark_map.map_of(self.state), self._prior(view))
             self._recover(1 if not self._has_pose else 2)
-            if self.trouble and view.sights:
-                self.judged.doubts["the robot"] = self.trouble
+            if self.reason and view.sights:
+                self.outcome.advice["the robot"] = self.reason
         self._trail.restart(self.state, self.at_ns)
         return True
 
     def _doubt(self, view: CameraView) -> None:
-        """Look for another place while all that is seen of the map contradicts this one."""
-        if self.judged.used:
+        """Search for another pose while all map landmarks contradict this one."""
+        if self.outcome.used:
             self._contradicted = 0
             self._search.clear()
             return
-        known = self.chart.map_of(self.state)
+        known = self.landmark_map.map_of(self.state)
         if any(sight.name in known for sight in view.sights):
             self._contradicted += 1
             self._search.look(view, known, self._prior(view))
             if self._contradicted >= _LOST_AFTER and self._search.found(min(2, len(known))):
-                self._lose("all landmarks contradict where the robot should be")
+                self._lose("all landmarks contradict the estimated pose")
                 self._recover(2)
 
     def _recover(self, least_names: int) -> None:
-        """Go on where the search has found the robot."""
-        known = self.chart.map_of(self.state)
+        """Continue at the pose that the search has found."""
+        known = self.landmark_map.map_of(self.state)
         found = self._search.found(min(least_names, len(known)))
         if found is None:
             return
         if self._has_pose:
             self.counts["recovered"] += 1
-            log.warning("recovered: found by %s", ", ".join(found.keys))
+            log.warning("relocalized by %s", ", ".join(found.keys))
         self._stand(found.R, found.p, found.covariance[POSE, POSE])
         self.state.robot = replace(self.state.robot, scales=found.robot.scales)
         self.state.covariance[SCALES, SCALES] = found.covariance[SCALES, SCALES]
-        self.judged = ImageOutcome(used=[])
+        self.outcome = ImageOutcome(used=[])
         self._locate()
 
     def _prior(self, view: CameraView) -> SearchPrior:
-        """What is known of any place where the robot may be at an image."""
-        up = up_of(self.past.odometer.at(view.stamp_ns))
+        """Prior knowledge about any pose of the robot at an image."""
+        up = up_of(self.sensors.odometer.at(view.stamp_ns))
         return SearchPrior(up, self.settings.level_rad, self.settings.noise.odometry)
 
     def _advance(self, stamp_ns: int) -> None:
-        """Carry the state on to a time."""
+        """Propagate the state to a time."""
         if stamp_ns == self.at_ns:
             return
         now = self._trail.at(stamp_ns, self.is_located)
-        self.state = now.into(self.state, self.chart.is_frozen)
-        steps = self.past.odometer.steps(self.at_ns, stamp_ns) if self._search.places else []
+        self.state = now.applied_to(self.state, self.landmark_map.is_frozen)
+        steps = self.sensors.odometer.steps(self.at_ns, stamp_ns) if self._search.places else []
         self._search.predict(steps, self.settings.noise.odometry)
         self.at_ns = stamp_ns
 
     def _keep_up(self, newest_ns: int) -> None:
-        """Leave behind what no image can come for any more; now and then, as that takes time."""
+        """Advance past the oldest image that may still come; rarely, as that takes time."""
         delay_ns = round(self.settings.delay_s * 1e9)
         if self.at_ns < newest_ns - 2 * delay_ns:
             self._advance(newest_ns - delay_ns)
             self._retrace()
-        self.past.forget(self.at_ns)
+        self.sensors.forget(self.at_ns)
 
     def _retrace(self) -> None:
-        """What is known now, by the state and what was measured since."""
-        newest_ns = self.past.odometer.newest_ns
+        """Propagate the state again by what was measured since."""
+        newest_ns = self.sensors.odometer.newest_ns
         self._trail.restart(self.state, self.at_ns)
         if newest_ns is not None:
             self._trail.catch_up(newest_ns, self.is_located)
@@ -299,5 +301,5 @@ class Navigator:
         T[:3, :3], T[:3, 3] = robot.R, robot.p
         change = about_itself(robot.p)
         covariance = change @ (now.P[POSE, POSE] + self.common) @ change.T
-        T_map_odom = T @ inverse(to_matrix(self.past.odometer.newest))
+        T_map_odom = T @ inverse(to_matrix(self.sensors.odometer.newest))
         return RobotEstimate(stamp_ns, T, T_map_odom, covariance, self.is_located)

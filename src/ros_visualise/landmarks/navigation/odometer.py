@@ -1,4 +1,4 @@
-"""The last seconds of an odometry: images are seen later than it has gone on."""
+"""The last seconds of odometry, for images that are processed later."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class OdometryBuffer:
 
     @property
     def newest_ns(self) -> int | None:
-        """The time of the last pose."""
+        """Time of the last pose."""
         return self._stamps_ns[-1] if self._stamps_ns else None
 
     @property
@@ -27,11 +27,11 @@ class OdometryBuffer:
 
     @property
     def oldest_ns(self) -> int | None:
-        """The time from which on poses are known."""
+        """Time of the first pose in the buffer."""
         return self._stamps_ns[0] if self._stamps_ns else None
 
     def add(self, stamp_ns: int, pose: Pose) -> OdometryStep | None:
-        """Take a pose that is newer than all others; the motion to it from the last one."""
+        """Add a pose newer than all others; returns the step to it from the last one."""
         step = None
         if self._stamps_ns:
             step = step_between(self._poses[-1], pose, self._stamps_ns[-1], stamp_ns)
@@ -40,7 +40,7 @@ class OdometryBuffer:
         return step
 
     def at(self, stamp_ns: int) -> Pose:
-        """The pose at a time between the first and the last, between two of them on a straight."""
+        """The pose at a time between the first and the last, interpolated."""
         after = bisect_left(self._stamps_ns, stamp_ns)
         if self._stamps_ns[after] == stamp_ns:
             return self._poses[after]
@@ -59,13 +59,13 @@ class OdometryBuffer:
         ]
 
     def _is_guess(self, stamp_ns: int) -> bool:
-        """Whether it is within a time for which nothing was told."""
+        """True if the time is inside a gap."""
         after = bisect_left(self._stamps_ns, stamp_ns)
         if self._stamps_ns[after] == stamp_ns:
             return False
         return self._stamps_ns[after] - self._stamps_ns[after - 1] > GAP_NS
 
     def forget(self, before_ns: int) -> None:
-        """Let go of what is older, but for the last pose of it."""
+        """Forget older poses, except the last of them."""
         count = max(bisect_right(self._stamps_ns, before_ns) - 1, 0)
         del self._stamps_ns[:count], self._poses[:count]

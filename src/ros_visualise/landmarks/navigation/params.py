@@ -19,11 +19,11 @@ from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 @dataclass(frozen=True)
 class OdometryErrorParams:
-    """What the odometry does wrong."""
+    """Parameters of odometry errors."""
 
     odom_scale: float = param(
         0.01,
-        "lasting error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        "constant scale error of all distances (standard deviation), as a fraction: 0.01 is 1%",
         min=0,
         max=1,
         slider=(0, 0.1),
@@ -31,7 +31,7 @@ class OdometryErrorParams:
     )
     odom_turn_scale: float = param(
         0.0,
-        "lasting error of all turns (standard deviation), as a fraction; about 0.02 for wheels",
+        "constant scale error of all rotations (standard deviation), as a fraction; wheels: 0.02",
         min=0,
         max=1,
         slider=(0, 0.1),
@@ -39,7 +39,7 @@ class OdometryErrorParams:
     )
     odom_noise: float = param(
         0.02,
-        "error of the position that grows with the distance (standard deviation), m/sqrt(m)",
+        "position error, growing with the distance (standard deviation), m/sqrt(m)",
         min=1e-5,
         max=10,
         slider=(0, 0.2),
@@ -47,7 +47,7 @@ class OdometryErrorParams:
     )
     odom_heading_noise: float = param(
         0.2,
-        "error of the heading that grows with the distance (standard deviation), deg/sqrt(m)",
+        "heading error, growing with the distance (standard deviation), deg/sqrt(m)",
         min=1e-5,
         max=90,
         slider=(0, 5),
@@ -55,7 +55,7 @@ class OdometryErrorParams:
     )
     odom_tilt_noise: float = param(
         0.02,
-        "error of roll and pitch that grows with the distance (standard deviation), deg/sqrt(m)",
+        "roll and pitch error, growing with the distance (standard deviation), deg/sqrt(m)",
         min=0,
         max=90,
         slider=(0, 5),
@@ -63,8 +63,7 @@ class OdometryErrorParams:
     )
     odom_still_noise: float = param(
         0.001,
-        "error of the position that grows while the robot stands still (standard "
-        "deviation), m/sqrt(s)",
+        "position error, growing with time even at standstill (standard deviation), m/sqrt(s)",
         min=0,
         max=10,
         slider=(0, 0.1),
@@ -72,7 +71,7 @@ class OdometryErrorParams:
     )
     level_sigma: float = param(
         0.5,
-        "tilt of the odometry's frame, and of a given map (standard deviation), degrees; "
+        "tilt of the odometry's frame and of a given map (standard deviation), degrees; "
         "90: unknown",
         min=0.01,
         max=90,
@@ -81,7 +80,7 @@ class OdometryErrorParams:
     )
     max_speed: float = param(
         30.0,
-        "an odometry that moves faster than this has jumped, m/s",
+        "largest speed of the robot, m/s; faster odometry has jumped",
         min=0.1,
         max=1000,
         slider=(1, 50),
@@ -91,55 +90,55 @@ class OdometryErrorParams:
 
 @dataclass(frozen=True)
 class ImuErrorParams:
-    """What an IMU does wrong."""
+    """Parameters of IMU errors."""
 
     imu: bool = param(
         True,
-        "use the IMU, if there is one; switch it off if the odometry is computed from it already",
+        "use the IMU if available; switch it off if the odometry already uses it",
         group="imu",
     )
     gyro_density: float = param(
-        5e-4, "noise density of the gyroscope, rad/s/sqrt(Hz)", min=1e-7, max=1, group="imu"
+        5e-4, "gyroscope noise density, rad/s/sqrt(Hz)", min=1e-7, max=1, group="imu"
     )
     gyro_bias: float = param(
         0.01,
-        "bias of the gyroscope at first (standard deviation), rad/s",
+        "initial gyroscope bias (standard deviation), rad/s",
         min=0,
         max=1,
         group="imu",
     )
     gyro_walk: float = param(
-        5e-5, "random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)", min=0, max=0.1, group="imu"
+        5e-5, "gyroscope bias random walk, rad/s^2/sqrt(Hz)", min=0, max=0.1, group="imu"
     )
     accel_density: float = param(
-        5e-3, "noise density of the accelerometer, m/s^2/sqrt(Hz)", min=1e-6, max=10, group="imu"
+        5e-3, "accelerometer noise density, m/s^2/sqrt(Hz)", min=1e-6, max=10, group="imu"
     )
     accel_bias: float = param(
         0.1,
-        "bias of the accelerometer at first (standard deviation), m/s^2",
+        "initial accelerometer bias (standard deviation), m/s^2",
         min=0,
         max=5,
         group="imu",
     )
     accel_walk: float = param(
-        5e-4, "random walk of the accelerometer's bias, m/s^3/sqrt(Hz)", min=0, max=1, group="imu"
+        5e-4, "accelerometer bias random walk, m/s^3/sqrt(Hz)", min=0, max=1, group="imu"
     )
 
 
 @dataclass(frozen=True)
 class GpsErrorParams:
-    """What GPS does wrong."""
+    """Parameters of GPS errors."""
 
-    gps: bool = param(True, "use GPS, if there is one", group="gps")
+    gps: bool = param(True, "use GPS if available", group="gps")
     gps_origin: str = param(
         "",
         "latitude, longitude, altitude of the origin of a map whose x axis points east, "
-        "such as 49.0, 8.4, 116; empty: found out from the fixes",
+        "such as 49.0, 8.4, 116; empty: estimated from the fixes",
         group="gps",
     )
     gps_sigma: float = param(
         2.0,
-        "standard deviation east and north, if the receiver does not tell it, m",
+        "standard deviation east and north if the receiver reports none, m",
         min=1e-3,
         max=1000,
         slider=(0.01, 10),
@@ -147,7 +146,7 @@ class GpsErrorParams:
     )
     gps_slow: float = param(
         0.97,
-        "fraction of a fix's variance that changes slowly; the rest is noise of each fix",
+        "slowly changing fraction of a fix's variance; the rest is white noise",
         min=0,
         max=0.999,
         group="gps",
@@ -162,15 +161,15 @@ class GpsErrorParams:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a place that is none."""
+        """Reject an invalid origin."""
         _ = self.origin
 
     @property
     def origin(self) -> tuple[float, float, float] | None:
-        """The place that `gps_origin` names.
+        """The position given by `gps_origin`.
 
         Raises:
-            ParameterError: it is none.
+            ParameterError: it is invalid.
         """
         if not self.gps_origin.strip():
             return None
@@ -191,12 +190,11 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
 
     mode: MapMode = param(
         MapMode.BUILD,
-        "what happens to the map: build a new one, extend the given one, or leave it as "
-        "it is (frozen)",
+        "use of the map: build a new one, extend the given one, or leave it unchanged (frozen)",
     )
     min_sightings: int = param(
         5,
-        "sightings after which a new landmark corrects the robot",
+        "sightings needed before a new landmark corrects the robot",
         min=1,
         max=1000,
         slider=(1, 20),
@@ -204,7 +202,7 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
     )
     min_parallax: float = param(
         0.1,
-        "smallest distance between those sightings, as a fraction of the landmark's distance",
+        "smallest distance between those sightings, as a fraction of the landmark's range",
         min=0,
         max=10,
         slider=(0, 1),
@@ -212,7 +210,7 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
     )
     corner_floor: float = param(
         0.1,
-        "smallest error of corners (standard deviation), pixels; real cameras may need 0.3",
+        "smallest corner error (standard deviation), pixels; real cameras may need 0.3",
         min=0,
         max=10,
         slider=(0, 2),
@@ -220,7 +218,7 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
     )
     delay: float = param(
         0.5,
-        "how late an image, and what is found in it, may come, seconds",
+        "longest delay of images and their detections, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 2),
@@ -228,7 +226,7 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
     )
 
     def settings(self) -> NavigatorSettings:
-        """The same, in the units of the filter."""
+        """The same in the units of the filter."""
         odometry = OdometryNoise(
             self.odom_scale,
             self.odom_turn_scale,

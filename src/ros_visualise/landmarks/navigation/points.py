@@ -1,9 +1,9 @@
-"""Landmarks of which images tell a direction alone: points on the ground, as where a post stands.
+"""Landmarks with known direction only: points on the ground, such as the foot of a post.
 
-Several may be of one class, so a sight is taken for the only one that it fits to.
+Several may have the same class, so a sighting is matched only if it fits a single landmark.
 
-Source: Y. Bar-Shalom, T. Fortmann, Tracking and Data Association, 1988 (gates, and what is refused
-because it is not clear).
+Source: Y. Bar-Shalom, T. Fortmann, Tracking and Data Association, 1988 (gates, and the rejection of
+ambiguous matches).
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.twists import cross
 from ros_visualise.landmarks.navigation.updating import Innovation, fits, stand_on
 
-_FLAT = 0.09  # sine of the angle below which a ray meets the ground nowhere in particular
-_VAGUE = 0.5  # standard deviation along the ray before the ground tells it, as part of the range
-_NEAR = 0.2  # rad; what is so far from a known one is not it
-_CLOSE = 25.0  # times as far as the gate: it may still be that one, and is no new one
+_FLAT = 0.09  # sine of the smallest angle between a ray and the ground
+_VAGUE = 0.5  # initial standard deviation along the ray, as a fraction of the range
+_NEAR = 0.2  # rad; largest angle to a known point
+_CLOSE = 25.0  # times the gate within which a sighting starts no new landmark
 
 
 class GroundPlane(NamedTuple):
-    """The ground in the map: its height in metres, and the standard deviation of that."""
+    """The ground in the map: its height and the standard deviation of that, metres."""
 
     height_m: float
     sigma_m: float
 
 
 def nearby(known: KnownLandmark, view: CameraView, camera: CameraPose) -> bool:
-    """Whether a point of a map may be one of those that are seen."""
+    """True if a point of a map may be among the sightings."""
     away = camera.R.T @ (known.p - camera.p)
     cosines = [
         away @ pose.t / (np.linalg.norm(away) * np.linalg.norm(pose.t) + 1e-12)
@@ -48,7 +48,7 @@ def nearby(known: KnownLandmark, view: CameraView, camera: CameraPose) -> bool:
 
 
 class PointMatch(NamedTuple):
-    """A sight and what it is taken for: None for a new one, or a reason why it is unclear."""
+    """A sighting and its landmark: None for a new one, or if ambiguous (with the reason)."""
 
     sight: Sighting
     landmark: Landmark | None
@@ -58,11 +58,11 @@ class PointMatch(NamedTuple):
 def match(
     state: FilterState, view: CameraView, sights: Sequence[Sighting], landmarks: Sequence[Landmark]
 ) -> list[PointMatch]:
-    """Which points are seen: each at most once, and only where no other one may be meant."""
+    """Match points: each landmark at most once, and only unambiguous ones."""
     found = [_closest(state, view, sight, landmarks) for sight in sights]
     names = [one.landmark.name for one in found if one.landmark]
     return [
-        one._replace(landmark=None, why="two are seen for one")
+        one._replace(landmark=None, why="two sightings match one landmark")
         if one.landmark and names.count(one.landmark.name) > 1
         else one
         for one in found
@@ -72,7 +72,7 @@ def match(
 def begin(
     state: FilterState, view: CameraView, sight: Sighting, name: str, plane: GroundPlane
 ) -> Landmark | None:
-    """Put a point that is new into a state; None where its ray does not meet the ground."""
+    """Add a new point to a state; None if its ray does not meet the ground."""
     camera = camera_of(view, state.R, state.p)
     seen = sight.poses[0]
     ray = camera.R @ seen.t / np.linalg.norm(seen.t)
@@ -95,11 +95,11 @@ def _closest(
     ranked = sorted(zip(compared, several, strict=True), key=lambda one: one[0].distance2)
     inside = [one for fit, one in ranked if fit.is_inlier]
     if len(inside) > 1:
-        return PointMatch(sight, None, f"may be {inside[0].name} or {inside[1].name}")
+        return PointMatch(sight, None, f"ambiguous: {inside[0].name} or {inside[1].name}")
     if inside:
         return PointMatch(sight, inside[0])
     if ranked and _is_close(ranked[0][0]):
-        return PointMatch(sight, None, f"is not where {ranked[0][1].name} is")
+        return PointMatch(sight, None, f"too far from {ranked[0][1].name}")
     return PointMatch(sight, None)
 
 
@@ -108,7 +108,7 @@ def _is_close(fit: Innovation) -> bool:
 
 
 def _spread(camera: CameraPose, seen: Floats, t: Floats, ray: Floats, range_m: float) -> Floats:
-    """(6, 6) covariance that a direction leaves between camera and point; no turn."""
+    """(6, 6) covariance between camera and point given a direction; none of the rotation."""
     across = np.eye(3) - np.multiply.outer(ray, ray)
     lateral = across @ camera.R @ seen[:3, :3] @ camera.R.T @ across
     spread = np.zeros((6, 6))

@@ -1,7 +1,8 @@
-"""Where the robot may be, while nobody knows, or while all that is seen contradicts the estimate.
+"""Global localization: candidate poses while the robot is lost or all sightings contradict its
+pose.
 
-Each reading of a tag that is in the map is one place where the robot may be. Each such place is
-followed by a filter of its own, until the images decide between them.
+Each reading of a map tag gives one candidate, followed by a filter of its own until the images
+decide between them.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ from ros_visualise.landmarks.navigation.robot import CORE, POSE
 from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.updating import fits, level, update
 
-_MOST = 8  # places that are followed at a time
+_MOST = 8  # candidates followed at a time
 _LEAST_VIEWS = 3
-_WORST = -40.0  # what a tag that does not fit adds to the evidence
-_MISSES = 3  # images in a row without anything that fits, after which a place is given up
+_WORST = -40.0  # evidence added by a tag that does not fit
+_MISSES = 3  # images in a row without a match after which a candidate is dropped
 _SAME_M, _SAME_RAD = 0.3, 0.1
-_VAGUER = 16.0  # than the picture: it only tells where to begin, and counts when it is compared
+_VAGUER = 16.0  # factor on the first covariance: the same image is compared again afterwards
 
 
 @dataclass(eq=False)
 class PoseCandidate:
-    """Where the robot may be: a state of its own, in which the map's landmarks are considered.
+    """A candidate pose: a state in which the map's landmarks are considered, not estimated.
 
     Attributes:
-        evidence: logarithm of how likely the images are there, relative to the others.
-        names: of the landmarks that fit.
-        views: how many images fit.
-        misses: how many in a row did not.
+        evidence: log-likelihood of the images, relative to the other candidates.
+        names: landmarks that fit.
+        views: number of images that fit.
+        misses: number of consecutive images that do not.
     """
 
     state: FilterState
@@ -49,12 +50,12 @@ class PoseCandidate:
 
 
 class SearchPrior(NamedTuple):
-    """What is known wherever the robot is.
+    """Prior knowledge, the same for all candidates.
 
     Attributes:
-        up: (3,) in the robot's axes, as the odometry has it.
-        level_rad: standard deviation of how level the odometry's frame is.
-        odometry: what it does wrong.
+        up: (3,) the odometry's vertical, in the robot's axes.
+        level_rad: standard deviation of the tilt of the odometry's frame.
+        odometry: its errors.
     """
 
     up: Floats
@@ -63,17 +64,17 @@ class SearchPrior(NamedTuple):
 
 
 class PoseSearch:
-    """The places where the robot may be."""
+    """The candidate poses of the robot."""
 
     def __init__(self) -> None:
         self.places: list[PoseCandidate] = []
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Drop all candidates."""
         self.places = []
 
     def predict(self, steps: Sequence[OdometryStep], model: OdometryNoise) -> None:
-        """Go on by what the odometry tells."""
+        """Propagate all candidates by odometry."""
         for place in self.places:
             place.state = predict(place.state, steps, model)
 
@@ -93,11 +94,11 @@ class PoseSearch:
 
     @property
     def names(self) -> set[str]:
-        """The landmarks that the likeliest place was told by."""
+        """The landmarks that support the likeliest candidate."""
         return self.places[0].names if self.places else set()
 
     def found(self, least_names: int) -> FilterState | None:
-        """The state at the one place that is left; None while that is not decided."""
+        """The state of the only remaining candidate; None while undecided."""
         if not self.places:
             return None
         first, *others = self.places
@@ -112,7 +113,7 @@ class PoseSearch:
         known: Mapping[str, KnownLandmark],
         prior: SearchPrior,
     ) -> None:
-        """Begin at each reading of each tag."""
+        """Add a candidate for each reading of each tag."""
         start = max((one.evidence for one in self.places), default=0.0)
         for sight in sights:
             for pose in sight.poses:
@@ -135,7 +136,7 @@ class PoseSearch:
         sights: list[Sighting],
         known: Mapping[str, KnownLandmark],
     ) -> None:
-        """Let a place have an image."""
+        """Update a candidate by an image."""
         state = place.state
         for sight in sights:
             if sight.name not in state.keys:
@@ -154,7 +155,7 @@ class PoseSearch:
         place.names |= {pair.key for pair in good}
 
     def _thin_out(self) -> None:
-        """Keep the likeliest, each once."""
+        """Keep the likeliest candidates, without duplicates."""
         kept: list[PoseCandidate] = []
         for place in sorted(self.places, key=lambda one: -one.evidence):
             if len(kept) < _MOST and not any(_are_same(place.state, one.state) for one in kept):
@@ -165,7 +166,7 @@ class PoseSearch:
 def _stand(
     view: CameraView, known: KnownLandmark, pose: ObservedPose, model: OdometryNoise
 ) -> FilterState:
-    """The robot where it sees a landmark of the map in one reading."""
+    """The robot from one reading of a map landmark."""
     assert pose.R is not None
     R_camera = known.R @ pose.R.T
     p_camera = known.p - R_camera @ pose.t
@@ -177,7 +178,7 @@ def _stand(
 
 
 def _are_same(one: FilterState, other: FilterState) -> bool:
-    """Whether two places have become one."""
+    """True if two candidates have converged."""
     off = np.linalg.norm(one.p - other.p)
     cosine = (np.trace(one.R @ other.R.T) - 1) / 2
     spread = one.covariance[POSE, POSE] + other.covariance[POSE, POSE]

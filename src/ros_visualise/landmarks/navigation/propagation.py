@@ -1,8 +1,8 @@
-"""The robot some time after a state, without the landmarks: what it measures itself comes in here.
+"""The robot propagated from a state by its own sensors, without the landmarks.
 
-Between two images only the robot's own part changes. So that part alone is carried on, and what
-came to be known on the way is kept as it concerns everything else: it is put into the whole state
-at once, when the next image comes.
+Between two images only the robot's own part of the state changes, so only that part is propagated.
+The gained information is accumulated as it affects everything else, and is applied to the whole
+state at once when the next image comes.
 
 Source: A. Bryson, M. Frazier, Smoothing for linear and nonlinear dynamic systems, 1963 (the sums
 that take later measurements back to an earlier time).
@@ -24,51 +24,51 @@ class Propagation:
     """The robot some time after a state.
 
     Attributes:
-        robot: as it is then.
+        robot: its estimate at that time.
         P: (CORE, CORE) covariance of its errors.
     """
 
     def __init__(self, state: FilterState) -> None:
         self.robot = state.robot
         self.P: Floats = state.covariance[:CORE, :CORE].copy()
-        self._change = np.eye(CORE)  # how its errors follow from those of the state
-        self._told = np.zeros((CORE, CORE))  # information on the state's errors, gained since
-        self._push = np.zeros(CORE)
+        self._change = np.eye(CORE)  # from the state's errors to the robot's
+        self._information = np.zeros((CORE, CORE))  # on the state's errors
+        self._gradient = np.zeros(CORE)
 
     def copy(self) -> Propagation:
-        """Another one that goes on by itself."""
+        """An independent copy."""
         new = copy(self)
-        new.become(self)
+        new.restore(self)
         return new
 
-    def become(self, other: Propagation) -> None:
-        """Be what another one is."""
+    def restore(self, other: Propagation) -> None:
+        """Take over the values of another propagation."""
         self.robot, self.P, self._change = other.robot, other.P.copy(), other._change.copy()
-        self._told, self._push = other._told.copy(), other._push.copy()
+        self._information, self._gradient = other._information.copy(), other._gradient.copy()
 
-    def go(self, J: Floats, noise: Floats) -> None:
-        """Errors change by J (CORE, CORE), and noise of that covariance comes to them."""
+    def propagate(self, J: Floats, noise: Floats) -> None:
+        """Propagate the errors by J (CORE, CORE) and add noise of that covariance."""
         self.P = J @ self.P @ J.T + noise
         self._change = J @ self._change
 
-    def remember(self) -> None:
-        """From now on, the pose of before is this one."""
+    def clone_pose(self) -> None:
+        """Make the present pose the previous one (stochastic cloning)."""
         self.robot = self.robot.standing()
         self.P[BEFORE] = self.P[POSE]
         self.P[:, BEFORE] = self.P[:, POSE]
         self._change[BEFORE] = self._change[POSE]
 
     def correct(self, residual: Floats, H: Floats, noise: Floats, leeway: Floats | float) -> bool:
-        """Take a measurement of k numbers, unless it is one of 1000 that are farthest off.
+        """Apply a measurement of k numbers, unless it fails the 99.9% gate.
 
         Args:
-            residual: (k,) what was measured, less what was expected.
-            H: (k, CORE) how what is expected depends on the errors.
+            residual: (k,) measured minus expected.
+            H: (k, CORE) derivative of the expected by the errors.
             noise: (k, k) covariance.
-            leeway: (k,) standard deviation that is forgiven beside that.
+            leeway: (k,) standard deviation that the gate allows on top.
 
         Returns:
-            Whether it was taken.
+            True if it was applied.
         """
         PH = self.P @ H.T
         spread = H @ PH + noise
@@ -78,22 +78,22 @@ class Propagation:
         weight = np.linalg.inv(spread)
         gain = PH @ weight
         seen = H @ self._change
-        self._push += seen.T @ (weight @ residual)
-        self._told += seen.T @ weight @ seen
+        self._gradient += seen.T @ (weight @ residual)
+        self._information += seen.T @ weight @ seen
         self._change -= gain @ seen
         P = self.P - gain @ PH.T
         self.P = (P + P.T) / 2
         self.robot = self.robot.moved(gain @ residual)
         return True
 
-    def into(self, state: FilterState, frozen: bool) -> FilterState:
-        """The whole state as it is by now; ``frozen`` landmarks learn nothing of it."""
+    def applied_to(self, state: FilterState, frozen: bool) -> FilterState:
+        """The whole state at this time; ``frozen`` landmarks are not corrected."""
         P = state.covariance.copy()
         across = P[:CORE, CORE:].copy()
         P[:CORE, :CORE] = self.P
         P[:CORE, CORE:] = self._change @ across
         P[CORE:, :CORE] = P[:CORE, CORE:].T
-        if not frozen and self._push.any():
-            P[CORE:, CORE:] -= across.T @ self._told @ across
-            return state.with_robot(self.robot, P, across.T @ self._push)
+        if not frozen and self._gradient.any():
+            P[CORE:, CORE:] -= across.T @ self._information @ across
+            return state.with_robot(self.robot, P, across.T @ self._gradient)
         return state.with_robot(self.robot, P, None)

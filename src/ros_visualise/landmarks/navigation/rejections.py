@@ -1,4 +1,4 @@
-"""What a person should look at: said once, when it has been so in several images."""
+"""Warnings about persistent rejections, once each."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Iterator
 
 from ros_visualise.landmarks.navigation.landmark_map import ImageOutcome
 
-_SOON = 5  # images since it was right
+_SOON = 5  # rejections before the warning
 
 
 class Rejections:
-    """What images leave in doubt, such as tags that are refused whenever they are seen."""
+    """Counts rejections, such as of tags that never fit, until they are worth a warning."""
 
     def __init__(self) -> None:
         self._often: Counter[str] = Counter()
         self._said: set[str] = set()
 
-    def look(self, judged: ImageOutcome) -> Iterator[str]:
-        """What there is to say after an image."""
-        for name in judged.used:
+    def look(self, outcome: ImageOutcome) -> Iterator[str]:
+        """The warnings due after an image."""
+        for name in outcome.used:
             self._often.pop(name, None)
-        for name, text in judged.doubts.items():
+        for name, text in outcome.advice.items():
             self._often[name] += 1
             if self._often[name] >= _SOON and name not in self._said:
                 self._said.add(name)

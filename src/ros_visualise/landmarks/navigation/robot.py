@@ -1,8 +1,8 @@
-"""The robot's own part of the state: its pose and motion, and the errors of its sensors, by name.
+"""The robot's own part of the state: pose, motion, and sensor errors, by name.
 
-Its pose, its velocity and where it was before change with the map as a whole, all by one twist
-(`ros_visualise.landmarks.navigation.twists`); so does where GPS has its origin. What no sensor
-tells stays zero with its covariance: without an IMU velocity and biases, without GPS its errors.
+Its pose, velocity and previous pose change with the map as a whole, all by one twist
+(`ros_visualise.landmarks.navigation.twists`); so does the GPS origin. Parts that no sensor measures
+stay zero with zero covariance: velocity and biases without an IMU, its errors without GPS.
 
 Source: A. Barrau, S. Bonnabel, The invariant extended Kalman filter as a stable observer, 2017 (the
 errors of pose and velocity).
@@ -29,7 +29,7 @@ DATUM = slice(28, 32)
 CORE = 32
 
 GRAVITY_MS2 = 9.80665
-YAW = [0, 1, 2, 5]  # of a twist: what is not known of a level frame
+YAW = [0, 1, 2, 5]  # of a twist: the unknowns of a level frame
 
 
 def _zeros() -> Floats:
@@ -42,13 +42,13 @@ class RobotState:
 
     Attributes:
         R, p: T_map_base, (3, 3) and (3,).
-        scales: (2,) by how much ways and turns are larger than the odometry says, as fractions.
+        scales: (2,) scale errors of the odometry's distances and rotations, as fractions.
         v: (3,) velocity, m/s in the map.
-        gyro, accel: (3,) biases of the IMU in the robot's axes, rad/s and m/s^2.
-        before_R, before_p: its pose at the odometry before, from which the next one tells a motion.
-        slow: (3,) slow error of GPS, in standard deviations.
-        gravity: (3,) m/s^2 in the map; how level that lies is the error of the first two.
-        datum_R, datum_p: T_map_enu, where GPS counts from.
+        gyro, accel: (3,) IMU biases in the robot's axes, rad/s and m/s^2.
+        before_R, before_p: pose at the previous odometry message, where its next motion starts.
+        slow: (3,) slow GPS error, in standard deviations.
+        gravity: (3,) m/s^2 in the map; the errors of its first two components are the map's tilt.
+        datum_R, datum_p: T_map_enu, the GPS origin.
     """
 
     R: Floats = field(default_factory=lambda: np.eye(3))
@@ -65,11 +65,11 @@ class RobotState:
     datum_p: Floats = field(default_factory=_zeros)
 
     def standing(self) -> RobotState:
-        """The same; its pose of before is that of now."""
+        """The same, with the present pose as the previous one."""
         return replace(self, before_R=self.R, before_p=self.p)
 
     def moved(self, error: Floats) -> RobotState:
-        """The same, away by an error (CORE,)."""
+        """The same, corrected by an error (CORE,)."""
         several = np.zeros((4, 6))
         several[0], several[1] = error[POSE], error[BEFORE]
         several[2, YAW] = error[DATUM]

@@ -1,4 +1,4 @@
-"""How the navigator works."""
+"""Settings of the navigator."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from ros_visualise.landmarks.navigation.state import FilterState
 
 @dataclass(frozen=True)
 class NavigatorSettings:
-    """How the navigator works.
+    """Settings of the navigator.
 
     Attributes:
         rules: of the landmarks.
-        noise: what the robot's own sensors do wrong.
-        level_rad: standard deviation of how level the odometry's frame is.
-        delay_s: so long an image may be on its way.
-        fastest: m/s; an odometry that is faster has jumped.
+        noise: errors of the robot's own sensors.
+        level_rad: standard deviation of the tilt of the odometry's frame.
+        delay_s: longest delay of an image.
+        fastest: largest speed, m/s; faster odometry has jumped.
     """
 
     rules: MapRules = field(default_factory=MapRules)
@@ -38,9 +38,9 @@ class NavigatorSettings:
     fastest: float = 30.0
 
     def unknown(self) -> FilterState:
-        """The state before anything is known but what sensors are like.
+        """The state before any measurement.
 
-        A map that is begun is level by definition; one that is given is as level as was said.
+        A new map is level by definition; a given one has an unknown tilt within ``level_rad``.
         """
         state, P, eye = FilterState(), np.zeros((CORE, CORE)), np.eye(3)
         P[GYRO, GYRO] = self.noise.imu.gyro_bias**2 * eye

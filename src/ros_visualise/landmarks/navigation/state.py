@@ -1,9 +1,9 @@
-"""What the filter estimates: the robot and the landmarks, with one covariance.
+"""The filter's state: the robot and the landmarks, with one covariance.
 
-The first states are the robot's own, `CORE` of them (`ros_visualise.landmarks.navigation.robot`).
-Its odometry's lasting errors are among them: by how much all ways and all turns are larger than it
-says. Without them ten metres of one error would look like a thousand independent ones. Six states
-follow for each landmark; of one without an orientation, the last three are zero and stay so.
+The first `CORE` states are the robot's own (`ros_visualise.landmarks.navigation.robot`). They
+include the constant scale errors of its odometry: without these, ten metres with one error would
+look like a thousand independent ones. Six states follow for each landmark; without an orientation,
+the last three are zero and stay so.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class FilterState:
     """The estimate at one time.
 
     Attributes:
-        robot: see there.
-        covariance: (n, n), n = CORE + 6 for each landmark, of twists as `twists` has them.
-        keys: what the landmarks are called, in their order.
+        robot: see `RobotState`.
+        covariance: (n, n), n = CORE + 6 for each landmark, of twists as defined in `twists`.
+        keys: names of the landmarks' readings, in order.
         landmarks_R, landmarks_p: their poses, (L, 3, 3) and (L, 3).
-        first_p: (L, 3) where they were first believed to be.
+        first_p: (L, 3) their first estimated positions.
     """
 
     robot: RobotState = field(default_factory=RobotState)
@@ -44,26 +44,26 @@ class FilterState:
 
     @property
     def R(self) -> Floats:  # noqa: N802 (as in `RobotState`)
-        """(3, 3) the robot's attitude in the map."""
+        """(3, 3) attitude of the robot in the map."""
         return self.robot.R
 
     @property
     def p(self) -> Floats:
-        """(3,) its position."""
+        """(3,) position of the robot in the map."""
         return self.robot.p
 
     def rows(self, key: str) -> slice:
-        """Where a landmark's errors are in the covariance."""
+        """The rows of a landmark's errors in the covariance."""
         start = CORE + PER_LANDMARK * self.keys.index(key)
         return slice(start, start + PER_LANDMARK)
 
     def indices(self, keys: Sequence[str]) -> Indices:
-        """(K,) places of landmarks among all landmarks."""
+        """(K,) indices of landmarks among all landmarks."""
         place = {key: number for number, key in enumerate(self.keys)}
         return np.array([place[key] for key in keys], np.intp)
 
     def add(self, key: str, R: Floats, p: Floats, covariance: Floats) -> None:
-        """Put a landmark in, with the covariance (6, 6) of its twist that nothing else shares."""
+        """Add a landmark with an independent covariance (6, 6) of its twist."""
         old = self.covariance
         size = len(old)
         new = np.zeros((size + PER_LANDMARK, size + PER_LANDMARK))
@@ -75,10 +75,10 @@ class FilterState:
         self.first_p = np.concatenate([self.first_p, p[None]])
 
     def share(self, key: str, by: Floats | None = None) -> None:
-        """What a landmark is seen from the robot for, it has the robot's error too.
+        """Add the robot's error to a landmark that was seen from the robot.
 
         Args:
-            by: (6, 6) how that moves it; by the same twist where None is given.
+            by: (6, 6) effect of that error on the landmark; None: the same twist.
         """
         rows, P = self.rows(key), self.covariance
         by = np.eye(PER_LANDMARK) if by is None else by
@@ -87,7 +87,7 @@ class FilterState:
         P[rows, rows] += robot[:, POSE] @ by.T
 
     def remove(self, key: str) -> None:
-        """Take a landmark out."""
+        """Remove a landmark."""
         rows, number = self.rows(key), self.keys.index(key)
         kept = np.delete(np.arange(len(self.covariance)), rows)
         self.covariance = self.covariance[np.ix_(kept, kept)]
@@ -97,14 +97,14 @@ class FilterState:
         self.first_p = np.delete(self.first_p, number, axis=0)
 
     def moved(self, error: Floats) -> FilterState:
-        """The same with other estimates, away by an error (n,); the covariance is as it was."""
+        """The same, corrected by an error (n,), with unchanged covariance."""
         robot = self.robot.moved(error[:CORE])
         return self.with_robot(robot, self.covariance, error[CORE:])
 
     def with_robot(
         self, robot: RobotState, covariance: Floats, error: Floats | None
     ) -> FilterState:
-        """The same with another robot and covariance, and landmarks away by an error."""
+        """The same with another robot and covariance, and landmarks corrected by an error."""
         new = replace(self, robot=robot, covariance=covariance)
         if error is not None and len(self.keys):
             several = error.reshape(-1, PER_LANDMARK)

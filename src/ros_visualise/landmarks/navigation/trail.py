@@ -1,4 +1,4 @@
-"""The robot at each odometry since a state: whoever comes late begins at the last one before."""
+"""The robot at each odometry message since a state: late images start at the last one before."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ros_visualise.landmarks.navigation.state import FilterState
 
 
 class PropagationTrail:
-    """What follows from a state by what was measured since, and nothing of which is done twice."""
+    """The propagations from a state by later measurements, each computed once."""
 
     def __init__(self, past: SensorBuffer, state: FilterState, stamp_ns: int = 0) -> None:
-        self._past = past
+        self._sensors = past
         self.restart(state, stamp_ns)
 
     def restart(self, state: FilterState, stamp_ns: int) -> None:
-        """Begin at another state, or at what was made of it."""
+        """Start at another or updated state."""
         self._stamps_ns, self._several = [stamp_ns], [Propagation(state)]
 
     @property
@@ -27,24 +27,24 @@ class PropagationTrail:
         return self._several[-1]
 
     def add(self, step: OdometryStep, is_located: bool) -> None:
-        """Go on by an odometry that has just come."""
+        """Propagate by a new step."""
         new = self.newest.copy()
-        self._past.newest(new, step, is_located)
+        self._sensors.newest(new, step, is_located)
         self._append(step, new)
 
     def catch_up(self, stamp_ns: int, is_located: bool) -> None:
-        """Go on until a time, by all odometries that are known."""
-        for step in self._past.steps(self._stamps_ns[-1], stamp_ns):
+        """Propagate to a time by all known odometry."""
+        for step in self._sensors.steps(self._stamps_ns[-1], stamp_ns):
             new = self.newest.copy()
-            self._past.go(new, step, is_located)
+            self._sensors.propagate(new, step, is_located)
             self._append(step, new)
 
     def at(self, stamp_ns: int, is_located: bool) -> Propagation:
         """The robot at a time after the state."""
         place = bisect_right(self._stamps_ns, stamp_ns) - 1
         found = self._several[place].copy()
-        for step in self._past.steps(self._stamps_ns[place], stamp_ns):
-            self._past.go(found, step, is_located)
+        for step in self._sensors.steps(self._stamps_ns[place], stamp_ns):
+            self._sensors.propagate(found, step, is_located)
         return found
 
     def _append(self, step: OdometryStep, new: Propagation) -> None:

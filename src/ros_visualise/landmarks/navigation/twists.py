@@ -1,9 +1,9 @@
-"""Errors of poses as small motions of the map: three numbers of a shift, then three of a turn.
+"""Errors of poses as small motions of the map: a translation (3,), then a rotation (3,).
 
-A true pose is ``exp(twist)`` after the estimated one, for robot and landmarks alike, so a motion of
-the whole map is the same twist for all of them, wherever they are. What no measurement tells, where
-the map as a whole lies, is so told by no Jacobian either, whatever the estimates are: the rule that
-first-estimate Jacobians keep by remembering old estimates.
+A true pose is ``exp(twist)`` applied to the estimated one, for robot and landmarks alike. So a
+motion of the whole map is the same twist for all of them, wherever they are. The pose of the map as
+a whole is unobservable, and no Jacobian here contains information on it, whatever the estimates
+are: the rule that first-estimate Jacobians keep by remembering old estimates.
 
 Source: G. Huang, A. Mourikis, S. Roumeliotis, Observability-based rules for designing consistent
 EKF SLAM estimators, IJRR 2010 (the rule); A. Barrau, S. Bonnabel, An EKF-SLAM algorithm with
@@ -16,12 +16,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 
-_SMALL = 1e-6  # radians, below which the series of sine and cosine end at once
+_SMALL = 1e-6  # radians, below which the first terms of sine and cosine are enough
 _EYE = np.eye(3)
 
 
 def moved(twist: Floats, R: Floats, p: Floats) -> tuple[Floats, Floats]:
-    """Poses (..., 3, 3) and (..., 3) after twists (..., 6): ``exp(twist) @ T``.
+    """Poses (..., 3, 3) and (..., 3) moved by twists (..., 6): ``exp(twist) @ T``.
 
     Source: T. Barfoot, State Estimation for Robotics, 2017, equations 7.33 and 7.37.
     """
@@ -40,7 +40,7 @@ def moved(twist: Floats, R: Floats, p: Floats) -> tuple[Floats, Floats]:
 
 
 def cross(points: Floats) -> Floats:
-    """(..., 3, 3) matrices that take ``b`` to the cross product of ``points`` (..., 3) and it."""
+    """(..., 3, 3) cross-product matrices of ``points`` (..., 3)."""
     matrix = np.zeros((*points.shape, 3))
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
@@ -49,19 +49,19 @@ def cross(points: Floats) -> Floats:
 
 
 def about_origin(position: Floats) -> Floats:
-    """(6, 6) from an error of a position, and a turn about that place, to the twist."""
+    """(6, 6) from errors of a position and rotations about it to the twist."""
     change = np.eye(6)
     change[:3, 3:] = cross(position)
     return change
 
 
 def about_itself(position: Floats) -> Floats:
-    """(6, 6) from a twist to the errors that messages tell: of the position, and the turn there."""
+    """(6, 6) from a twist to the errors in messages: of the position, and rotations about it."""
     return about_origin(-position)
 
 
-def carried(R: Floats, p: Floats) -> Floats:
-    """(6, 6) from a twist in a frame to that in the frame's parent: the adjoint of its pose."""
+def adjoint(R: Floats, p: Floats) -> Floats:
+    """(6, 6) from a twist in a frame to the twist in the frame's parent."""
     change = np.zeros((6, 6))
     change[:3, :3] = change[3:, 3:] = R
     change[:3, 3:] = cross(p) @ R

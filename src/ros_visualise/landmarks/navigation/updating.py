@@ -1,4 +1,4 @@
-"""The filter's update by an image: gates, robust weights, and states that are only considered."""
+"""The filter's update by an image: gates, robust weights, and considered states."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ros_visualise.landmarks.navigation.robot import CORE, POSE
 from ros_visualise.landmarks.navigation.state import PER_LANDMARK, FilterState
 
 _ROUNDS = 3  # of linearisation
-_CONVERGED = 0.02  # of the deviation of before, that a round may still change
+_CONVERGED = 0.02  # largest change in the last round, in prior standard deviations
 _LEAST = 1e-9  # metres and radians
-_HUBER = 2.5  # deviations of a corner from which on it counts less
-_BEHIND = 1e6  # squared distance of what cannot be seen at all
+_HUBER = 2.5  # Huber threshold of corners, standard deviations
+_BEHIND = 1e6  # squared distance of what is behind the camera
 
 
 class Innovation(NamedTuple):
-    """How well a sight fits to the state: squared Mahalanobis distance of ``size`` numbers.
+    """Consistency of a sighting with the state: squared Mahalanobis distance of ``size`` numbers.
 
-    ``evidence`` is the logarithm of its likelihood, up to what its noise alone makes.
+    ``evidence`` is the log-likelihood, relative to that of the noise alone.
     """
 
     distance2: float
@@ -34,12 +34,12 @@ class Innovation(NamedTuple):
 
     @property
     def is_inlier(self) -> bool:
-        """Whether 999 of 1000 right ones are nearer."""
+        """True if it passes the 99.9% gate."""
         return self.distance2 < GATES[self.size]
 
 
 def fits(view: CameraView, pairs: Sequence[Pair], state: FilterState) -> list[Innovation]:
-    """How well each pair fits, one by one."""
+    """The innovation of each pair, separately."""
     return [
         _fit(one, _columns([pair], state), state)
         for pair, one in zip(pairs, measure(view, pairs, state), strict=True)
@@ -49,11 +49,11 @@ def fits(view: CameraView, pairs: Sequence[Pair], state: FilterState) -> list[In
 def update(
     state: FilterState, view: CameraView, pairs: Sequence[Pair], free: Sequence[slice]
 ) -> FilterState:
-    """The state with the sights of an image.
+    """The state updated by the sightings of an image.
 
-    Only ``free`` rows are corrected; the others are considered: their errors count, and what is
-    seen says nothing of them. By rounds of linearisation, and with corners that fit badly counting
-    less.
+    Only ``free`` rows are corrected; the others are considered: their errors count, but they are
+    not estimated. The update iterates the linearization, and gives corners that fit badly less
+    weight.
 
     Source: S. F. Schmidt, Application of state-space methods to navigation problems, 1966 (the
     considered states); B. Bell, F. Cathey, The iterated Kalman filter update as a Gauss-Newton
@@ -73,7 +73,7 @@ def update(
         spread = H @ PH[columns] + noise
         before = error
         error = PH @ np.linalg.solve(spread, residual + H @ error[columns])
-        if not np.isfinite(error).all():  # the camera came to stand behind a landmark
+        if not np.isfinite(error).all():  # the camera got behind a landmark
             return state
         error[fixed] = 0
         moved = state.moved(error)
@@ -88,11 +88,11 @@ def update(
 
 
 def level(state: FilterState, up: Floats, sigma: float) -> tuple[FilterState, Innovation]:
-    """The robot's pose corrected by that the odometry knows which way is up.
+    """The state with the robot's pose corrected by the odometry's vertical.
 
     Args:
-        up: (3,) in the robot's axes, where the odometry has it.
-        sigma: standard deviation of that, rad.
+        up: (3,) the odometry's vertical, in the robot's axes.
+        sigma: its standard deviation, rad.
     """
     P = state.covariance
     moved, error = state, np.zeros(len(P))
@@ -115,9 +115,9 @@ def level(state: FilterState, up: Floats, sigma: float) -> tuple[FilterState, In
 
 
 def stand_on(state: FilterState, key: str, height_m: float, sigma_m: float) -> None:
-    """A landmark stands on the ground: the height of that corrects all that it hangs together with.
+    """Constrain a landmark to the ground, which also corrects all that is correlated with it.
 
-    So it counts once for each landmark.
+    The ground's error counts once for each landmark.
     """
     P, row = state.covariance, state.rows(key).start + 2
     residual = height_m - state.landmarks_p[state.indices([key])[0], 2]
@@ -152,7 +152,7 @@ def _compared(residual: Floats, spread: Floats, noise: Floats, beyond: float = 0
 def _stacked(
     several: Sequence[LinearizedPair], columns: npt.NDArray[np.intp], robust: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Residual (m,), its dependence (m, columns) and noise (m, m) of all pairs of an image."""
+    """Residual (m,), derivative (m, columns) and noise (m, m) of all pairs of an image."""
     total = sum(len(one.residual) for one in several)
     H, noise = np.zeros((total, len(columns))), np.zeros((total, total))
     start = 0
@@ -161,14 +161,14 @@ def _stacked(
         own = POSE.stop + PER_LANDMARK * number
         H[rows, POSE] = one.of_robot
         H[rows, own : own + PER_LANDMARK] = one.of_landmark
-        doubt = _doubt(one) if robust else np.ones(len(one.residual))
-        noise[rows, rows] = one.noise * doubt[:, None] * doubt
+        inflation = _inflation(one) if robust else np.ones(len(one.residual))
+        noise[rows, rows] = one.noise * inflation[:, None] * inflation
         start = rows.stop
     return np.concatenate([one.residual for one in several]), H, noise
 
 
-def _doubt(one: LinearizedPair) -> Floats:
-    """(k,) by how much the deviation of each number is raised: of corners that fit badly."""
+def _inflation(one: LinearizedPair) -> Floats:
+    """(k,) factors on the deviations, larger for corners that fit badly."""
     if len(one.residual) != 8:
         return np.ones(len(one.residual))
     off = np.sqrt((one.residual**2 / np.diag(one.noise)).reshape(4, 2).sum(axis=1))
