@@ -260,7 +260,7 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
         (["{photo}", "--calibration", "none.yaml"], "none.yaml: No such file"),
         (["{photo}", "--calibration", "{bad}"], "bad.yaml: no camera calibration"),
         (["{photo}", "--tags", "{bad}"], "bad.yaml"),
-        (["{photo}", "--families", "tag99"], "no family of tags 'tag99'; choose from tag36h11"),
+        (["{photo}", "--families", "tag99"], "no such tag family: 'tag99'; choose from tag36h11"),
         (
             ["{photo}", "--map", "{folder}/map.yaml", "--survey", "none.yaml"],
             "none.yaml: no such file",

@@ -64,7 +64,7 @@ def test_the_axes_of_a_tag_are_right_up_and_out():
 
 
 def test_a_camera_without_calibration_is_told():
-    with pytest.raises(UncalibratedCamera, match="no calibration"):
+    with pytest.raises(UncalibratedCamera, match="not calibrated"):
         square_poses(SQUARE[:, :2] * 100, SIZE, CameraInfo.uncalibrated(480, 640))
 
 

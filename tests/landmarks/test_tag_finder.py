@@ -115,12 +115,12 @@ def test_families_are_named_in_several_ways():
 
 @pytest.mark.parametrize(("text", "said"), [("36h12", "'36h12'; choose from tag36h11"), ("", "''")])
 def test_a_family_that_is_not_there_is_refused(text, said):
-    with pytest.raises(ParameterError, match=f"no family of tags {said}"):
+    with pytest.raises(ParameterError, match=f"no such tag family: {said}"):
         parse_families(text)
 
 
 def test_a_tag_that_a_family_has_not_is_refused():
-    with pytest.raises(ParameterError, match="tag16h5 has no tag 30; it has 0 to 29"):
+    with pytest.raises(ParameterError, match="no tag 30 in tag16h5: choose from 0 to 29"):
         draw_cells(family("tag16h5"), 30)
 
 

@@ -29,7 +29,7 @@ def test_too_few_views_are_no_error():
     assert node.calibrate() is None
     shown = node.step(Image(np.zeros((48, 64), np.uint8), "mono8"), CalibratorParams())
     assert shown.encoding == "bgr8"
-    assert node.report()["next"] == "hold the board before the camera"
+    assert node.report()["next"] == "hold the board in front of the camera"
 
 
 def test_another_board_begins_anew(recordings):

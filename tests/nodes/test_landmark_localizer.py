@@ -236,9 +236,9 @@ def test_without_landmarks_nothing_is_written(tmp_path, caplog):
     ("text", "says"),
     [
         (None, "no such file"),
-        ("a: [", "cannot be read as a map of landmarks"),
-        ("- 1", "it needs a frame_id and a list of landmarks"),
-        ("frame_id: map\nlandmarks: [{}]", "landmark 1 of the map is wrong: it has no pose"),
+        ("a: [", "not a readable landmark map"),
+        ("- 1", "needs a frame_id and a list of landmarks"),
+        ("frame_id: map\nlandmarks: [{}]", "landmark 1 is invalid: missing pose"),
         ("frame_id: world\nlandmarks: []", "are in the frame world: set fixed_frame=world"),
     ],
 )

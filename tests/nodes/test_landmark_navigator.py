@@ -304,7 +304,7 @@ def test_fixes_are_counted_and_no_fix_is_none(tmp_path):
         node.step(params, odometry=odometry(1 + number / 10, 0), frames=tree())
     node.step(params, gps=fix(3, 9.4), frames=tree())
     said = values(node, params)
-    assert (said["GPS fixes used"], said["gps fixes refused"]) == ("19", "1")
+    assert (said["GPS fixes used"], said["GPS fixes rejected"]) == ("19", "1")
 
 
 @pytest.mark.parametrize("text", ["here", "49, 8.4", "91, 0, 0", "nan, 0, 0"])

@@ -94,7 +94,7 @@ def test_without_a_calibration_there_are_corners_alone():
     ("info", "said"),
     [
         (replace(INFO, width=640), "no poses of images of 320x240 with a calibration for 640x240"),
-        (CameraInfo.uncalibrated(240, 320), "no poses: the camera has no calibration"),
+        (CameraInfo.uncalibrated(240, 320), "no poses: the camera is not calibrated"),
         (replace(INFO, distortion_model="magic", D=np.ones(3)), "no poses: .*magic"),
     ],
 )
@@ -114,7 +114,7 @@ def test_a_calibration_that_does_not_fit_is_said_once(caplog, info, said):
 def test_a_tag_of_unknown_size_has_no_pose_and_that_is_said(caplog):
     (one,) = found_in(picture(), size=0).detections
     assert not one.hypotheses[0].covariance.any()
-    assert "unknown size have no poses: set size" in caplog.text
+    assert "no poses for tags of unknown size: set size" in caplog.text
 
 
 def test_a_bundle_is_one_detection_of_its_name(tmp_path):
@@ -187,7 +187,7 @@ def test_parameters_may_change_while_it_runs():
 
 
 def test_what_cannot_be_is_refused_when_it_begins(tmp_path):
-    with pytest.raises(ParameterError, match="no family of tags 'x'; choose from tag36h11"):
+    with pytest.raises(ParameterError, match="no such tag family: 'x'; choose from tag36h11"):
         TagDetector(TagParams(families="x"))
     with pytest.raises(OpenError, match="no such file"):
         TagDetector(TagParams(tags=str(tmp_path / "none.yaml")))

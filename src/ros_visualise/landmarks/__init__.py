@@ -1,1 +1,1 @@
-"""Landmarks: finding them in images, and telling where they are and how sure that is."""
+"""Landmarks: detection in images, localization, mapping and navigation, with uncertainty."""

@@ -1,4 +1,4 @@
-"""What was found, drawn over its image."""
+"""Detections drawn over their image."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ros_visualise.vision.color import to_bgr
 from ros_visualise.vision.depth import to_8_bit
 
 _OUTLINE, _LOWER, _TEXT = (0, 255, 0), (0, 0, 255), (0, 255, 255)  # BGR
-_FINER = 16  # places are given to OpenCV in sixteenths of a pixel
+_FINER = 16  # OpenCV takes coordinates in sixteenths of a pixel
 
 
 def draw_detections(pixels: Pixels, order: str, found: Sequence[Detection]) -> Pixels:
     """The image as bgr8 with outlines and names.
 
-    A tag's lower side is red, and so is the point that another thing stands on, where it is known.
+    A tag's lower side is red, as is the ground point of another object, if known.
 
     Args:
         pixels: gray or colour, 8 or 16 bits.
         order: of the channels, ``BGR`` or ``RGB``.
-        found: in this image.
+        found: the detections in this image.
     """
     shown = to_bgr(to_8_bit(pixels), order)
     drawn = shown.copy() if shown is pixels else shown

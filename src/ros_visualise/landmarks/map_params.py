@@ -1,4 +1,4 @@
-"""What nodes that map landmarks, or find their way by them, have to be told alike."""
+"""Parameters shared by the nodes that map landmarks or navigate by them."""
 
 from __future__ import annotations
 
@@ -9,26 +9,24 @@ from ros_visualise.core.params import param
 
 @dataclass(frozen=True)
 class MapParams:
-    """Parameters of the map and of what belongs into it."""
+    """Parameters of the map and its landmarks."""
 
     map: str = param(
-        "", "YAML file of landmarks to begin with, as save_map writes it", group="map", file=bool
+        "", "YAML file of the initial landmarks, as written by save_map", group="map", file=bool
     )
-    save_to: str = param(
-        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map", file=bool
-    )
+    save_to: str = param("landmarks.yaml", "YAML file for save_map", group="map", file=bool)
     class_prefix: str = param(
         "landmark_",
-        "what is put before a tag's class that is only a number, as on ROS 1, such as tag36h11_",
+        "prefix for tag classes that are only numbers, as on ROS 1, such as tag36h11_",
         group="map",
     )
     object_prefix: str = param(
         "object_",
-        "what is put before the class of another object that is only a number",
+        "prefix for classes of other objects that are only numbers",
         group="map",
     )
     moving: str = param(
-        "", "classes that move, so that they are no landmarks, such as pad, person", group="map"
+        "", "moving classes, ignored as landmarks, such as pad, person", group="map"
     )
     ground: bool = param(
         True, "place objects of unknown distance, such as posts, on the ground", group="ground"
@@ -43,7 +41,7 @@ class MapParams:
     )
     ground_sigma: float = param(
         0.1,
-        "standard deviation of that height, metres",
+        "standard deviation of the ground height, metres",
         min=1e-3,
         max=1e3,
         slider=(0.01, 5),

@@ -1,4 +1,4 @@
-"""What a detector says of itself, each thing once."""
+"""Warnings that are logged once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ log = logging.getLogger(__name__)
 
 
 class OnceLog:
-    """Warnings of one node, each of which is logged once.
+    """Warnings of one node, each logged once.
 
     Args:
         name: of the node.
@@ -19,7 +19,7 @@ class OnceLog:
         self._said: set[str] = set()
 
     def say(self, text: str) -> None:
-        """Log it, unless it was said before."""
+        """Log a warning unless it was logged before."""
         if text not in self._said:
             self._said.add(text)
-            log.warning("%s: %s (said once)", self._name, text)
+            log.warning("%s: %s (further occurrences suppressed)", self._name, text)

@@ -80,7 +80,7 @@ def test_an_outlier_is_counted_and_changes_nothing():
         see_tag(localizer, above(0), number / 10, TAG)
     before = localizer.landmarks[1].best
     see_tag(localizer, above(0), 0.5, (np.array([1.0, 0, 0]), np.eye(3)))
-    assert localizer.left_out == {"elsewhere": 1}
+    assert localizer.skipped == {"elsewhere": 1}
     np.testing.assert_array_equal(localizer.landmarks[1].best.position_xyz, before.position_xyz)
 
 
@@ -92,7 +92,7 @@ def test_a_tag_that_was_moved_begins_anew_and_that_is_said_once(caplog):
     (track,) = localizer.landmarks.values()
     np.testing.assert_allclose(track.best.position_xyz, [2, 0, 0], atol=1e-6)
     assert [r.getMessage() for r in caplog.records] == [
-        "tag36h11_3 is elsewhere now: it begins anew there (said once)"
+        "tag36h11_3 moved; restarting its estimate (further occurrences suppressed)"
     ]
 
 
@@ -101,8 +101,8 @@ def test_a_tag_that_is_there_twice_is_followed_once_and_said(caplog):
     for number in range(5):
         see_tag(localizer, above(0), number / 10, TAG, (np.array([1.0, 0, 0]), np.eye(3)))
     assert len(localizer.landmarks) == 1
-    assert localizer.left_out == {"twice in an image": 5}
-    assert "is there twice" in caplog.text
+    assert localizer.skipped == {"duplicate in the image": 5}
+    assert "two copies of" in caplog.text
 
 
 def test_things_of_one_class_are_told_apart_and_keep_their_names():
@@ -159,7 +159,7 @@ def test_without_a_ground_or_above_it_a_direction_gives_no_landmark():
             LocalizerRules(),
         )
     assert not localizer.landmarks
-    assert localizer.left_out == {"not on the ground": 8}
+    assert localizer.skipped == {"not on the ground": 8}
 
 
 def test_detections_without_poses_are_counted():
@@ -170,7 +170,7 @@ def test_detections_without_poses_are_counted():
     impossible = tag_seen(above(0), *TAG, np.diag([1, 1, -1, 1, 1, 1.0]))
     several = [unknown], [], [nowhere], [unturned], [impossible]
     localizer.observe(detections(0, *several), above(0), RULES)
-    assert localizer.left_out == {"no pose": 5}
+    assert localizer.skipped == {"no pose": 5}
 
 
 def test_an_odometrys_covariance_is_carried_to_the_camera():

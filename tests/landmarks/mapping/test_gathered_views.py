@@ -47,7 +47,7 @@ def test_the_camera_is_where_the_frames_say():
     problem = gathered.problem(lambda _: SIZE, "map")
     assert problem.counts == (4, 1)
     np.testing.assert_allclose(problem.odometry.T_fixed_camera[2][:3, 3], [0.2, 0, 3])
-    assert gathered.left_out == {"images at whose time the frames are not known": 1}
+    assert gathered.skipped == {"images without a transform at their time": 1}
 
 
 def test_the_way_to_the_first_tag_counts():
@@ -68,11 +68,11 @@ def test_without_frames_images_of_several_tags_alone_tell_where_they_are():
     gathered.add_found(found_at(1, 0.1))
     problem = gathered.problem(lambda _: SIZE, "")
     assert problem.counts == (1, 2)
-    assert gathered.left_out == {"images of one tag alone, without frames": 1}
+    assert gathered.skipped == {"images of a single tag, without tf": 1}
 
 
 def test_tags_of_unknown_size_are_left_out_and_counted():
     gathered = MappingData()
     gathered.add_found(found_at(0, 0.0))
     assert not gathered.problem(lambda _: 0.0, "").sightings
-    assert gathered.left_out["tags without a pose"] == 1
+    assert gathered.skipped["tags without a pose"] == 1

@@ -86,4 +86,4 @@ def test_turns_about_one_axis_alone_do_not_tell_how_an_imu_is_turned_about_it(ra
     found = smooth(world(random, cameras, floor(random, 6, 3.0), 0.1, odometry=cameras), NOISE)
     mounting = imu_mounting(found, turning(found, np.zeros(3), random=random))
     assert not mounting.is_wrong
-    assert "as far as these motions show" in mounting.text
+    assert "as far as this motion shows" in mounting.text

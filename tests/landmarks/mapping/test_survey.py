@@ -53,12 +53,12 @@ def test_a_map_of_before_is_a_survey(survey):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("- 1\n", "give a list of landmarks, of distances, or both"),
-        ("landmarks: [{position: [1, 2, 3]}]\n", "landmarks, entry 1: has no name"),
+        ("- 1\n", "give a list of landmarks, a list of distances, or both"),
+        ("landmarks: [{position: [1, 2, 3]}]\n", "landmarks, entry 1: missing name"),
         ("landmarks: [{name: a, position: [1, 2]}]\n", "entry 1: position: give 3 numbers"),
-        ("landmarks: [{name: a, position: [1, 2, 3], sigma: -1}]\n", "not below 0"),
+        ("landmarks: [{name: a, position: [1, 2, 3], sigma: -1}]\n", "must not be negative"),
         ("distances: [{between: [a, a], metres: 1}]\n", "give the names of two tags"),
-        ("distances: [{between: [a, b], metres: 0}]\n", "above 0"),
+        ("distances: [{between: [a, b], metres: 0}]\n", "must be positive"),
         ("landmarks: 3\n", "landmarks: give a list"),
     ],
 )

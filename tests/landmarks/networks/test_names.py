@@ -42,9 +42,9 @@ def test_a_file_has_one_name_a_line(tmp_path):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (b"\xff\xfe\x00", "no text; give one name"),
-        (b"x\n" * 20_000, "too long; give one name"),
-        (b"x" * 2_000_000, "too long; give one name"),
+        (b"\xff\xfe\x00", "not a text file; give one class name"),
+        (b"x\n" * 20_000, "too long; give one class name"),
+        (b"x" * 2_000_000, "too long; give one class name"),
         (None, "no such file; give a text file"),
     ],
 )
@@ -64,7 +64,7 @@ def test_classes_are_named_or_numbered():
     assert numbers_of("tag board, 7", names) == {3, 7}
     with pytest.raises(ParameterError, match="no class 'cat'; choose from helipad, tag board"):
         numbers_of("helipad, cat", names)
-    with pytest.raises(ParameterError, match="choose from their numbers, as none has a name"):
+    with pytest.raises(ParameterError, match="choose from numbers, as no class has a name"):
         numbers_of("cat", {})
     many = {number: f"n{number}" for number in range(50)}
     with pytest.raises(ParameterError, match=r"n19, \.\.\.$"):

@@ -1,4 +1,4 @@
-"""What ``calibrate`` tells: a glance for people, an object for programs, and a picture."""
+"""Reports of ``calibrate``: a summary for people, an object for programs, and a plot."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _LISTED = 3
 
 
 def summary(found: CameraCalibration, collector: ViewCollector, better: Lens | None) -> list[str]:
-    """Some thirty lines that tell at one glance how good it is."""
+    """Summary of about thirty lines."""
     rows = [
         ("board", _about_board(found, collector)),
         ("camera", _numbers(found, 0, 4, ".2f")),
         (found.model.name, _numbers(found, 4, None, ".4f")),
         ("rms", _about_rms(found)),
         ("halves", _about_halves(found)),
-        ("unsure by", _about_uncertainty(found)),
+        ("uncertainty", _about_uncertainty(found)),
         ("worst views", _about_views(found)),
     ]
     left_out = _left_out(found, collector)
     if left_out:
-        rows.append(("left out", left_out))
+        rows.append(("rejected", left_out))
     coverage = collector.coverage
     rows += [
         (name, f"[{'#' * round(bar * _BAR):{_BAR}}] {bar:4.0%}")
@@ -51,33 +51,31 @@ def summary(found: CameraCalibration, collector: ViewCollector, better: Lens | N
 
 
 def warnings_of(found: CameraCalibration, better: Lens | None) -> list[str]:
-    """Reasons not to believe it."""
+    """Reasons not to trust the result."""
     texts = []
     count = len(found.views)
     if count < _FEW_VIEWS:
-        texts.append(f"only {counted(count, 'view')}: take 15 or more that differ")
+        texts.append(f"only {counted(count, 'view')}: take at least 15 distinct ones")
     if found.halves is None:
-        texts.append("too few views to check the result by halves of them: its error is unknown")
+        texts.append("too few views to compare halves of them: the error is unknown")
     elif found.halves.difference > APART:
         texts.append(
             f"halves of the views differ by {found.halves.difference:.2%} in focal length: do not"
-            " trust it; take more views, tilted, near and far"
+            " trust the result; take more views, tilted, near and far"
         )
     if found.fit.rms > _LARGE_RMS_PX:
-        texts.append("the rms is large: is the board flat, and were the pictures sharp?")
+        texts.append("the rms is large: check that the board is flat and the images are sharp")
     if found.uncertainty.corners > _UNSURE_PX:
-        texts.append("the image's corners are unsure: hold the board there too")
+        texts.append("the image corners are uncertain: hold the board there too")
     if better is not None:
-        texts.append(
-            f"--model {better.value} predicts views that it has not seen better or as well"
-        )
+        texts.append(f"--model {better.value} predicts held-out views better or equally well")
     return texts
 
 
 def to_json(
     found: CameraCalibration, collector: ViewCollector, better: Lens | None
 ) -> dict[str, Any]:
-    """All of it, as the README tells."""
+    """All results; the keys are described in the documentation."""
     info, coverage, halves = found.info, collector.coverage, found.halves
     names = found.model.numbers
     board = collector.finder.board
@@ -126,7 +124,7 @@ def to_json(
 
 
 def draw(found: CameraCalibration, coverage: Coverage) -> Figure:
-    """Every point in the image, and by how much it was missed, a hundred times as long."""
+    """All points in the image, with their residuals a hundred times as long."""
     width, height = found.size
     figure = Figure(800, 140 + round(700 * height / width))
     title = f"{found.model.name}: rms {found.fit.rms:.3f} px, {counted(len(found.views), 'view')}"
@@ -146,7 +144,7 @@ def draw(found: CameraCalibration, coverage: Coverage) -> Figure:
 
 
 def _color(number: int) -> Color:
-    """Neighbouring numbers differ."""
+    """Colour of a view, different for neighbouring numbers."""
     angle = number * 2.4
     red, green, blue = (round(110 + 90 * math.cos(angle + at)) for at in (0, 2.1, 4.2))
     return red, green, blue
@@ -171,7 +169,7 @@ def _numbers(found: CameraCalibration, start: int, stop: int | None, form: str) 
 
 
 def _about_rms(found: CameraCalibration) -> str:
-    held = f"; of views held out {found.halves.rms:.3f} px" if found.halves else ""
+    held = f"; held-out views {found.halves.rms:.3f} px" if found.halves else ""
     return f"{found.fit.rms:.3f} px{held}"
 
 
@@ -184,8 +182,8 @@ def _about_halves(found: CameraCalibration) -> str:
 
 def _about_uncertainty(found: CameraCalibration) -> str:
     centre, corners = found.uncertainty.centre, found.uncertainty.corners
-    at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "an unknown amount"
-    return f"{centre:.2f} px in the image's centre, {at_corners} in its corners (one sigma)"
+    at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "unknown"
+    return f"{centre:.2f} px in the centre of the image, {at_corners} in its corners (1 sigma)"
 
 
 def _about_views(found: CameraCalibration) -> str:
@@ -196,9 +194,9 @@ def _about_views(found: CameraCalibration) -> str:
 def _left_out(found: CameraCalibration, collector: ViewCollector) -> str:
     parts = [f"{view.name} (rms {rms:.2f} px)" for view, rms in found.outliers]
     if found.stray:
-        parts.append(f"{counted(found.stray, 'point')} that lie astray")
+        parts.append(counted(found.stray, "stray point"))
     if collector.alike:
-        parts.append(f"{counted(collector.alike, 'view')} like others")
+        parts.append(counted(collector.alike, "similar view"))
     if collector.other_sizes:
         parts.append(f"{counted(collector.other_sizes, 'image')} of another size")
     if collector.missed:
@@ -209,7 +207,7 @@ def _left_out(found: CameraCalibration, collector: ViewCollector) -> str:
 
 
 def _map(coverage: Coverage) -> list[tuple[int, str]]:
-    """Rows of the image, each of its parts as a letter: the darker, the more points."""
+    """Rows of the image, each part as a character: the darker, the more points."""
     top = max(float(coverage.cells.max()), 1.0)
     level = np.ceil(coverage.cells / top * (len(_SHADES) - 1)).astype(int)
     return [(row, "".join(_SHADES[one] * 2 for one in line)) for row, line in enumerate(level)]

@@ -120,7 +120,7 @@ class Mapper:
         landmarks = [*made.tracks, *others]
         for number, one in enumerate(landmarks, 1):
             one.number = number
-        left_out = dict(self._gathered.left_out)
+        left_out = dict(self._gathered.skipped)
         if unseen:
             left_out["surveyed tags that were never seen"] = len(unseen)
         return Mapped(made, landmarks, left_out)

@@ -1,4 +1,4 @@
-"""What the smoothing of a map found, in words and as values."""
+"""Reports of map smoothing, in words and as values."""
 
 from __future__ import annotations
 
@@ -18,59 +18,59 @@ _WORST = 3  # views, and tags, that are named
 
 
 def report_lines(made: TagMap, left_out: Mapping[str, int]) -> list[str]:
-    """For a person."""
+    """Report for people."""
     found = made.smoothed
     refused = int((~found.inliers).sum())
     seen = len({one.view for one in found.problem.sightings})
     lines = [
         f"smoothed: {counted(seen, 'view')} of {counted(len(found.tags.t), 'tag')},"
-        f" {counted(len(found.inliers), 'sighting')}, {refused} of them refused"
+        f" {counted(len(found.inliers), 'sighting')}, {refused} of them rejected"
     ]
     larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
     lines.append(
-        f"corners: {_rms(found.residuals_px[found.inliers]):.2f} px off (rms), and tags are seen"
+        f"corners: rms {_rms(found.residuals_px[found.inliers]):.2f} px; tags appear"
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
     )
     if found.problem.odometry is None and not found.problem.surveyed:
         anchor = shown(found.problem.names[found.problem.anchor])
-        lines.append(f"the frame of the map is that of {anchor}, as no frames are there")
+        lines.append(f"no tf: the map is in the frame of {anchor}")
     printed, sigma = found.shared[PRINTED], np.sqrt(found.shared_covariance[PRINTED, PRINTED])
     if found.problem.surveyed or found.problem.distances:
         lines.append(
-            f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their sizes say,"
-            " by what was measured"
+            f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their given sizes,"
+            " according to the survey"
         )
     if _is_longer(found):
         longer, sigma = found.shared[LONGER], np.sqrt(found.shared_covariance[LONGER, LONGER])
         lines.append(
-            f"ways by the odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
-            " the tags: check the size that was given, or the odometry's scale"
+            f"distances by odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
+            " tags: check the given tag size, or the scale of the odometry"
         )
     lines += [one.text for one in made.mountings]
     lines += _outliers(made)
     lines += [
-        f"{shown(name)}: the views do not tell which of two poses it has"
+        f"{shown(name)}: ambiguous, two poses fit its views"
         for name, open_ in zip(found.problem.names, found.undecided, strict=True)
         if open_
     ]
     lines += [
-        f"the view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
+        f"view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
         " do not fit"
         for one in _views(made)
         if one["refused"] * 2 > one["sightings"] > 1
     ][:_WORST]
-    lines += [f"left out: {number} {reason}" for reason, number in left_out.items()]
+    lines += [f"skipped: {number} {reason}" for reason, number in left_out.items()]
     return lines
 
 
 def _is_longer(found: SmoothedMap) -> bool:
-    """Whether the odometry's ways are of another length than anybody expects."""
+    """True if the odometry's scale error is larger than expected."""
     is_known = found.problem.odometry is not None
     return is_known and bool(abs(found.shared[LONGER]) > 3 * UNKNOWN.longer)
 
 
 def _outliers(made: TagMap) -> list[str]:
-    """What is wrong with tags; of those that nothing explains, the worst alone."""
+    """Faulty tags; of those without an explanation, only the worst."""
     explained = [one for one in made.outliers if one.kind != UNSTEADY]
     rest = sorted((one for one in made.outliers if one.kind == UNSTEADY), key=lambda o: -o.value)
     named = [*explained, *rest[:_WORST]]
@@ -81,7 +81,7 @@ def _outliers(made: TagMap) -> list[str]:
 
 
 def report_values(made: TagMap, left_out: Mapping[str, int]) -> dict[str, Any]:
-    """For a program."""
+    """Report for programs."""
     found = made.smoothed
     tags = np.array([one.tag for one in found.problem.sightings])
     return {
@@ -140,5 +140,5 @@ def _views(made: TagMap) -> list[dict[str, Any]]:
 
 
 def _rms(residuals_px: Any) -> float | None:
-    """Of what there is, None where there is nothing."""
+    """Root mean square; None for no residuals."""
     return float(np.sqrt((residuals_px**2).mean())) if len(residuals_px) else None

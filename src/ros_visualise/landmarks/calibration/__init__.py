@@ -1,1 +1,1 @@
-"""Calibrating a camera by pictures of a board: find the board, choose views, fit, and doubt."""
+"""Camera calibration with boards: find the board, select views, fit, and validate."""

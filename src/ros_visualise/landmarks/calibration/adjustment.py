@@ -1,8 +1,8 @@
-"""Bundle adjustment of a camera and the boards that it saw.
+"""Bundle adjustment of a camera and its boards.
 
-The least squares of the reprojection, by Levenberg and Marquardt. Each board's pose touches its own
-view alone, so poses are eliminated first (the Schur complement), and what is left for the camera's
-numbers is also their information, of which the inverse is their covariance.
+Least squares of the reprojection by Levenberg and Marquardt. Each board's pose affects only its own
+view, so poses are eliminated first (the Schur complement). What is left is the information matrix
+of the camera's numbers, whose inverse is their covariance.
 
 Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1.
 """
@@ -20,23 +20,22 @@ from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_ra
 from ros_visualise.landmarks.calibration.views import BoardView
 
 _MOST_STEPS = 60
-_DONE = 1e-9  # of the sum of squares: so little less, and it ends
-_FAR_RAY = 6.0  # a slope: beyond, slopes say little
-_FOCAL_LENGTHS = np.geomspace(0.2, 5, 30)  # of the longer side: where the search begins
-_BEGUN_WITH = 12  # views
+_DONE = 1e-9  # relative decrease of the sum of squares at which it stops
+_FAR_RAY = 6.0  # largest useful slope of a ray
+_FOCAL_LENGTHS = np.geomspace(0.2, 5, 30)  # initial guesses, in lengths of the longer side
+_BEGUN_WITH = 12  # views used for the initial guess
 _HOPELESS = 1e12
 
 
 @dataclass(frozen=True, eq=False)
 class BundleFit:
-    """A camera and boards that fit.
+    """Best-fit camera and boards.
 
     Attributes:
-        numbers: (n,) the camera's.
-        poses: (V, 6) of the boards for the camera.
-        residuals: of each view (N, 2), pixels: predicted less seen.
-        covariance: (n, n) of the numbers, from the residuals' own size; None where the camera was
-            held.
+        numbers: (n,) of the camera.
+        poses: (V, 6) of the boards in the camera's frame.
+        residuals: of each view (N, 2), pixels: predicted minus measured.
+        covariance: (n, n) of the numbers, scaled by the residuals; None if the camera was held.
     """
 
     numbers: Floats
@@ -46,22 +45,22 @@ class BundleFit:
 
     @property
     def rms(self) -> float:
-        """Of the distance between predicted and seen points, pixels."""
+        """Root mean square of the reprojection errors, pixels."""
         return rms_of(np.vstack(self.residuals))
 
     @property
     def view_rms(self) -> list[float]:
-        """The same, of each view."""
+        """The same for each view."""
         return [rms_of(one) for one in self.residuals]
 
 
 def rms_of(residuals: Floats) -> float:
-    """Root of the mean squared length of residuals (N, 2)."""
+    """Root mean square length of residuals (N, 2)."""
     return float(np.sqrt((residuals**2).sum(axis=1).mean()))
 
 
 def begin(views: Sequence[BoardView], model: LensModel) -> Floats:
-    """The camera's numbers to begin with: no distortion, and the focal length that fits best."""
+    """Initial numbers of the camera: no distortion, and the best focal length."""
     width, height = views[0].size
     middle = [(width - 1) / 2, (height - 1) / 2]
     some = views[:: max(1, len(views) // _BEGUN_WITH)]
@@ -78,13 +77,13 @@ def begin(views: Sequence[BoardView], model: LensModel) -> Floats:
 def adjust(
     views: Sequence[BoardView], model: LensModel, numbers: Floats, *, held: bool = False
 ) -> BundleFit:
-    """The camera and the boards' poses that fit the views best.
+    """Fit the camera and the boards' poses to the views.
 
     Args:
         views: of at least 3 boards, unless the camera is held.
         model: of the lens.
-        numbers: the camera's, to begin with.
-        held: the camera stays as it is, only the boards move.
+        numbers: initial values of the camera's numbers.
+        held: keep the camera fixed; only the boards move.
     """
     poses = np.array([_pose(view, numbers, model) for view in views])
     system = _System(views, model, numbers, poses, held)
@@ -107,7 +106,7 @@ def adjust(
 
 
 class _System:
-    """The equations around one state."""
+    """The linear equations around one state."""
 
     def __init__(
         self,
@@ -134,7 +133,7 @@ class _System:
         self.cost = cost if np.isfinite(cost) else np.inf
 
     def step(self, damping: float) -> tuple[Floats, Floats]:
-        """How to change the camera's numbers and the poses (V, 6)."""
+        """The change of the camera's numbers and the poses (V, 6)."""
         V_inverse = [np.linalg.inv(_damped(V, damping)) for V, _, _ in self._blocks]
         numbers = np.zeros(len(self._U))
         if not self._held:
@@ -150,13 +149,15 @@ class _System:
         return numbers, np.array(poses)
 
     def covariance(self) -> Floats:
-        """Of the camera's numbers, where each pixel is as uncertain as the residuals are large."""
+        """Covariance of the camera's numbers, given pixel noise as large as the residuals."""
         S = self._U.copy()
         for V, W, _ in self._blocks:
             S -= W @ np.linalg.pinv(V) @ W.T
         count = sum(one.size for one in self.residuals)
         free = max(count - len(S) - 6 * len(self._blocks), 1)
-        scale = 1 / np.sqrt(np.maximum(np.diag(S), 1e-300))  # numbers differ in size by far
+        scale = 1 / np.sqrt(
+            np.maximum(np.diag(S), 1e-300)
+        )  # for numbers of very different magnitude
         return (
             np.linalg.pinv(S * np.outer(scale, scale)) * np.outer(scale, scale) * self.cost / free
         )
@@ -167,7 +168,7 @@ def _damped(matrix: Floats, damping: float) -> Floats:
 
 
 def _pose(view: BoardView, numbers: Floats, model: LensModel) -> Floats:
-    """A board's pose (6,) by its points' rays, where they are not too far aside."""
+    """A board's pose (6,) from the rays of its points, except extreme ones."""
     rays = to_rays(view.points.uv, numbers, model)
     points = view.points_xyz
     near = np.abs(rays).max(axis=1) < _FAR_RAY

@@ -1,7 +1,7 @@
-"""Boards that a camera is calibrated with: where their points are, and what is black on them.
+"""Calibration boards: where their points are, and which parts are black.
 
-A board's frame has its origin at the top left corner of the pattern, x right, y down, as one looks
-at it; all lengths are in metres.
+A board's frame has its origin at the top left corner of the pattern, x right, y down, as seen from
+the front; all lengths are in metres.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Ints = npt.NDArray[np.int64]
 
 
 class BoardKind(Enum):
-    """What a board shows."""
+    """Kinds of boards."""
 
     CHESSBOARD = "chessboard"
     CHARUCO = "charuco"
@@ -31,14 +31,15 @@ class BoardKind(Enum):
 
 @dataclass(frozen=True)
 class Board:
-    """One reading of what a person said of a board.
+    """One interpretation of the description of a board.
 
-    ``columns`` and ``rows`` count a chessboard's inner corners, a ChArUco board's squares, an
-    AprilGrid's tags. ``square`` is the side of a square, or of a tag; ``share`` that of a ChArUco
-    marker, or an AprilGrid's spacing, as a share of it. ``dictionary`` is OpenCV's, as
-    ``5X5_1000``. ``white_first``: a ChArUco board's top left square is white, as OpenCV drew those
-    of an even number of rows before 4.7. ``border``: black cells around a tag's code: Kalibr has 2,
-    others 1. ``upwards``: tags are counted from the lowest row, as Kalibr does.
+    ``columns`` and ``rows`` count the inner corners of a chessboard, the squares of a ChArUco
+    board, the tags of an AprilGrid. ``square`` is the side of a square or tag. ``share`` is the
+    side of a ChArUco marker, or the spacing of an AprilGrid, as a fraction of it. ``dictionary`` is
+    OpenCV's, such as ``5X5_1000``. ``white_first``: the top left square of a ChArUco board is
+    white, as OpenCV drew those with an even number of rows before 4.7. ``border``: black cells
+    around a tag's code: Kalibr has 2, others 1. ``upwards``: tags are counted from the lowest row,
+    as in Kalibr.
     """
 
     kind: BoardKind
@@ -53,7 +54,7 @@ class Board:
 
     @property
     def counts(self) -> str:
-        """As ``9x6 inner corners``."""
+        """Size in words, such as ``9x6 inner corners``."""
         nouns = {
             BoardKind.CHESSBOARD: "inner corners",
             BoardKind.CHARUCO: "squares",
@@ -63,16 +64,16 @@ class Board:
 
     @property
     def noun(self) -> str:
-        """As ``chessboard``."""
+        """Kind in words, such as ``chessboard``."""
         nouns = {BoardKind.CHARUCO: "ChArUco board", BoardKind.APRILGRID: "AprilGrid"}
         return nouns.get(self.kind, "chessboard")
 
     @property
     def words(self) -> str:
-        """What it is, for people: ``chessboard of 9x6 inner corners``."""
+        """Description, such as ``chessboard of 9x6 inner corners``."""
         words = f"{self.noun} of {self.counts}"
         if self.kind is BoardKind.CHARUCO and self.white_first:
-            return f"{words}, the first one white"
+            return f"{words}, the first white"
         if self.kind is not BoardKind.APRILGRID:
             return words
         rims = "two cells" if self.border == 2 else "one cell"
@@ -96,28 +97,28 @@ def board_of(
     share: float | None = None,
     dictionary: str | None = None,
 ) -> Board:
-    """A board as a person tells of it.
+    """A board from its description by the user.
 
     Args:
         kind: of board.
-        counts: ``COLUMNSxROWS``, as `Board` counts them.
-        square: side of a square or a tag, metres; of no matter for the camera.
-        share: as `Board` has it; None: 0.75 of ChArUco, 0.3 of an AprilGrid, as Kalibr's.
-        dictionary: OpenCV's name; None: 5X5_1000 of ChArUco, APRILTAG_36h11 of an AprilGrid.
+        counts: ``COLUMNSxROWS``, counted as in `Board`.
+        square: side of a square or tag, metres; it has no effect on the camera.
+        share: as in `Board`; None: 0.75 for ChArUco, 0.3 for an AprilGrid, as in Kalibr.
+        dictionary: OpenCV's name; None: 5X5_1000 for ChArUco, APRILTAG_36h11 for an AprilGrid.
 
     Raises:
-        UsageError: there is no such board.
+        UsageError: the description is invalid.
     """
     columns, _, rows = counts.lower().partition("x")
     sides = [int(text) if text.isdecimal() and len(text) < 4 else 0 for text in (columns, rows)]
     if not 2 <= min(sides) <= max(sides) <= _MOST:
         raise UsageError(f"size {counts!r}: give COLUMNSxROWS, such as 9x6, 2 to {_MOST} each")
     if dictionary and not has_dictionary(dictionary):
-        raise UsageError(f"OpenCV has no dictionary {dictionary!r}; try 4X4_50 or 5X5_1000")
+        raise UsageError(f"no such dictionary in OpenCV: {dictionary!r}; try 4X4_50 or 5X5_1000")
     found = _SHARES[kind] if share is None else share
     if kind is not BoardKind.CHESSBOARD and not 0.05 <= found <= 0.95:
         raise UsageError(
-            f"a share of {found:g}: give one of a square's or tag's side, 0.05 to 0.95"
+            f"share {found:g}: give a fraction of the side of a square or tag, 0.05 to 0.95"
         )
     words = dictionary or _DICTIONARIES[kind]
     board = Board(kind, sides[0], sides[1], square or 0.025, found, words)
@@ -126,15 +127,15 @@ def board_of(
     if kind is not BoardKind.CHESSBOARD and len(marker_corners(board)) > len(
         dictionary_of(board).bytesList
     ):
-        raise UsageError(f"{counts}: {board.dictionary} has too few markers for it")
+        raise UsageError(f"{counts}: too few markers in {board.dictionary}")
     return board
 
 
 def readings(board: Board) -> tuple[Board, ...]:
-    """What a person may have meant, the likeliest first.
+    """Possible interpretations of a description, the likeliest first.
 
-    Squares are taken for inner corners and the other way round, columns for rows; of tags, where
-    their numbers begin.
+    Squares may have been counted instead of inner corners or the reverse, and columns swapped with
+    rows; for tags, their numbering may start elsewhere.
     """
     columns, rows = board.columns, board.rows
     if board.kind is BoardKind.CHESSBOARD:
@@ -144,7 +145,7 @@ def readings(board: Board) -> tuple[Board, ...]:
     if board.kind is BoardKind.CHARUCO:
         counts += [(columns + 1, rows + 1), (rows + 1, columns + 1)]
         meant = [replace(board, columns=c, rows=r) for c, r in counts]
-        # only of an even number of rows did OpenCV ever begin with white
+        # OpenCV only ever started with white if the number of rows is even
         white = [replace(one, white_first=True) for one in meant if one.rows % 2 == 0]
         return tuple(dict.fromkeys([*meant[:1], *white[:1], *meant[1:], *white[1:]]))
     return tuple(
@@ -158,7 +159,7 @@ def readings(board: Board) -> tuple[Board, ...]:
 
 
 def outer_size(board: Board) -> tuple[float, float]:
-    """Width and height of the pattern, with an AprilGrid's outermost black squares."""
+    """Width and height of the pattern, including the outermost black squares of an AprilGrid."""
     if board.kind is BoardKind.APRILGRID:
         pitch, gap = board.square * (1 + board.share), board.square * board.share
         return board.columns * pitch + gap, board.rows * pitch + gap
@@ -168,10 +169,10 @@ def outer_size(board: Board) -> tuple[float, float]:
 
 @lru_cache(maxsize=32)
 def points_xy(board: Board) -> Floats:
-    """The points that are found on it, (N, 2).
+    """The detectable points of a board, (N, 2).
 
-    Inner corners row by row from the top left one; of an AprilGrid the corners of tag after tag,
-    each from its top left one clockwise.
+    Inner corners row by row from the top left; for an AprilGrid the corners of tag after tag,
+    clockwise from the top left.
     """
     if board.kind is BoardKind.APRILGRID:
         return marker_corners(board).reshape(-1, 2)
@@ -182,7 +183,7 @@ def points_xy(board: Board) -> Floats:
 
 @lru_cache(maxsize=32)
 def marker_corners(board: Board) -> Floats:
-    """(M, 4, 2): of marker after marker, by their ids, from its top left corner clockwise.
+    """(M, 4, 2) corners of the markers, by id, clockwise from the top left.
 
     Source: OpenCV 4.6 and 4.7, CharucoBoard; Kalibr, GridCalibrationTargetAprilgrid.
     """
@@ -205,7 +206,7 @@ def marker_corners(board: Board) -> Floats:
 
 
 def dark_rectangles(board: Board) -> Floats:
-    """What is black on it, (N, 4): x, y, width, height; all else is white."""
+    """The black parts, (N, 4): x, y, width, height; everything else is white."""
     if board.kind is BoardKind.CHESSBOARD:
         return _checks(board.columns + 1, board.rows + 1, board.square, False)
     if board.kind is BoardKind.CHARUCO:
@@ -221,7 +222,7 @@ def dark_rectangles(board: Board) -> Floats:
 
 
 def has_dictionary(name: str) -> bool:
-    """Whether OpenCV has a dictionary of markers of that name, without ``DICT_``."""
+    """True if OpenCV has a dictionary of markers of that name, without ``DICT_``."""
     return hasattr(cv2.aruco, f"DICT_{name}")
 
 
@@ -236,7 +237,7 @@ def _checks(columns: int, rows: int, side: float, white_first: bool) -> Floats:
 
 
 def _marker_cells(board: Board) -> Floats:
-    """The black cells of all markers, those beside one another as one rectangle."""
+    """The black cells of all markers; horizontal neighbours are joined into one rectangle."""
     found = []
     dictionary = dictionary_of(board)
     size = dictionary.markerSize + 2 * board.border
@@ -251,9 +252,9 @@ def _marker_cells(board: Board) -> Floats:
 
 
 def _draw_marker(dictionary: Any, number: int, size: int, border: int) -> npt.NDArray[np.uint8]:
-    """One pixel for each cell; 0 is black."""
+    """One pixel per cell; 0 is black."""
     aruco: Any = cv2.aruco
-    # OpenCV 4.7 gave it another name
+    # renamed in OpenCV 4.7
     draw = getattr(aruco, "generateImageMarker", None) or aruco.drawMarker
     cells: npt.NDArray[np.uint8] = draw(dictionary, number, size, borderBits=border)
     return cells

@@ -1,4 +1,4 @@
-"""Calibrating by views, and how far the result is to be believed."""
+"""Calibration from views, and its validation."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from ros_visualise.vision.reshape import Size
 
 FEWEST_VIEWS = 3
 APART = 0.005
-"""Halves whose focal lengths differ by more, as a share of them, are not to be trusted."""
+"""Largest relative difference in focal length between halves of a trustworthy calibration."""
 _OUTLYING = 3.0  # times the median of all views
-_OUTLYING_PX = 0.3  # a view that fits so well is never one
+_OUTLYING_PX = 0.3  # a view with a smaller rms is never an outlier
 _MOST_OUTLYING = 0.2  # of the views
 _STRAY_PX = 0.3
-_STRAY = 7.0  # times the median of all: the point was taken for another one
+_STRAY = 7.0  # times the median of all: a mismatched point
 _ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Halves:
-    """The views in two halves, calibrated apart.
+    """Two halves of the views, calibrated separately.
 
     Attributes:
-        focal_lengths: of the one and the other, the mean of fx and fy, pixels.
-        rms: held-out: of each half's points by the camera of the other one, whose boards alone
-            move, pixels.
+        focal_lengths: of both, the mean of fx and fy, pixels.
+        rms: held-out: each half's points predicted with the other half's camera, for which only the
+            boards move, pixels.
     """
 
     focal_lengths: tuple[float, float]
@@ -43,7 +43,7 @@ class Halves:
 
     @property
     def difference(self) -> float:
-        """Of the focal lengths, as a share of them."""
+        """Relative difference of the focal lengths."""
         one, other = self.focal_lengths
         return abs(one - other) / ((one + other) / 2)
 
@@ -55,11 +55,11 @@ class CameraCalibration:
     Attributes:
         model: of its lens.
         size: width and height of its images.
-        fit: the camera's numbers and how well they fit.
-        views: that it is made of.
-        outliers: views that were left out, and their rms, pixels.
-        stray: points that were left out.
-        halves: None where the views are too few for it.
+        fit: the camera's numbers and their fit.
+        views: used for it.
+        outliers: rejected views, and their rms, pixels.
+        stray: number of rejected points.
+        halves: None if the views are too few.
         uncertainty: of the projection.
     """
 
@@ -74,7 +74,7 @@ class CameraCalibration:
 
     @property
     def info(self) -> CameraInfo:
-        """For ROS; P shows valid pixels alone, as cameracalibrator lays it out."""
+        """ROS calibration; P shows only valid pixels, as computed by cameracalibrator."""
         info = to_info(self.fit.numbers, self.model, self.size)
         return replace(info, P=model_of(info, 0.0).P)
 
@@ -89,15 +89,15 @@ class CameraCalibration:
 def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     """The camera that took the views, all of one size.
 
-    Views and points that fit far worse than the others are left out.
+    Views and points that fit far worse than the others are rejected.
 
     Raises:
-        UsageError: there are too few views.
+        UsageError: too few views.
     """
     if len(views) < FEWEST_VIEWS:
         raise UsageError(
-            f"too few views of the board that differ: {len(views)}; it takes at least"
-            f" {FEWEST_VIEWS}, better 15: show it tilted, near, and in all corners"
+            f"too few distinct views of the board: {len(views)}; needs {FEWEST_VIEWS}, better"
+            " 15: show it tilted, near, and in all corners"
         )
     model = MODELS[lens]
     kept, outliers = list(views), []
@@ -129,7 +129,7 @@ def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
 
 
 def compare_halves(views: Sequence[BoardView], model: LensModel) -> Halves | None:
-    """Calibrate every other view, and the others, apart; None of too few views."""
+    """Calibrate every other view, and the rest, separately; None if there are too few."""
     halves = views[::2], views[1::2]
     if len(halves[1]) < FEWEST_VIEWS:
         return None
@@ -143,9 +143,9 @@ def compare_halves(views: Sequence[BoardView], model: LensModel) -> Halves | Non
 
 
 def better_lens(calibration: CameraCalibration) -> Lens | None:
-    """The simplest other lens that predicts held-out views clearly better, or as well.
+    """The simplest other lens that predicts held-out views clearly better, or equally well.
 
-    None where the chosen one is the right one.
+    None if the chosen one is right.
     """
     if calibration.halves is None:
         return None
@@ -163,8 +163,8 @@ def better_lens(calibration: CameraCalibration) -> Lens | None:
 
 
 def _outlying(fit: BundleFit) -> list[int]:
-    """Views that fit far worse than most, the worst first; a share of them at most."""
-    # medians, so that one stray point does not cost its whole view
+    """Views that fit far worse than most, the worst first; limited to a fraction of all."""
+    # medians, so that one stray point does not reject its whole view
     error = np.array([np.median(np.linalg.norm(one, axis=1)) for one in fit.residuals])
     limit = max(_OUTLYING * float(np.median(error)), _OUTLYING_PX)
     worst = np.argsort(-error)[: int(len(error) * _MOST_OUTLYING)]
@@ -174,11 +174,12 @@ def _outlying(fit: BundleFit) -> list[int]:
 def _without_stray(
     views: list[BoardView], fit: BundleFit, model: LensModel
 ) -> tuple[list[BoardView], int]:
-    """The views without points that lie far from where they should, and how many these are.
+    """The views without points that lie far from their prediction, and the number of these.
 
     Args:
-        views: with all of their points: one that a stray point had drawn aside comes back.
-        fit: of these boards, perhaps by fewer points.
+        views: with all of their points, so that a point rejected only because of a stray one
+            returns.
+        fit: of these boards, possibly with fewer points.
         model: of the lens.
     """
     lengths = np.linalg.norm(np.vstack(fit.residuals), axis=1)

@@ -1,4 +1,4 @@
-"""Pictures come in, views of the board that differ are kept."""
+"""Collecting distinct views of a board from images."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ros_visualise.vision.reshape import Size
 
 
 class ViewCollector:
-    """Looks for a board in images of one camera.
+    """Finds a board in the images of one camera and keeps distinct views.
 
     Args:
-        board: what a person said of it.
-        most: views that are kept.
+        board: described by the user.
+        most: largest number of views to keep.
     """
 
     def __init__(self, board: Board, most: int = 60) -> None:
@@ -26,19 +26,19 @@ class ViewCollector:
         self._gallery = Gallery(most)
         self._sizes: Counter[Size] = Counter()
         self.seen = 0
-        """Images that were looked at."""
+        """Number of images searched."""
         self.found = 0
-        """Images with a board."""
+        """Number of images with a board."""
         self.missed: list[str] = []
         """Names of images without one."""
 
     def add(self, image: Image, name: str, thorough: bool = True) -> BoardView | None:
-        """The board in an image, whether or not the view is kept.
+        """The board in an image, even if the view is not kept.
 
         Args:
-            image: in gray or colours.
+            image: gray or colour.
             name: of the image.
-            thorough: as of `find_board`.
+            thorough: see `find_board`.
 
         Raises:
             UnsupportedImage: its pixels are measurements.
@@ -60,28 +60,28 @@ class ViewCollector:
 
     @property
     def views(self) -> list[BoardView]:
-        """Those that are kept, of the reading of the board and the size that most are of."""
+        """The kept views, of the most frequent reading of the board and image size."""
         chosen = (self.finder.board, self.size)
         return [view for view in self._gallery.views if (view.board, view.size) == chosen]
 
     @property
     def alike(self) -> int:
-        """Views that were left out, as others are like them."""
+        """Number of views dropped as similar to others."""
         return self._gallery.alike
 
     @property
     def other_sizes(self) -> int:
-        """Images with a board that are of another size than most."""
+        """Number of images with a board whose size differs from that of most."""
         return self.found - (self._sizes[self.size] if self.size else 0)
 
     @property
     def coverage(self) -> Coverage:
-        """What the views cover."""
+        """Coverage of the views."""
         return cover(self.views, self.size or (1, 1))
 
 
 def to_gray_8(image: Image) -> Pixels:
-    """An image in gray of 8 bits, whatever it was.
+    """An image as 8-bit gray.
 
     Raises:
         UnsupportedImage: its pixels are measurements.

@@ -1,4 +1,4 @@
-"""Corners of black and white, refined to a fraction of a pixel, and whether they are any."""
+"""Subpixel refinement and verification of corners between black and white."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ros_visualise.data import Floats, Pixels
 Bools = npt.NDArray[np.bool_]
 
 _WINDOWS = (2, 20)
-_MOVED = (1.5, 0.06)  # pixels, and of a square: the corner that was refined is another one
+_MOVED = (1.5, 0.06)  # largest refinement: pixels, and fraction of a square
 _CONTRAST = 20  # levels between black and white
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 
 
 def refine(gray: Pixels, uv: Floats, half: float) -> Floats:
-    """Corners (N, 2) moved to where black and white meet; NaN too near to the image's border.
+    """Refine corners (N, 2); NaN too near to the image border.
 
     Args:
-        half: half a window, pixels.
+        half: half the window, pixels.
     """
     window = int(np.clip(half, *_WINDOWS))
     found = np.full(uv.shape, np.nan)
@@ -35,19 +35,19 @@ def refine(gray: Pixels, uv: Floats, half: float) -> Floats:
 
 
 def are_in_place(uv: Floats, start: Floats, sides: Floats) -> Bools:
-    """Which corners stayed where they were seen; ``sides``: of their squares, pixels."""
+    """Mask of corners that stayed where they were seen; ``sides``: of their squares, pixels."""
     least, share = _MOVED
     reach = np.maximum(least, share * sides)
     return np.asarray(np.linalg.norm(uv - start, axis=1) <= reach)
 
 
 def are_crossings(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
-    """At which corners (4,) of a square black meets black across white, all around it.
+    """Mask of corners (4,) of a square that black and white surround as on a board.
 
     Args:
         square: (4, 2) on the board.
         H: homography from the board to pixels.
-        share: how far from the corner to look, of the square's side.
+        share: distance from the corner to check, as a fraction of the square's side.
     """
     step = float(square[1, 0] - square[0, 0]) * share
     around = square[:, None] + step * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -61,5 +61,5 @@ def are_crossings(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
 
 
 def to_pixels(places: Floats, H: Any) -> Floats:
-    """Places (N, 2) on the board by a homography, pixels."""
+    """Points (N, 2) on the board mapped by a homography, pixels."""
     return np.asarray(cv2.perspectiveTransform(places[:, None], H), np.float64)[:, 0]

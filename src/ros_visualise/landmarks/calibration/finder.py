@@ -1,4 +1,4 @@
-"""Finding a board of which a person may have told the counts in another way."""
+"""Finding a board whose description may be ambiguous."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ _SURE = 3
 
 
 class BoardFinder:
-    """Finds a board in pictures, and which reading of it fits.
+    """Finds a board in images, and determines which interpretation of its description fits.
 
-    Each reading is tried until one was found three times; from then on that one alone is looked
-    for.
+    All interpretations are tried until one was found three times; from then on, only that one.
 
     Args:
-        board: what a person said.
+        board: described by the user.
     """
 
     def __init__(self, board: Board) -> None:
@@ -29,28 +28,28 @@ class BoardFinder:
 
     @property
     def board(self) -> Board | None:
-        """The reading that was found most often; None before one was found."""
+        """The reading found most often; None before any was found."""
         return self._found.most_common(1)[0][0] if self._found else None
 
     @property
     def tried(self) -> str:
-        """What was looked for, for people."""
+        """The boards searched for, in words."""
         first, *others = dict.fromkeys(one.counts for one in self._readings)
         return f"{self._readings[0].noun} of {first}" + (
             f", nor one of {' or '.join(others)}" if others else ""
         )
 
     def look(self, gray: Pixels, name: str, thorough: bool = True) -> BoardView | None:
-        """The board in a picture.
+        """The board in an image.
 
         Args:
             gray: (height, width) uint8.
-            name: of the picture.
-            thorough: as of `find_board`.
+            name: of the image.
+            thorough: see `find_board`.
         """
         size = (gray.shape[1], gray.shape[0])
         seen = []
-        markers: dict[int, Markers] = {}  # by the only thing in which readings differ for them
+        markers: dict[int, Markers] = {}  # by border, the only difference between readings
         for board in self._candidates():
             if board.kind is not BoardKind.CHESSBOARD and board.border not in markers:
                 markers[board.border] = find_markers(gray, board)
@@ -70,9 +69,9 @@ class BoardFinder:
 
 
 def _how_well(view: BoardView) -> tuple[float, float, int]:
-    """Markers tell most; of a board with more rows than there are, less is found.
+    """Sort key: markers are most reliable; with too many assumed rows, fewer are found.
 
-    A small chessboard is found in a larger one too, so of these the most points tell.
+    A small chessboard is also found inside a larger one, so for these the number of points decides.
     """
     count = len(view.points.numbers)
     is_whole = view.board.kind is BoardKind.CHESSBOARD

@@ -1,8 +1,8 @@
-"""Finding a board's points in a picture, to a fraction of a pixel.
+"""Finding a board's points in an image, with subpixel accuracy.
 
-Pixels have their origin at the centre of the top-left pixel. Corners are refined where edges of
-black and white meet, by `cv2.cornerSubPix`, with a window that fits their distance. On real
-pictures that left less than findChessboardCornersSB: 0.18 and 0.17 px against 0.25 and 0.20.
+Pixels have their origin at the centre of the top-left pixel. Corners are refined by
+`cv2.cornerSubPix`, with a window adapted to their distance. On real images the residuals were
+smaller than with findChessboardCornersSB: 0.18 and 0.17 px against 0.25 and 0.20.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from ros_visualise.landmarks.tags.families import Family
 from ros_visualise.landmarks.tags.finder import TagFinder
 
 Markers = tuple[Ints, Floats]
-"""Numbers (M,), and corners (M, 4, 2) in pixels."""
+"""Ids (M,), and corners (M, 4, 2) in pixels."""
 
 FEWEST = 8
-"""Points that a view needs."""
-_SEARCHED = 1280  # pixels of the longer side: chessboards are looked for at that size at most
-_WINDOW_SHARE = 0.3  # of the distance of neighbouring corners: half a window
-_FITTING = 0.6  # of the markers seen have to lie where the board has them
-_ASTRAY = 0.35  # of a marker's side: it lies elsewhere
-_GAP_SHARE = 0.9  # of what is white around a marker, or black around its code
-_HAMMING, _MARGIN = 1, 10.0  # where a marker lies tells too whether it is one
-_NEAREST = 2  # markers at least that say where one beside them is
+"""Smallest number of points of a view."""
+_SEARCHED = 1280  # pixels of the longer side: larger images are reduced to find chessboards
+_WINDOW_SHARE = 0.3  # half the window, as a fraction of the distance between corners
+_FITTING = 0.6  # least fraction of the visible markers that must fit the board
+_ASTRAY = 0.35  # largest offset of a marker, as a fraction of its side
+_GAP_SHARE = 0.9  # fraction of the white gap around a marker, or of its black border
+_HAMMING, _MARGIN = 1, 10.0  # loose, as the position of a marker is checked too
+_NEAREST = 2  # least number of markers that predict a neighbour
 _ONE_AT_A_TIME = Lock()
 
 
 class BoardPoints(NamedTuple):
-    """Points of a board in a picture.
+    """Points of a board in an image.
 
-    ``numbers`` are those in `points_xy`, ``uv`` (N, 2) pixels; ``fitting`` is the share of the
-    markers seen that lie where this board has them.
+    ``numbers`` are their indices in `points_xy`, ``uv`` (N, 2) pixels; ``fitting`` is the fraction
+    of visible markers that fit this board.
     """
 
     numbers: Ints
@@ -63,13 +63,13 @@ class BoardPoints(NamedTuple):
 def find_board(
     gray: Pixels, board: Board, thorough: bool = True, markers: Markers | None = None
 ) -> BoardPoints | None:
-    """The board's points, at least `FEWEST`; None where it is not seen.
+    """The board's points, at least `FEWEST`; None if it is not visible.
 
     Args:
         gray: (height, width) uint8.
-        board: chessboards are found whole or not at all, of others any part.
-        thorough: look for a chessboard by a second, slower way too.
-        markers: what `find_markers` gives, where it is known.
+        board: chessboards are found only as a whole, others also in part.
+        thorough: also try a second, slower chessboard detector.
+        markers: result of `find_markers`, if known.
     """
     if board.kind is BoardKind.CHESSBOARD:
         return _find_chessboard(gray, board, thorough)
@@ -86,16 +86,16 @@ def find_board(
 
 
 def find_markers(gray: Pixels, board: Board) -> Markers:
-    """Numbers (M,) and corners (M, 4, 2) of a board's markers, from its top left corner clockwise.
+    """Ids (M,) and corners (M, 4, 2) of a board's markers, clockwise from the top left.
 
     Args:
         gray: (height, width) uint8.
-        board: its dictionary and the black cells around a marker's code count.
+        board: its dictionary and border are used.
     """
     with _ONE_AT_A_TIME:
         tags = _finder_of(board.dictionary, board.border).find(gray)
     numbers = np.array([tag.id for tag in tags], np.int64)
-    corners = [tag.corners_uv[::-1] for tag in tags]  # else anticlockwise from the lower left
+    corners = [tag.corners_uv[::-1] for tag in tags]  # were anticlockwise from the lower left
     return numbers, np.array(corners, np.float64).reshape(-1, 4, 2)
 
 
@@ -106,7 +106,7 @@ def _finder_of(dictionary: str, border: int) -> TagFinder:
 
 
 def _is_wide(xy: Floats, board: Board) -> bool:
-    """Whether points (N, 2) on the board are not on a line, which has no pose."""
+    """True if points (N, 2) on the board are not collinear (a line gives no pose)."""
     return bool(np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[1] > board.square / 2)
 
 
@@ -133,8 +133,8 @@ def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> BoardPoints 
 
 
 def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
-    """Which markers lie where the board has them, as seen by a homography of most of them."""
-    if len(numbers) < 2:  # of one alone nobody knows
+    """Mask of markers that fit the board, by a homography of most of them."""
+    if len(numbers) < 2:  # a single one cannot be checked
         return np.zeros(len(numbers), bool)
     places = marker_corners(board)[numbers]
     sides = np.linalg.norm(np.diff(corners, axis=1), axis=2).mean(axis=1)
@@ -148,10 +148,10 @@ def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
 
 
 def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> BoardPoints:
-    """An AprilGrid's points are its tags' corners, where black squares touch them.
+    """An AprilGrid's points: its tags' corners, where black squares touch them.
 
-    Where these touch, tags are seen as one, and many are not recognized. So the others are looked
-    for beside those that were found, until there are no more.
+    Adjacent tags merge in the image, so many are not recognized. The others are searched beside
+    those that were found, until no more turn up.
     """
     places = marker_corners(board)
     middles = places.mean(axis=1)
@@ -180,11 +180,11 @@ def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> 
 def _tag_beside(
     gray: Pixels, board: Board, own: Floats, near: Floats, seen: Sequence[Floats]
 ) -> Floats:
-    """Corners (4, 2) of a tag, NaN where there are none.
+    """Corners (4, 2) of a tag, NaN if not found.
 
     Args:
-        own: (4, 2), where they are on the board.
-        near: (M, 4, 2), where those of tags around it are.
+        own: (4, 2) on the board.
+        near: (M, 4, 2) corners of the tags around it on the board.
         seen: pixels of these.
     """
     black = min(board.share, board.border / (6 + 2 * board.border))
@@ -200,7 +200,7 @@ def _tag_beside(
 
 
 def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> BoardPoints:
-    """Inner corners beside a marker that is seen, first placed by the markers that touch them."""
+    """Inner corners beside a visible marker, first predicted by the adjacent markers."""
     places = marker_corners(board)
     middles = places.mean(axis=1)[numbers]
     gap = (1 - board.share) / 2 * _GAP_SHARE

@@ -1,4 +1,4 @@
-"""Models of lenses: where points of a board appear, and how that changes with each number.
+"""Lens models: projection of board points, and its derivatives by each number of the camera.
 
 A camera's numbers are ``fx, fy, cx, cy`` and the coefficients of its model.
 
@@ -18,7 +18,7 @@ from ros_visualise.vision.reshape import Size
 
 
 class Lens(Enum):
-    """What a person chooses from."""
+    """Lens models to choose from."""
 
     PINHOLE = "pinhole"
     RATIONAL = "rational"
@@ -27,9 +27,9 @@ class Lens(Enum):
 
 @dataclass(frozen=True)
 class LensModel:
-    """A model of distortion.
+    """A distortion model.
 
-    ``name`` is that of ROS; ``coefficients`` those of ``D``, in its order.
+    ``name`` is its ROS name; ``coefficients`` are those of ``D``, in order.
     """
 
     lens: Lens
@@ -38,12 +38,12 @@ class LensModel:
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """What the camera's numbers are called."""
+        """Names of the camera's numbers."""
         return ("fx", "fy", "cx", "cy", *self.coefficients)
 
     @property
     def is_fisheye(self) -> bool:
-        """Whether angles are distorted, in place of slopes."""
+        """True if it distorts angles instead of slopes."""
         return self.lens is Lens.FISHEYE
 
 
@@ -65,12 +65,12 @@ def project(
 
     Args:
         points_xyz: (N, 3) in the board's frame.
-        pose: (6,) of the board for the camera: rotation vector, translation.
-        numbers: the camera's.
-        model: what they mean.
+        pose: (6,) of the board in the camera's frame: rotation vector, translation.
+        numbers: of the camera.
+        model: of the lens.
 
     Returns:
-        uv (N, 2); by the camera's numbers (2N, n); by the pose (2N, 6).
+        uv (N, 2); derivatives by the camera's numbers (2N, n); by the pose (2N, 6).
     """
     K, D = matrix(numbers), numbers[4:]
     points, turn, move = points_xyz[:, None], pose[:3].copy(), pose[3:].copy()
@@ -85,7 +85,7 @@ def project(
 
 
 def to_rays(uv: Floats, numbers: Floats, model: LensModel) -> Floats:
-    """Slopes x/z, y/z (N, 2) of what is seen at pixels."""
+    """Slopes x/z, y/z (N, 2) of the rays through pixels."""
     undistort = cv2.fisheye.undistortPoints if model.is_fisheye else cv2.undistortPoints
     rays = undistort(uv[:, None], matrix(numbers), numbers[4:])
     return np.asarray(rays, np.float64).reshape(-1, 2)
@@ -98,7 +98,7 @@ def matrix(numbers: Floats) -> Floats:
 
 
 def to_info(numbers: Floats, model: LensModel, size: Size) -> CameraInfo:
-    """The calibration for ROS; its P is K, until somebody lays out the rectified image."""
+    """The ROS calibration, with P = K."""
     return CameraInfo(
         height=size[1],
         width=size[0],

@@ -1,4 +1,4 @@
-"""A picture of how far a calibration has come: the board, what was covered, what to do next."""
+"""Progress image of a calibration: the board, the coverage, and what to do next."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _DARK = (40, 40, 40)
 def draw_progress(
     gray: Pixels, view: BoardView | None, coverage: Coverage, lines: Sequence[str]
 ) -> Pixels:
-    """The image with what of it was covered in green, the board that is seen, bars and texts.
+    """The image with the covered parts in green, the detected board, bars and texts.
 
     Args:
         gray: (height, width) uint8.
         view: the board in it.
-        coverage: of the views that are kept.
-        lines: what is written below the bars.
+        coverage: of the kept views.
+        lines: texts below the bars.
 
     Returns:
         (height, width, 3) uint8, blue, green, red.

@@ -1,4 +1,4 @@
-"""A board on a sheet of paper, to scale, as SVG or PDF."""
+"""Printing a board to scale, as SVG or PDF."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ros_visualise.landmarks.calibration.boards import Board, BoardKind, dark_re
 
 PAGES = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
 """Name -> width and height, mm."""
-_MARGIN_MM = 10.0  # printers leave that much white
-_FOOT_MM = 22.0  # for what is written below
+_MARGIN_MM = 10.0  # unprintable margin
+_FOOT_MM = 22.0  # for the text below
 _LEAST_MM = 1.0
 _DPI = 600
 _MM_PER_INCH = 25.4
@@ -40,12 +40,12 @@ class Sheet:
 
     @property
     def dark(self) -> npt.NDArray[np.float64]:
-        """(N, 4): what is black."""
+        """(N, 4) black rectangles."""
         return dark_rectangles(self.board) * 1000 + [self.left, self.top, 0, 0]
 
     @property
     def caption(self) -> str:
-        """What the board is, and how to check that it was printed to scale."""
+        """Description of the board, and how to check the scale of the print."""
         square = f"{self.board.square * 1000:g} mm"
         share = f"{self.board.square * self.board.share * 1000:g} mm"
         sides = {
@@ -57,15 +57,15 @@ class Sheet:
 
 
 def lay_out(board: Board, page: str, square: float | None) -> Sheet:
-    """A board in the middle of a page, upright or across, as it fits better.
+    """A board centred on a page, portrait or landscape, whichever fits better.
 
     Args:
-        board: what is printed.
+        board: to print.
         page: one of `PAGES`, or WIDTHxHEIGHT in millimetres.
-        square: side of a square or tag, metres; None: whole millimetres, as large as it goes.
+        square: side of a square or tag, metres; None: whole millimetres, as large as possible.
 
     Raises:
-        UsageError: no such page, or the board does not fit on it.
+        UsageError: unknown page, or the board does not fit on it.
     """
     size = _page_size(page)
     unit = np.array(outer_size(replace(board, square=1.0)))
@@ -77,8 +77,8 @@ def lay_out(board: Board, page: str, square: float | None) -> Sheet:
     if not _LEAST_MM <= side <= most:
         raise UsageError(
             f"a board of {board.counts} with a side of {max(side, _LEAST_MM):g} mm does not fit on"
-            f" {page}; at most {math.floor(most * 10) / 10:g} mm do: --square"
-            f" {math.floor(most * 10) / 10000:g}, or give a larger --page"
+            f" {page}; use at most {math.floor(most * 10) / 10:g} mm (--square"
+            f" {math.floor(most * 10) / 10000:g}) or a larger --page"
         )
     board = replace(board, square=side / 1000)
     width, height = (max(size), min(size)) if across else (min(size), max(size))
@@ -88,7 +88,7 @@ def lay_out(board: Board, page: str, square: float | None) -> Sheet:
 
 
 def to_svg(sheet: Sheet) -> bytes:
-    """As an SVG file, of which a unit is a millimetre."""
+    """An SVG file with millimetres as units."""
     path = "".join(f"M{x:.4f} {y:.4f}h{w:.4f}v{h:.4f}h{-w:.4f}z" for x, y, w, h in sheet.dark)
     marks = "".join(f"M{x:.2f} {y:.2f}v{-h:.2f}" for x, y, h in _ruler(sheet))
     size = f'width="{sheet.width:g}mm" height="{sheet.height:g}mm"'
@@ -105,7 +105,7 @@ def to_svg(sheet: Sheet) -> bytes:
 
 
 def to_pdf(sheet: Sheet) -> bytes:
-    """As a PDF file of one picture, whose pixels are 1/600 inch: edges lie within 0.02 mm."""
+    """A PDF file with one image of 1/600 inch pixels: edges are exact to 0.02 mm."""
     file = BytesIO()
     picture = Pictures.fromarray(rasterise(sheet, _DPI)).convert("1")
     picture.save(file, "PDF", resolution=_DPI)
@@ -113,11 +113,11 @@ def to_pdf(sheet: Sheet) -> bytes:
 
 
 SHEET_FORMATS: dict[str, Callable[[Sheet], bytes]] = {".pdf": to_pdf, ".svg": to_svg}
-"""A file's suffix -> what makes it."""
+"""File suffix -> writer."""
 
 
 def rasterise(sheet: Sheet, dpi: float) -> npt.NDArray[np.uint8]:
-    """The page in gray, (height, width)."""
+    """The page as a gray image, (height, width)."""
     scale = dpi / _MM_PER_INCH
     page = np.full((round(sheet.height * scale), round(sheet.width * scale)), 255, np.uint8)
     for x, y, w, h in sheet.dark:
@@ -150,7 +150,7 @@ def _page_size(page: str) -> tuple[float, float]:
 
 
 def _ruler(sheet: Sheet) -> list[tuple[float, float, float]]:
-    """(x, lower end, length) of the marks of a ruler, one for each centimetre."""
+    """(x, lower end, length) of the marks of a ruler, one per centimetre."""
     left, bottom = _MARGIN_MM, sheet.height - _MARGIN_MM
     length = min(_RULER_MM, int(sheet.width - 2 * _MARGIN_MM) // 10 * 10)
     return [(left + at, bottom, 5.0 if at % 50 == 0 else 3.0) for at in range(0, length + 1, 10)]
@@ -164,6 +164,6 @@ def _texts(sheet: Sheet) -> list[tuple[float, float, str]]:
         (
             _MARGIN_MM,
             bottom - 7.5,
-            f"Print at 100%: these marks are 10 mm apart, {length} mm in all.",
+            f"Print at 100 %: these marks are 10 mm apart, {length} mm in total.",
         ),
     ]

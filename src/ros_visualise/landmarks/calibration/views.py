@@ -1,6 +1,6 @@
-"""Views of a board: which of many are kept, what of the camera's image they cover, what lacks.
+"""Views of a board: which ones to keep, their coverage of the image, and what is missing.
 
-The four measures and what is enough of them are those of ROS's cameracalibrator
+The four measures and their thresholds are those of ROS's cameracalibrator
 (camera_calibration/calibrator.py, `get_parameters` and `compute_goodenough`).
 """
 
@@ -20,9 +20,9 @@ from ros_visualise.vision.reshape import Size
 MEASURES = ("x", "y", "size", "skew")
 _ENOUGH = (0.7, 0.7, 0.4, 0.5)
 _ALIKE = 0.05
-"""Views that differ by less are one: more of them only make the result look surer than it is."""
+"""Views that differ by less are duplicates: more of them only make the result look too certain."""
 _GRID = (12, 9)
-"""Columns and rows of the map of what was covered."""
+"""Columns and rows of the coverage map."""
 _THIRDS = (("upper left corner", "upper border", "upper right corner"),
            ("left border", "middle", "right border"),
            ("lower left corner", "lower border", "lower right corner"))  # fmt: skip
@@ -30,13 +30,13 @@ _THIRDS = (("upper left corner", "upper border", "upper right corner"),
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """A board that was found in a picture.
+    """A board found in an image.
 
     Args:
-        name: of the picture.
-        board: that was found.
-        points: the found ones.
-        size: width and height of the picture.
+        name: of the image.
+        board: found in it.
+        points: the points found.
+        size: width and height of the image.
     """
 
     name: str
@@ -67,16 +67,18 @@ class BoardView:
 
     @cached_property
     def place(self) -> Floats:
-        """(6,): where the board is and how it is turned; the distance of two tells how alike."""
+        """(6,) position and tilt of the board; the distance between two measures similarity."""
         corners, _ = self._outline
         sides = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
-        tilts = np.log(np.maximum(sides[:2], 1) / np.maximum(sides[2:], 1))  # which side is nearer
+        tilts = np.log(
+            np.maximum(sides[:2], 1) / np.maximum(sides[2:], 1)
+        )  # positive if the first side is nearer
         turn = np.arctan2(*(corners[1] - corners[0])[::-1]) / np.pi
         return np.array([*self.measures, *tilts, turn])
 
     @cached_property
     def _outline(self) -> tuple[Floats, float]:
-        """The pattern's corners (4, 2), clockwise from its top left, and their area, pixels."""
+        """The pattern's corners (4, 2), clockwise from the top left, and their area, pixels."""
         xy = self.points_xyz[:, :2]
         H, _ = cv2.findHomography(xy, self.points.uv)
         low, high = xy.min(axis=0), xy.max(axis=0)
@@ -86,20 +88,20 @@ class BoardView:
 
 
 class Gallery:
-    """Views that differ; at most so many of them.
+    """A limited number of distinct views.
 
     Args:
-        most: when there are more, one of the two that are most alike goes.
+        most: largest number; of the two most similar views, one is dropped.
     """
 
     def __init__(self, most: int = 60) -> None:
         self._most = most
         self.views: list[BoardView] = []
         self.alike = 0
-        """Views that were left out, as another one is like them."""
+        """Number of views dropped as similar to others."""
 
     def offer(self, view: BoardView) -> bool:
-        """Whether the view is kept."""
+        """Keep the view if it is distinct; True if kept."""
         of_its_kind = [
             one for one in self.views if (one.board, one.size) == (view.board, view.size)
         ]
@@ -124,12 +126,12 @@ class Gallery:
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What views cover.
+    """The coverage of views.
 
     Attributes:
         bars: by measure, from 0 to 1, which is enough.
-        cells: (rows, columns) points in each part of the image.
-        advice: what to do next, a line; empty where all is covered.
+        cells: (rows, columns) number of points in each part of the image.
+        advice: what to do next, one line; empty if all is covered.
     """
 
     bars: dict[str, float]
@@ -138,15 +140,17 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Of the image's parts, those with a point."""
+        """Fraction of the parts of the image with points."""
         return float((self.cells > 0).mean())
 
 
 def cover(views: list[BoardView], size: Size) -> Coverage:
-    """What the views cover of an image of that size."""
+    """The coverage of an image of that size."""
     cells = np.zeros(_GRID[::-1])
     if not views:
-        return Coverage(dict.fromkeys(MEASURES, 0.0), cells, "hold the board before the camera")
+        return Coverage(
+            dict.fromkeys(MEASURES, 0.0), cells, "hold the board in front of the camera"
+        )
     uv = np.vstack([view.points.uv for view in views])
     edges = [
         np.linspace(-0.5, side - 0.5, count + 1) for side, count in zip(size, _GRID, strict=True)
@@ -154,7 +158,7 @@ def cover(views: list[BoardView], size: Size) -> Coverage:
     cells = np.histogram2d(uv[:, 1], uv[:, 0], bins=edges[::-1])[0]
     measured = np.array([view.measures for view in views])
     low, high = measured.min(axis=0), measured.max(axis=0)
-    low[2:] = 0  # a small board and a straight one are no merit
+    low[2:] = 0  # small or frontal boards add nothing
     bars = np.minimum((high - low) / _ENOUGH, 1).tolist()
     return Coverage(dict(zip(MEASURES, bars, strict=True)), cells, _advise(bars, low, high, cells))
 
@@ -162,7 +166,7 @@ def cover(views: list[BoardView], size: Size) -> Coverage:
 def _advise(bars: list[float], low: Floats, high: Floats, cells: Floats) -> str:
     x, y, size, skew = bars
     if skew < 1:
-        return "tilt the board, to the left and right, forward and back"
+        return "tilt the board: left and right, forward and back"
     if x < 1:
         side = "left" if low[0] > 1 - high[0] else "right"
         return f"hold the board nearer to the {side} border"
@@ -175,4 +179,4 @@ def _advise(bars: list[float], low: Floats, high: Floats, cells: Floats) -> str:
         [part.sum() for part in np.array_split(band, 3, 1)] for band in np.array_split(cells, 3)
     ]
     empty = np.argwhere(np.array(thirds) == 0)
-    return f"go to the {_THIRDS[empty[0][0]][empty[0][1]]}" if len(empty) else ""
+    return f"move the board to the {_THIRDS[empty[0][0]][empty[0][1]]}" if len(empty) else ""

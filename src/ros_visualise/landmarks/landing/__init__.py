@@ -1,1 +1,1 @@
-"""Where a landing target is from the robot, however it moves."""
+"""Landing targets: their pose relative to the robot, also while they move."""

@@ -1,4 +1,4 @@
-"""From the fixed frame to the robot's body, as autopilots want their landing target."""
+"""Landing targets in the robot's body frame, as autopilots expect them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.landmarks.localization.seen import cross
 
 
 class BodyAxes(Enum):
-    """Axes of the body, and of the target: forward, and left and up or right and down."""
+    """Axes of body and target: forward, left, up, or forward, right, down."""
 
     FLU = "FLU"
     FRD = "FRD"
@@ -37,17 +37,17 @@ _TURNED = {BodyAxes.FLU: np.eye(3), BodyAxes.FRD: np.diag((1.0, -1.0, -1.0))}
 def relative_to(
     T_fixed_body: Floats, estimate: TargetEstimate, attitude_sigma: float, axes: BodyAxes
 ) -> RelativePose:
-    """Where a target is from the body.
+    """The target's pose relative to the body.
 
-    With FRD the target's own z axis points down as well, so that one right below, which heads as
-    the robot does, has no rotation: as MAVLink's LANDING_TARGET in MAV_FRAME_BODY_FRD.
+    With FRD the target's own z axis points down as well. A target right below with the robot's
+    heading has no rotation, as in MAVLink's LANDING_TARGET in MAV_FRAME_BODY_FRD.
 
     Args:
         T_fixed_body: (4, 4).
         estimate: the target in the fixed frame.
-        attitude_sigma: standard deviation of the camera's attitude about each axis, radians. All
-            images share it, so the estimate does not have it.
-        axes: those of the answer.
+        attitude_sigma: standard deviation of the camera's attitude about each axis, radians. It is
+            common to all images and therefore not part of the estimate.
+        axes: of the result.
     """
     turned = _TURNED[axes]
     to_body = turned @ T_fixed_body[:3, :3].T

@@ -1,8 +1,8 @@
-"""A landing target that is followed: a Kalman filter of its pose and its velocity.
+"""Tracking of a landing target: a Kalman filter of its pose and velocity.
 
-All is in a fixed frame, such as ``odom``. Errors are nine numbers, about its axes: of the position
-in metres, of the orientation as a rotation vector, of the velocity in m/s. It moves at a steady
-speed, disturbed by white noise of its acceleration; of its turns nothing is assumed.
+All quantities are in a fixed frame, such as ``odom``. The error state has nine numbers, along its
+axes: position in metres, orientation as a rotation vector, velocity in m/s. The target moves at
+constant velocity, disturbed by white acceleration noise; its rotation is a random walk.
 
 Source: Bar-Shalom, Li and Kirubarajan, Estimation with applications to tracking and navigation,
 2001, sections 6.2 (the noise) and 5.4 (the gate).
@@ -20,21 +20,21 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.seen import Equations, Ground, PoseReading
 
-_GATE = {1: 10.8, 2: 13.8, 3: 16.3, 6: 22.5}  # chi-square: one in a thousand is beyond
-_VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, of what tells no orientation
+_GATE = {1: 10.8, 2: 13.8, 3: 16.3, 6: 22.5}  # 99.9 % points of chi-square
+_VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, unknown orientation
 _TURNS = 0.1  # rad/sqrt(s)
 _VAGUE_M2 = 1e4
 
 
 @dataclass(frozen=True)
 class TargetMotion:
-    """How a target may move.
+    """Motion model of a target.
 
     Attributes:
-        speed: standard deviation of its velocity before anything is known of it, m/s; 0: it stands.
-        acceleration: by how much its velocity changes in a second, m/s (standard deviation).
-        tilt: standard deviation of its slope, radians: of two readings of one picture, the more
-            level one is the likelier.
+        speed: standard deviation of its initial velocity, m/s; 0: it stands still.
+        acceleration: standard deviation of its velocity change in one second, m/s.
+        tilt: standard deviation of its tilt, radians: of two readings of an image, the more level
+            one is likelier.
     """
 
     speed: float = 1.0
@@ -44,7 +44,7 @@ class TargetMotion:
 
 @dataclass(frozen=True)
 class TargetEstimate:
-    """Where the target is: ``position_xyz`` (3,), ``R`` (3, 3), ``velocity_xyz`` (3,)."""
+    """The target: ``position_xyz`` (3,), ``R`` (3, 3), ``velocity_xyz`` (3,)."""
 
     position_xyz: Floats
     R: Floats
@@ -52,7 +52,7 @@ class TargetEstimate:
     covariance: Floats
 
     def after(self, elapsed_s: float, motion: TargetMotion) -> TargetEstimate:
-        """The same, so much later, or before; it is less sure then."""
+        """The prediction for a later or earlier time, with larger covariance."""
         F, since_s = np.eye(9), abs(elapsed_s)
         F[:3, 6:] = elapsed_s * np.eye(3)
         noise = np.zeros((9, 9))
@@ -67,12 +67,12 @@ class TargetEstimate:
         return TargetEstimate(position, self.R, self.velocity_xyz, covariance)
 
     def distance(self, equations: Equations) -> float:
-        """Squared, of a measurement from what is expected, by the covariance of both."""
+        """Squared Mahalanobis distance of a measurement."""
         residual = equations.residual
         return float(residual @ np.linalg.solve(self._spread(equations), residual))
 
     def corrected(self, equations: Equations) -> TargetEstimate:
-        """What a measurement makes of it."""
+        """The estimate updated by a measurement."""
         H = _nine(equations.H)
         gain = np.linalg.solve(self._spread(equations), H @ self.covariance).T
         step = gain @ equations.residual
@@ -89,12 +89,12 @@ class TargetEstimate:
 
 
 class TargetTracker:
-    """Follows one target; several things of it that are seen join by their covariances.
+    """Tracks one target; sightings of its parts are fused by their covariances.
 
     Attributes:
-        estimate: at ``stamp_ns``; None until it is seen.
-        seen_ns: when it was seen last.
-        refused: sightings that contradicted the others.
+        estimate: at ``stamp_ns``; None before the first sighting.
+        seen_ns: time of the last sighting.
+        refused: number of contradicting sightings.
     """
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ class TargetTracker:
         self.refused = 0
 
     def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate | None:
-        """Where the target is expected at a time; None where it is not known."""
+        """The predicted target at a time; None if unknown."""
         if self.estimate is None:
             return None
         return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
@@ -115,13 +115,13 @@ class TargetTracker:
         motion: TargetMotion,
         ground: Ground | None,
     ) -> None:
-        """Take in one thing that was seen of the target, by all readings that its picture has.
+        """Process one sighting of the target, with all its readings.
 
         Args:
             stamp_ns: of the image.
             sightings: the readings.
             motion: of the target.
-            ground: where it stands, so that it can begin with a direction alone.
+            ground: on which it stands, so that a direction alone is enough to start.
         """
         reading = max(sightings, key=lambda one: _likelihood(one, motion.tilt), default=None)
         if reading is None:
@@ -139,14 +139,14 @@ class TargetTracker:
         self.stamp_ns = self.seen_ns = stamp_ns
 
     def forget(self) -> None:
-        """Begin anew with the next sighting."""
+        """Restart with the next sighting."""
         self.estimate = None
 
 
 def _begin(
     reading: PoseReading, motion: TargetMotion, ground: Ground | None
 ) -> TargetEstimate | None:
-    """Nothing is known yet, but about where it is and that its speed is a possible one."""
+    """The first estimate: the measured pose, and an unknown velocity."""
     R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
     position = reading.position_xyz if reading.has_range else None
     if position is None and ground is not None:
@@ -166,7 +166,7 @@ def _begin(
 
 
 def _likelihood(reading: PoseReading, tilt: float) -> float:
-    """Its logarithm: of the score, and of the slope that the target has by this reading."""
+    """Log-likelihood of a reading: of its score, and of the target's tilt."""
     score = math.log(max(reading.score, 1e-9))
     if reading.R_fixed_landmark is None:
         return score
@@ -175,5 +175,5 @@ def _likelihood(reading: PoseReading, tilt: float) -> float:
 
 
 def _nine(H: Floats) -> Floats:
-    """A measurement of the pose does not depend on the velocity."""
+    """Pad H with zeros: a pose measurement does not depend on the velocity."""
     return np.hstack([H, np.zeros((len(H), 3))])

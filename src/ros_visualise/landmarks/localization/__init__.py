@@ -1,1 +1,1 @@
-"""Where landmarks are: detections of many images put together, with honest uncertainty."""
+"""Localization of landmarks: fusion of detections from many images, with consistent uncertainty."""

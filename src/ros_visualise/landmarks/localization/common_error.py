@@ -1,9 +1,9 @@
-"""By how much the landmarks of a map are off all together, and each one beside that.
+"""The common error of all landmarks of a map, and the individual error of each.
 
-A map that is begun a little turned is turned everywhere: each landmark is badly known then, and
-where they are to one another is known well. Whoever took their errors for errors of their own would
-believe the mean of many landmarks, and be wrong. Errors are twists of the map here
-(`ros_visualise.landmarks.navigation.twists`), so that a common one is the same for all of them.
+A map that starts slightly rotated is rotated everywhere: each landmark is uncertain then, but their
+relative positions are well known. Treating the common error as independent errors would make the
+mean of many landmarks look far too certain. Errors are twists of the map here
+(`ros_visualise.landmarks.navigation.twists`), so a common one is the same for all of them.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from ros_visualise.data import Floats
 
 _ROUNDS = 2  # of weighing
-_LEAST = 1e-14  # square metres and square radians, that an own error has
+_LEAST = 1e-14  # smallest individual variance, m^2 and rad^2
 
 
 def split(joint: Floats) -> tuple[Floats, Floats]:
-    """The covariances (6, 6) of the common error, and (M, 6, 6) of what each has beside it.
+    """The covariance (6, 6) of the common error, and (M, 6, 6) of the individual ones.
 
-    The common error is the mean of all, weighed by how little each one differs from it. That what
-    two landmarks have beside it may hang together is left out.
+    The common error is the weighted mean of all; landmarks that differ little from it weigh more.
+    Correlations between individual errors are neglected.
 
     Args:
         joint: (M, 6, M, 6) covariance of the twists of M landmarks.
@@ -42,7 +42,7 @@ def split(joint: Floats) -> tuple[Floats, Floats]:
 
 
 def beside(whole: Floats, common: Floats) -> Floats:
-    """(6, 6) what is left of a landmark's covariance without the common one, nowhere negative."""
+    """(6, 6) a landmark's covariance minus the common one, positive semidefinite."""
     values, axes = np.linalg.eigh(whole - common)
     left: Floats = axes * np.maximum(values, 0) @ axes.T
     return left

@@ -1,4 +1,4 @@
-"""One landmark's pose and its covariance, with the robot's error as a considered state."""
+"""Pose and covariance of one landmark, with the robot's error as a considered state."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.seen import Equations, Expect
 
 GATES = {1: 10.83, 2: 13.82, 3: 16.27, 6: 22.46, 8: 26.12}
-"""Squared Mahalanobis distances that 999 of 1000 right measurements of so many numbers are below:
-the 99.9 % points of the chi-square distribution."""
+"""Number of measured values -> 99.9 % point of the chi-square distribution, for squared Mahalanobis
+distances."""
 
 _VAGUE_M2, _VAGUE_RAD2 = 1e8, 1e6
-_ROUNDS = 5  # of linearisation: directions are not linear in the position
+_ROUNDS = 5  # of linearization: directions are not linear in the position
 _CONVERGED = 1e-6  # metres, radians
 
 
@@ -25,9 +25,9 @@ class LandmarkEstimate:
     """A landmark in the fixed frame.
 
     ``joint`` (12, 12) is the covariance of its error (x, y, z, rotation vector) and of the robot's
-    error, as `ros_visualise.landmarks.localization.robot_error` has it. ``weight`` (6, 6) is what
-    the landmark's covariance would be if each view had a robot's error of its own: what the next
-    view counts goes by it, so that all views of a landmark count alike.
+    error, see `ros_visualise.landmarks.localization.robot_error`. ``weight`` (6, 6) is what the
+    landmark's covariance would be if each view had an independent robot error. It determines the
+    gain of the next view, so that all views of a landmark count equally.
     """
 
     position_xyz: Floats
@@ -37,12 +37,14 @@ class LandmarkEstimate:
 
     @property
     def covariance(self) -> Floats:
-        """(6, 6) of x, y, z and the rotations about them, in the fixed frame."""
+        """(6, 6) of x, y, z and rotations about these axes, in the fixed frame."""
         covariance: Floats = self.joint[:6, :6]
         return covariance
 
-    def carried(self, kept: Floats, covariance: Floats) -> LandmarkEstimate:
-        """The same when the robot's error has this covariance, and keeps so much of what it was."""
+    def propagated(self, kept: Floats, covariance: Floats) -> LandmarkEstimate:
+        """The same after the robot's error changed: its new covariance, and how much of it was
+        kept.
+        """
         joint = np.empty((12, 12))
         joint[:6, :6], joint[6:, 6:] = self.joint[:6, :6], covariance
         joint[:6, 6:] = self.joint[:6, 6:] @ kept.T
@@ -51,13 +53,13 @@ class LandmarkEstimate:
 
 
 class CandidateUpdate(NamedTuple):
-    """How well a measurement fits to an estimate.
+    """An estimate updated by a measurement, and their consistency.
 
     Attributes:
-        updated: the estimate with the measurement.
-        distance2: squared Mahalanobis distance, of ``size`` numbers.
-        evidence: logarithm of the measurement's likelihood, given the estimate, relative to that of
-            one without noise of the estimate's: it compares measurements of different precision.
+        updated: the estimate after the measurement.
+        distance2: squared Mahalanobis distance of ``size`` numbers.
+        evidence: log-likelihood of the measurement given the estimate, relative to that of the
+            noise alone; comparable between measurements of different precision.
     """
 
     updated: LandmarkEstimate
@@ -67,12 +69,12 @@ class CandidateUpdate(NamedTuple):
 
     @property
     def is_inlier(self) -> bool:
-        """Whether it is close enough to be of this landmark."""
+        """True if it passes the gate of this landmark."""
         return self.distance2 < GATES[self.size]
 
 
 def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> LandmarkEstimate:
-    """A landmark of which nothing is known; the pose is where to begin.
+    """A landmark with unknown pose; the given one is the starting point.
 
     Args:
         robot: (6, 6) covariance of the robot's error.
@@ -83,17 +85,17 @@ def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> Land
 
 
 def known(position_xyz: Floats, R_fixed_landmark: Floats, covariance: Floats) -> LandmarkEstimate:
-    """A landmark whose covariance (6, 6) has nothing to do with the robot's error of now."""
+    """A landmark whose covariance (6, 6) is independent of the robot's present error."""
     joint = np.zeros((12, 12))
     joint[:6, :6] = covariance
     return LandmarkEstimate(position_xyz, R_fixed_landmark, joint, covariance)
 
 
 def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
-    """Update an estimate with a measurement; the robot's error is considered, not estimated.
+    """Update an estimate by a measurement; the robot's error is considered, not estimated.
 
-    Nor is it made use of that many views with one error of the robot betray that error: the best
-    gain would do so, and trust far too much that the error stayed the same and is small.
+    Many views with the same robot error would reveal that error, but the gain ignores this. The
+    optimal gain would rely far too much on the error being small and constant.
 
     Source: Jazwinski, Stochastic Processes and Filtering Theory, 1970, section 8.4, for the
     considered states; Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method,
@@ -113,7 +115,7 @@ def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
 
 
 def _gain(equations: Equations, estimate: LandmarkEstimate) -> Floats:
-    """(6, k), as if the robot's error was a new one."""
+    """(6, k) gain as if the robot's error were independent."""
     _, H, J, noise = equations
     spread = H @ estimate.weight @ H.T + J @ estimate.joint[6:, 6:] @ J.T + noise
     gain: Floats = np.linalg.solve(spread, H @ estimate.weight).T
@@ -121,7 +123,7 @@ def _gain(equations: Equations, estimate: LandmarkEstimate) -> Floats:
 
 
 def _after(moved: LandmarkEstimate, gain: Floats, equations: Equations) -> LandmarkEstimate:
-    """The covariances after an update by any gain: Joseph's form."""
+    """The covariances after an update by any gain (Joseph form)."""
     _, H, J, noise = equations
     keep = np.eye(12)
     keep[:6] -= gain @ np.hstack([H, J])

@@ -1,4 +1,4 @@
-"""Puts the detections of image after image together, to landmarks in a fixed frame."""
+"""Fusion of the detections of many images into landmarks in a fixed frame."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
 log = logging.getLogger(__name__)
 
 ELLIPSOID = 7.815
-"""Squared Mahalanobis distance of 95 % of all points: chi-square with 3 degrees of freedom."""
+"""95 % point of the chi-square distribution with 3 degrees of freedom."""
 
-_MOVED = 5  # sightings elsewhere in a row, from which on a landmark has moved
-_FORGOTTEN_S = 10.0  # until then what was seen too seldom to be a landmark waits for more
-_LEAST = 1e-12  # variance of the robot's error, so that it can be divided by
+_MOVED = 5  # consecutive sightings elsewhere after which a landmark has moved
+_FORGOTTEN_S = 10.0  # how long an unconfirmed landmark waits for more sightings
+_LEAST = 1e-12  # smallest variance of the robot's error, to avoid division by zero
 
 
 @dataclass(frozen=True)
 class LocalizerRules:
-    """How landmarks come to be.
+    """Rules for new landmarks.
 
-    ``sightings`` are how many make a landmark. ``ground`` is where things stand that are seen
-    without a range; None where nobody knows. ``prefix`` is put before classes that are numbers.
-    ``moving`` are classes that are no landmarks, as they move.
+    ``sightings`` is the number that confirms a landmark. ``ground`` is where objects without a
+    range stand; None if unknown. ``prefix`` is put before classes that are numbers. ``moving`` are
+    classes ignored because they move.
     """
 
     sightings: int = 3
@@ -45,7 +45,7 @@ class LocalizerRules:
 
 @dataclass(frozen=True, eq=False)
 class _Located:
-    """A detection, and what each of its hypotheses says, at least one."""
+    """A detection, and the reading of each of its hypotheses, at least one."""
 
     detection: Detection
     class_id: str
@@ -53,28 +53,28 @@ class _Located:
 
     @property
     def turned(self) -> bool:
-        """Whether it tells how it is turned."""
+        """True if it has an orientation."""
         return self.sightings[0].R_fixed_landmark is not None
 
 
 class Localizer:
     """The landmarks of one fixed frame.
 
-    What is seen with its orientation, as a tag, is the only one of its class. Of all else there may
-    be many, and a detection goes to the landmark of its class that fits best, if one does.
+    Objects with an orientation, such as tags, are unique in their class. Of others there may be
+    many, and a detection goes to the landmark of its class that fits best, if any does.
 
     Attributes:
-        landmarks: those that are confirmed, by their numbers.
-        left_out: how many detections were not used, by reason.
-        has_changed: whether the last image told more of any landmark.
+        landmarks: the confirmed ones, by number.
+        skipped: number of unused detections, by reason.
+        has_changed: True if the last image changed any landmark.
 
     Args:
-        known: landmarks that are there from the start.
+        known: initial landmarks.
     """
 
     def __init__(self, known: Iterable[LandmarkTrack] = ()) -> None:
         self.landmarks: dict[int, LandmarkTrack] = {}
-        self.left_out: Counter[str] = Counter()
+        self.skipped: Counter[str] = Counter()
         self.has_changed = False
         self._tentative: list[LandmarkTrack] = []
         self._robot = RobotError()
@@ -90,14 +90,14 @@ class Localizer:
         rules: LocalizerRules,
         robot_covariance: Floats | None = None,
     ) -> None:
-        """Take what was found in one image.
+        """Process the detections of one image.
 
         Args:
-            detections: their hypotheses have poses in the camera's optical frame.
-            T_fixed_camera: (4, 4) where that was, as the frames tell.
-            rules: what to go by.
-            robot_covariance: (6, 6) of the robot's error, as an odometry tells it; None: as
-                ``rules.errors`` has it.
+            detections: with poses in the camera's optical frame.
+            T_fixed_camera: (4, 4) pose of the camera according to tf.
+            rules: for new landmarks.
+            robot_covariance: (6, 6) of the robot's error, as reported by an odometry; None: use
+                ``rules.errors``.
         """
         stamp_ns, camera = detections.header.stamp_ns, T_fixed_camera[:3, 3]
         kept = self._robot.advance(stamp_ns, camera, rules.errors, robot_covariance)
@@ -134,7 +134,7 @@ class Localizer:
     ) -> Iterator[_Located]:
         for detection in detections.detections:
             if rules.moving & {one.class_id for one in detection.hypotheses}:
-                self.left_out["moves"] += 1
+                self.skipped["moves"] += 1
                 continue
             sightings = [
                 sighting
@@ -147,12 +147,12 @@ class Localizer:
                 name = rules.prefix + class_id if class_id.isdigit() else class_id
                 yield _Located(detection, name, sightings)
             else:
-                self.left_out["no pose"] += 1
+                self.skipped["no pose"] += 1
 
     def _match(
         self, rest: Sequence[_Located]
     ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]]:
-        """Detections and the landmarks that they are of, the best pairs first."""
+        """Pairs of detections and their landmarks, the best first."""
         pairs = []
         for one in rest:
             for track in self._tracks:
@@ -169,10 +169,10 @@ class Localizer:
     def _begin(
         self, one: _Located, there: list[LandmarkTrack], stamp_ns: int, rules: LocalizerRules
     ) -> None:
-        """Begin a landmark where none fits."""
+        """Start a landmark if none fits."""
         branches = begin(one.sightings, self._robot.covariance, rules.ground)
         if not branches:
-            self.left_out["not on the ground"] += 1
+            self.skipped["not on the ground"] += 1
             return
         number = one.detection.hypotheses[0].number
         new = LandmarkTrack(one.class_id, number, one.turned, branches, stamp_ns)
@@ -186,23 +186,23 @@ class Localizer:
     def _contest(
         self, track: LandmarkTrack, new: LandmarkTrack, one: _Located, is_there: bool
     ) -> None:
-        """A tag is seen where it cannot be by all that is known."""
+        """Handle a tag seen where it cannot be."""
         if is_there:
-            self.left_out["twice in an image"] += 1
-            self._tell(f"{track.name} is there twice: only one of them is followed")
+            self.skipped["duplicate in the image"] += 1
+            self._tell(f"two copies of {track.name}; following one")
             return
-        self.left_out["elsewhere"] += 1
+        self.skipped["elsewhere"] += 1
         fits = track.rival.fits(one.sightings) if track.rival else []
         if track.rival and any(fit.is_inlier for fit in fits):
             track.rival.take(fits, new.last_ns)
         else:
             track.rival = new
         if track.rival.seen >= _MOVED:
-            self._tell(f"{track.name} is elsewhere now: it begins anew there")
+            self._tell(f"{track.name} moved; restarting its estimate")
             track.replace_by(track.rival)
 
     def _settle(self, sightings: int) -> None:
-        """Confirm what was seen often enough, and make one of those that are one."""
+        """Confirm tracks seen often enough, and merge duplicates."""
         for track in [one for one in self._tentative if one.seen >= sightings]:
             self._tentative.remove(track)
             self._confirm(track)
@@ -226,7 +226,7 @@ class Localizer:
         return bool(off @ np.linalg.solve(spread, off) < ELLIPSOID)
 
     def _merge(self, older: LandmarkTrack, newer: LandmarkTrack) -> None:
-        """The surer estimate of two: how far they share errors of before is not known."""
+        """Keep the more certain of two estimates; their correlation is unknown."""
         seen = older.seen + newer.seen
         if np.trace(newer.best.covariance[:3, :3]) < np.trace(older.best.covariance[:3, :3]):
             older.replace_by(newer)
@@ -241,4 +241,4 @@ class Localizer:
     def _tell(self, what: str) -> None:
         if what not in self._told:
             self._told.add(what)
-            log.warning("%s (said once)", what)
+            log.warning("%s (further occurrences suppressed)", what)

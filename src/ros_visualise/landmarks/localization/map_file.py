@@ -1,19 +1,20 @@
-"""A map of landmarks as text that can be read again: YAML.
+"""Landmark maps as YAML files.
 
-frame_id: map
-common_covariance: [36 numbers]   # by what all are off together; 0 where that is not known
-landmarks:
-- name: tag36h11_3        # the class, and a number where there may be several of it
-  class: tag36h11_3
-  number: 3               # of the class in messages of ROS 1, -1 for none
-  pose:
-    position: [x, y, z]   # metres, in the frame above
-    orientation: [x, y, z, w]   # null for what has none
-    covariance: [36 numbers]    # as PoseWithCovariance has it, row by row, with the common one
-  size: [x, y, z]         # metres, 0 where nobody knows
-  seen: 12                # how many times
+    frame_id: map
+    common_covariance: [36 numbers]   # of the common error of all landmarks; 0 if unknown
+    landmarks:
+    - name: tag36h11_3        # the class, with a number if there may be several
+      class: tag36h11_3
+      number: 3               # of the class in messages of ROS 1, -1 for none
+      pose:
+        position: [x, y, z]   # metres, in the frame above
+        orientation: [x, y, z, w]   # null without an orientation
+        covariance: [36 numbers]    # row by row as in PoseWithCovariance, including the common one
+      size: [x, y, z]         # metres, 0 if unknown
+      seen: 12                # number of sightings
 
-The common covariance is that of a shift of the map, metres, and of a turn about its origin, rad.
+The common covariance is that of a translation of the map, metres, and of a rotation about its
+origin, rad.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 
 
 class MapFile(NamedTuple):
-    """What is in a file: the frame, the landmarks, and the covariance (6, 6) common to them."""
+    """Contents of a file: the frame, the landmarks, and their common covariance (6, 6)."""
 
     frame_id: str
     landmarks: list[LandmarkTrack]
@@ -41,9 +42,9 @@ class MapFile(NamedTuple):
 
 
 def to_text(frame_id: str, landmarks: Iterable[LandmarkTrack], common: Floats | None = None) -> str:
-    """The map, with of each landmark the pose that is most likely.
+    """The map, with the most likely pose of each landmark.
 
-    While another pose may be right, it is in the covariance.
+    While another pose is possible, the covariance includes it.
     """
     of_all = np.zeros(36) if common is None else common.ravel()
     several = [_values(one) for one in landmarks]
@@ -53,31 +54,31 @@ def to_text(frame_id: str, landmarks: Iterable[LandmarkTrack], common: Floats | 
 
 
 def load(path: Path) -> MapFile:
-    """The map that is in a file.
+    """Read a map.
 
     Raises:
-        OpenError: there is no such file, or it is no map; says where it is wrong.
+        OpenError: the file is missing or not a valid map.
     """
     try:
         values = load_yaml(path, MANY_VALUES)
     except FileNotFoundError:
-        raise OpenError.missing(path, "give a map that save_map has written") from None
+        raise OpenError.missing(path, "give a map written by save_map") from None
     except (OSError, BadYaml) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise OpenError(f"{path}: cannot be read as a map of landmarks: {why}") from None
+        raise OpenError(f"{path}: not a readable landmark map: {why}") from None
     try:
         frame_id, found = values["frame_id"], values["landmarks"]
         if not isinstance(frame_id, str) or not frame_id or not isinstance(found, list):
             raise ValueError
     except (TypeError, KeyError, ValueError):
         raise OpenError(
-            f"{path}: is no map of landmarks: it needs a frame_id and a list of landmarks"
+            f"{path}: not a landmark map: needs a frame_id and a list of landmarks"
         ) from None
     several = [_track(path, number, one) for number, one in enumerate(found, 1)]
     try:
         common = _covariance(values.get("common_covariance", [0.0] * 36))
     except (TypeError, ValueError) as error:
-        raise OpenError(f"{path}: common_covariance of the map is wrong: {error}") from None
+        raise OpenError(f"{path}: invalid common_covariance: {error}") from None
     return MapFile(frame_id, several, common)
 
 
@@ -115,16 +116,16 @@ def _track(path: Path, number: int, values: Any) -> LandmarkTrack:
         )
     except (TypeError, KeyError, ValueError, OverflowError) as error:
         missing = isinstance(error, KeyError)
-        why = f"it has no {error.args[0]}" if missing else str(error)
-        raise OpenError(f"{path}: landmark {number} of the map is wrong: {why}") from None
+        why = f"missing {error.args[0]}" if missing else str(error)
+        raise OpenError(f"{path}: landmark {number} is invalid: {why}") from None
 
 
 def _covariance(values: Any) -> Floats:
-    """(6, 6); of one that rounding made a little negative, too."""
+    """(6, 6); tolerates slightly negative eigenvalues from rounding."""
     covariance = _numbers(values, 36).reshape(6, 6)
     least, most = np.linalg.eigvalsh((covariance + covariance.T) / 2)[[0, -1]]
     if not np.allclose(covariance, covariance.T) or least < -1e-9 * most:
-        raise ValueError("covariance: is not symmetric, or negative")
+        raise ValueError("covariance: must be symmetric and not negative")
     even: Floats = (covariance + covariance.T) / 2
     return even
 
@@ -132,5 +133,5 @@ def _covariance(values: Any) -> Floats:
 def _numbers(values: Any, count: int) -> Floats:
     numbers = np.asarray(values, np.float64)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise ValueError(f"{count} numbers are needed, not {values!r:.60}")
+        raise ValueError(f"give {count} numbers, not {values!r:.60}")
     return numbers

@@ -1,4 +1,4 @@
-"""Landmarks as messages: detections in space, markers to look at, and frames."""
+"""Landmarks as messages: 3D detections, markers, and frames."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _COLORS = np.array(
     ]
 )
 _AXES = np.repeat(np.hstack([np.eye(3), np.ones((3, 1))]), 2, axis=0).astype(np.float32)
-_UNKNOWN_M = 0.2  # drawn of what has no known size
+_UNKNOWN_M = 0.2  # drawn size of objects of unknown size
 _PLATE_M = 0.01
-_LABEL_M = 0.15  # the least height of a name's letters
+_LABEL_M = 0.15  # smallest height of labels
 _SHAPES = ("covariance", "box", "axes", "label")
 
 
 class _LandmarkDrawing(NamedTuple):
-    """One landmark in all messages, but for the time of these."""
+    """One landmark in all messages, without their time."""
 
     known: tuple[int, int]
     detection: Detection3D
@@ -51,26 +51,26 @@ class _LandmarkDrawing(NamedTuple):
 
 
 class LandmarkMessages:
-    """Makes messages of landmarks; of one that nothing new is known of, those of before."""
+    """Makes messages of landmarks, reusing those of unchanged landmarks."""
 
     def __init__(self) -> None:
         self._drawn: dict[int, _LandmarkDrawing] = {}
         self._is_new = True
 
     def detections(self, landmarks: Iterable[LandmarkTrack], header: Header) -> Detections3D:
-        """Where landmarks are; of one that may be in two poses, both."""
+        """The landmarks as detections; an undecided one has both poses."""
         return Detections3D(tuple(self._draw(one).detection for one in landmarks), header)
 
     def transforms(self, landmarks: Iterable[LandmarkTrack], header: Header) -> Transforms:
-        """A frame for each landmark, called as it; that of a thing without orientation is level."""
+        """A frame for each landmark, named after it; level if it has no orientation."""
         frames = (self._draw(one).frame for one in landmarks)
         return Transforms(tuple(replace(frame, header=header) for frame in frames))
 
     def markers(self, landmarks: Iterable[LandmarkTrack], header: Header) -> MarkerArray:
-        """Shapes for landmarks; those of landmarks that are no more are deleted.
+        """Shapes for landmarks; those of removed landmarks are deleted.
 
-        An ellipsoid is where each is with a probability of 95 %, a plate or box how large it is.
-        The first time, all that was drawn before on that topic goes.
+        The ellipsoid contains the landmark with a probability of 95 %; the plate or box shows its
+        size. The first message deletes all earlier markers of that topic.
         """
         there = {one.number: self._draw(one).markers for one in landmarks}
         first = [Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL)] if self._is_new else []
@@ -156,13 +156,13 @@ def _markers(track: LandmarkTrack, quat: Floats) -> tuple[Marker, ...]:
 
 
 def ellipsoid(covariance: Floats) -> tuple[Floats, Floats]:
-    """Lengths (3,) and orientation of the ellipsoid that holds 95 % of all points.
+    """Lengths (3,) and orientation of the ellipsoid that contains 95 % of the distribution.
 
     Args:
         covariance: (3, 3), m^2.
 
     Returns:
-        the lengths of its axes in metres, from side to side, and a quaternion (4,).
+        full lengths of its axes in metres, and a quaternion (4,).
     """
     variances, axes = np.linalg.eigh(covariance)
     if np.linalg.det(axes) < 0:

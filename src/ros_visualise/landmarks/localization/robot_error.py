@@ -1,9 +1,9 @@
-"""How wrong the frames may be about the camera, and for how long the same error lasts.
+"""Error of the camera pose given by tf, and how long the same error lasts.
 
-Ten views with one attitude error are not ten votes on where a landmark is. So the robot's error is
-a state that all landmarks share; it is considered, and never estimated from them (a Schmidt-Kalman
-filter). Its six numbers are by how much the camera is elsewhere, and is turned about itself, than
-the frames tell, along and about the axes of the fixed frame.
+Ten views with one attitude error are not ten independent measurements of a landmark. So the robot's
+error is a state that all landmarks share; it is considered, but never estimated from them (a
+Schmidt-Kalman filter). Its six numbers are the translation of the camera and its rotation about
+itself, relative to tf, along and about the axes of the fixed frame.
 
 Source: S. F. Schmidt, Application of state-space methods to navigation problems, Advances in
 Control Systems 3, 1966.
@@ -19,15 +19,15 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.seen import cross
 
-_LEAST = 1e-12  # variance, m^2 or rad^2, of an odometry that says it has no error
+_LEAST = 1e-12  # variance, m^2 or rad^2, of odometry that reports zero
 
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """Steady errors that are forgotten after some time, as first-order Gauss-Markov processes.
+    """Slowly changing errors, as first-order Gauss-Markov processes.
 
-    Standard deviations in metres and radians; after ``position_s`` and ``attitude_s`` seconds the
-    errors are 37 % of what they were.
+    Standard deviations in metres and radians; after ``position_s`` and ``attitude_s`` seconds, 37 %
+    of an error is left.
     """
 
     position_m: float = 0.05
@@ -37,7 +37,7 @@ class ErrorModel:
 
 
 class RobotError:
-    """The robot's error from image to image; `covariance` is (6, 6), by now."""
+    """The robot's error from image to image, with its present `covariance` (6, 6)."""
 
     def __init__(self) -> None:
         self.covariance = np.zeros((6, 6))
@@ -49,16 +49,16 @@ class RobotError:
     def advance(
         self, stamp_ns: int, camera_xyz: Floats, model: ErrorModel, given: Floats | None
     ) -> Floats:
-        """Go on to the time of an image.
+        """Propagate to the time of an image.
 
         Args:
-            stamp_ns: when it was taken.
-            camera_xyz: (3,) where, in the fixed frame.
-            model: the errors, where nothing is given.
-            given: (6, 6) covariance of the error now, as an odometry tells it.
+            stamp_ns: time of the image.
+            camera_xyz: (3,) position of the camera in the fixed frame.
+            model: used if no covariance is given.
+            given: (6, 6) covariance of the present error, as reported by an odometry.
 
         Returns:
-            (6, 6) how much of each error of before is in each error of now.
+            (6, 6) how much of each previous error is in each present one.
         """
         elapsed_s = 0.0 if self._stamp_ns is None else abs(stamp_ns - self._stamp_ns) / 1e9
         before, was_given = self.covariance, self._is_given
@@ -87,18 +87,18 @@ def at_camera(covariance: Floats, R_fixed_odom: Floats, base_to_camera_xyz: Floa
 
 
 def _moved(lever: Floats) -> Floats:
-    """(6, 6) errors about one point from those about another: turns move what is off the point."""
+    """(6, 6) errors about one point from those about another, by the lever arm."""
     move = np.eye(6)
     move[:3, 3:] = lever
     return move
 
 
 def _walked(before: Floats, now: Floats, shift: Floats) -> Floats:
-    """What is left of errors that were added up along the way.
+    """The remaining part of errors that accumulated along the way.
 
-    Carried along rigidly, the old error is wholly in the new one where the covariance grew; where
-    it shrank, something corrected it, and what is left is the new error, as after a Kalman update:
-    cov(new, old) = cov(new).
+    Propagated rigidly, the old error is entirely part of the new one where the covariance grew.
+    Where it shrank, something corrected it, and the new error is what remains of the old, as after
+    a Kalman update: cov(new, old) = cov(new).
     """
     carry = _moved(-shift)
     root = np.linalg.cholesky(carry @ before @ carry.T)

@@ -1,8 +1,8 @@
-"""What one detection says of a landmark in the fixed frame, as equations of a Kalman filter.
+"""Readings of detections in the fixed frame, as equations of a Kalman filter.
 
 The errors of a landmark are x, y, z in metres and a rotation vector, about the axes of the fixed
-frame. The robot's error, which all that is seen at one time shares, is six numbers too: by how much
-the camera is elsewhere, and is turned about itself, than the frames tell.
+frame. The robot's error, common to all sightings at one time, has six numbers too: the translation
+of the camera and its rotation about itself, relative to tf.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from ros_visualise.data import Floats, Hypothesis
 from ros_visualise.geometry import rotations
 
 UNKNOWN = 1e5
-"""A variance beyond it, in m^2 or rad^2, says that nothing is known of that direction."""
+"""Variance, m^2 or rad^2, above which a direction counts as unknown."""
 
 
 class Equations(NamedTuple):
     """A measurement of k numbers, to first order.
 
     Attributes:
-        residual: (k,) what was measured, less what was expected.
-        H: (k, 6) how it depends on the landmark's error.
-        J: (k, 6) how it depends on the robot's error.
+        residual: (k,) measured minus expected.
+        H: (k, 6) derivative by the landmark's error.
+        J: (k, 6) derivative by the robot's error.
         noise: (k, k) covariance of the rest.
     """
 
@@ -38,16 +38,16 @@ class Equations(NamedTuple):
 
 
 Expect = Callable[[Floats, Floats], Equations]
-"""Of a landmark's position (3,) and R_fixed_landmark (3, 3): what a measurement says of it."""
+"""(position (3,) and R_fixed_landmark (3, 3) of a landmark) -> the equations of a measurement."""
 
 
 @dataclass(frozen=True)
 class PoseReading:
     """One hypothesis of a detection, in the fixed frame.
 
-    ``position_xyz`` (3,) is where it says that the landmark is, 1 m away where it gives nothing but
-    a direction; ``R_fixed_landmark`` is None where it tells no orientation. ``camera_xyz`` (3,) is
-    where the camera was. ``score`` is the hypothesis's.
+    ``position_xyz`` (3,) is the measured position, 1 m away if only the direction is known;
+    ``R_fixed_landmark`` is None without an orientation. ``camera_xyz`` (3,) is the position of the
+    camera. ``score`` is the hypothesis's.
     """
 
     position_xyz: Floats
@@ -59,7 +59,7 @@ class PoseReading:
 
 
 def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> PoseReading | None:
-    """What a hypothesis says; None where it has no pose, or a covariance that is none."""
+    """The reading of a hypothesis; None without a pose or a valid covariance."""
     R, camera = T_fixed_camera[:3, :3], T_fixed_camera[:3, 3]
     covariance = hypothesis.covariance
     position = hypothesis.position_xyz
@@ -85,10 +85,10 @@ def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> PoseReading |
 
 @dataclass(frozen=True)
 class Ground:
-    """The plane that things stand on, in the fixed frame.
+    """The plane on which objects stand, in the fixed frame.
 
-    Its points have ``normal_xyz @ position == height_m``, but for ``sigma_m``, a standard
-    deviation. It holds for where one thing stands, so it counts once for each thing.
+    Its points satisfy ``normal_xyz @ position == height_m`` up to a standard deviation ``sigma_m``.
+    It constrains each object's own place, so it counts once for each object.
     """
 
     normal_xyz: Floats
@@ -96,7 +96,9 @@ class Ground:
     sigma_m: float
 
     def meet(self, sighting: PoseReading) -> Floats | None:
-        """(3,) where the plane is in the direction of a sighting; None if it is not."""
+        """(3,) intersection of the plane with the ray of a reading; None if there is no
+        intersection.
+        """
         camera = sighting.camera_xyz
         ray = sighting.position_xyz - camera
         sinks, above = -self.normal_xyz @ ray, self.normal_xyz @ camera - self.height_m
@@ -106,27 +108,27 @@ class Ground:
         return met
 
     def expect(self, position: Floats, R: Floats) -> Equations:
-        """That a landmark stands on it."""
+        """The constraint that a landmark stands on the plane."""
         H = np.concatenate([self.normal_xyz, np.zeros(3)])[None]
         residual = np.array([self.height_m - self.normal_xyz @ position])
         return Equations(residual, H, np.zeros((1, 6)), np.array([[self.sigma_m**2]]))
 
 
 def robot_error_at(position_xyz: Floats, camera_xyz: Floats) -> Floats:
-    """(6, 6) how the robot's error moves and turns what is seen at a position, away from there."""
+    """(6, 6) effect of the robot's error on what is seen at a position."""
     effect = -np.eye(6)
     effect[:3, 3:] = cross(position_xyz - camera_xyz)
     return effect
 
 
 def cross(vector: Floats) -> Floats:
-    """(3, 3) the matrix that takes ``b`` to the cross product of ``vector`` and ``b``."""
+    """(3, 3) cross-product matrix of ``vector``."""
     x, y, z = vector
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def turn_between(R_to: Floats, R_from: Floats) -> Floats:
-    """(3,) the rotation vector, in the axes that both are in, from one rotation to the other."""
+    """(3,) rotation vector from one rotation to the other, in their common axes."""
     return np.asarray(cv2.Rodrigues(R_to @ R_from.T)[0], np.float64)[:, 0]
 
 
@@ -162,7 +164,7 @@ def _direction(ray: Floats, noise: Floats, camera: Floats) -> Expect:
 
 
 def _is_covariance(covariance: Floats) -> bool:
-    """Whether all of it is known, and nothing is surer than sure."""
+    """True if it is finite and positive semidefinite."""
     if not np.isfinite(covariance).all() or (np.diag(covariance) <= 0).any():
         return False
     values = np.linalg.eigvalsh(covariance)

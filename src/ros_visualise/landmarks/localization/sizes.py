@@ -1,4 +1,4 @@
-"""How large a detected thing is, where the image's calibration is known."""
+"""Size of a detected object, from a calibrated image."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ros_visualise.landmarks.pose.rays import rays_of
 
 
 class SizeMeasurement:
-    """Measures what is seen in one image.
+    """Measures objects in one image.
 
     Args:
-        info: the image's calibration; without one, or one of an unknown kind, nothing is measured.
-        T_fixed_camera: (4, 4) where the camera was.
+        info: the image's calibration; nothing is measured without one or with an unknown model.
+        T_fixed_camera: (4, 4) pose of the camera.
     """
 
     def __init__(self, info: CameraInfo | None, T_fixed_camera: Floats) -> None:
@@ -23,10 +23,10 @@ class SizeMeasurement:
         self._R, self._camera = T_fixed_camera[:3, :3], T_fixed_camera[:3, 3]
 
     def size(self, detection: Detection, at: LandmarkEstimate, flat: bool) -> Floats | None:
-        """(3,) metres along its axes; None where nobody can tell.
+        """(3,) metres along its axes; None if unknown.
 
-        Of what is ``flat``, its outline lies in its own x-y plane. All else is taken to stand
-        upright and to be as deep as it is wide, as nobody knows more of it.
+        The outline of ``flat`` objects lies in their x-y plane. Others are assumed to stand upright
+        and to be as deep as wide.
         """
         if self._info is None:
             return None
@@ -46,7 +46,7 @@ class SizeMeasurement:
 
 
 def _across(away: Floats) -> Floats:
-    """(3, 3) right, upward, and back to who looks there."""
+    """(3, 3) axes right, up, and back to the viewer."""
     back = -away / np.linalg.norm(away)
     up = np.array([0.0, 0, 1]) if abs(back[2]) < 0.99 else np.array([1.0, 0, 0])
     right = np.cross(up, back)

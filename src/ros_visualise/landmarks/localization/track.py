@@ -1,8 +1,8 @@
-"""One landmark over time: one estimate, or two while its views have not decided which is right.
+"""One landmark over time: one estimate, or two while its views are ambiguous.
 
-A small square seen from afar looks the same in two poses. Both are followed, each as a branch, and
-each takes of every view the pose that fits it better. The wrong one fits less and less as the
-camera moves; when the views are e^6 times as likely under another branch, it is dropped.
+From afar, a small square looks the same in two poses. Both are followed, each as a branch, and each
+is updated by the reading of every view that fits it better. The wrong one fits less and less as the
+camera moves. It is dropped when the views are e^6 times as likely under the other branch.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from ros_visualise.landmarks.localization.estimate import (
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading, turn_between
 
 DECIDED = 6.0
-"""Log-likelihood ratio of all views from which on the less likely branch is dropped."""
+"""Log-likelihood ratio of all views at which the less likely branch is dropped."""
 
-_SAME = 1.0  # squared Mahalanobis distance of branches that have become one
-_SURE = 0.3  # standard deviation along the ray, in parts of the range, to begin with
+_SAME = 1.0  # squared Mahalanobis distance at which branches are merged
+_SURE = 0.3  # initial standard deviation along the ray, as a fraction of the range
 
 
 @dataclass(frozen=True)
 class Branch:
-    """An estimate, and the logarithm of how likely the views are under it."""
+    """An estimate, and the log-likelihood of the views under it."""
 
     estimate: LandmarkEstimate
     evidence: float
@@ -39,18 +39,18 @@ class Branch:
 
 @dataclass(eq=False)
 class LandmarkTrack:
-    """What is known of one landmark.
+    """One landmark.
 
     Attributes:
-        class_id, class_number: its class, as `ros_visualise.data.Hypothesis` has it.
-        number: what its localizer calls it by; 0 until it is confirmed.
-        turned: whether it has an orientation: then it is the only one of its class.
+        class_id, class_number: its class, see `ros_visualise.data.Hypothesis`.
+        number: assigned by its localizer; 0 until confirmed.
+        turned: True if it has an orientation; then its class is unique.
         branches: the most likely first.
-        size_xyz: (3,) metres, zero where nobody knows.
-        seen: how many sightings are in it.
-        last_ns: the time of the last.
-        apart: those that were seen in the same image, so that they are others.
-        rival: where it is seen, too, against all that is known: moved, or a second one.
+        size_xyz: (3,) metres, zero if unknown.
+        seen: number of sightings.
+        last_ns: time of the last.
+        apart: tracks seen in the same image, therefore different landmarks.
+        rival: a contradicting second track of the same tag: it moved, or there are two.
     """
 
     class_id: str
@@ -67,7 +67,7 @@ class LandmarkTrack:
 
     @property
     def name(self) -> str:
-        """What it is called: by its class, with its number where that may have several."""
+        """Its class, with its number if there may be several."""
         return self.class_id if self.turned else f"{self.class_id}_{self.number}"
 
     @property
@@ -77,14 +77,14 @@ class LandmarkTrack:
 
     @property
     def weights(self) -> list[float]:
-        """How probable each branch is."""
+        """Probability of each branch."""
         top = self.branches[0].evidence
         likely = [math.exp(branch.evidence - top) for branch in self.branches]
         return [one / sum(likely) for one in likely]
 
     @property
     def covariance(self) -> Floats:
-        """(6, 6) about the best estimate; while another branch may be right, that is in it."""
+        """(6, 6) about the best estimate; includes the other branch while undecided."""
         whole = np.zeros((6, 6))
         for weight, branch in zip(self.weights, self.branches, strict=True):
             off = difference(branch.estimate, self.best)
@@ -92,15 +92,15 @@ class LandmarkTrack:
         return whole
 
     def carry(self, kept: Floats, covariance: Floats) -> None:
-        """Go on to a time at which the robot's error is another; see `LandmarkEstimate.carried`."""
-        carried = [b.estimate.carried(kept, covariance) for b in self.branches]
+        """Propagate to a new robot error; see `LandmarkEstimate.propagated`."""
+        carried = [b.estimate.propagated(kept, covariance) for b in self.branches]
         pairs = zip(carried, self.branches, strict=True)
         self.branches = tuple(Branch(estimate, b.evidence) for estimate, b in pairs)
         if self.rival:
             self.rival.carry(kept, covariance)
 
     def fits(self, sightings: Sequence[PoseReading]) -> list[CandidateUpdate]:
-        """For each branch how the hypothesis of a detection that fits it best does."""
+        """For each branch, the update by the hypothesis of a detection that fits best."""
         found = []
         for branch in self.branches:
             several = [(fit(branch.estimate, one.expect), one.score) for one in sightings]
@@ -109,7 +109,7 @@ class LandmarkTrack:
         return found
 
     def take(self, fits: Sequence[CandidateUpdate], stamp_ns: int) -> None:
-        """Update it with a detection; at least one of the fits is an inlier."""
+        """Update by a detection; at least one of the fits is an inlier."""
         self.branches = _decide(
             Branch(
                 one.updated if one.is_inlier else branch.estimate, branch.evidence + one.evidence
@@ -120,12 +120,12 @@ class LandmarkTrack:
         self.last_ns = stamp_ns
 
     def replace_by(self, other: LandmarkTrack) -> None:
-        """Begin anew with what another one knows."""
+        """Restart with the estimate of another track."""
         self.branches, self.seen, self.last_ns = other.branches, other.seen, other.last_ns
         self.size_xyz, self.sizes, self.rival = other.size_xyz, other.sizes, None
 
     def measure(self, size_xyz: Floats | None) -> None:
-        """Let a measured size count."""
+        """Average in a measured size."""
         if size_xyz is not None:
             self.sizes += 1
             self.size_xyz = self.size_xyz + (size_xyz - self.size_xyz) / self.sizes
@@ -134,12 +134,12 @@ class LandmarkTrack:
 def begin(
     sightings: Sequence[PoseReading], robot: Floats, ground: Ground | None
 ) -> tuple[Branch, ...]:
-    """The branches of a landmark that is seen for the first time; none if it cannot be placed.
+    """The branches of a newly seen landmark; empty if it cannot be located.
 
     Args:
         sightings: the hypotheses of the detection.
         robot: (6, 6) covariance of the robot's error.
-        ground: where a thing stands that is seen without a range; None where nobody knows.
+        ground: for objects seen without a range; None if unknown.
     """
     return _decide(
         Branch(estimate, evidence + log_score(one.score))
@@ -149,13 +149,13 @@ def begin(
 
 
 def difference(one: LandmarkEstimate, other: LandmarkEstimate) -> Floats:
-    """(6,) the error that one estimate is from another."""
+    """(6,) error between two estimates."""
     turn = turn_between(one.R_fixed_landmark, other.R_fixed_landmark)
     return np.concatenate([one.position_xyz - other.position_xyz, turn])
 
 
 def log_score(score: float) -> float:
-    """How the score of a hypothesis counts; where a detector gives none, not at all."""
+    """Log of a hypothesis's score; 0 if the detector gives none."""
     return math.log(min(max(score, 1e-6), 1.0))
 
 
@@ -181,7 +181,7 @@ def _begun(
 
 
 def _decide(branches: Iterable[Branch]) -> tuple[Branch, ...]:
-    """Those that may still be right, the most likely first, each once."""
+    """The branches that are still possible, the most likely first, without duplicates."""
     kept: list[Branch] = []
     for branch in sorted(branches, key=lambda one: -one.evidence):
         is_likely = not kept or branch.evidence > kept[0].evidence - DECIDED

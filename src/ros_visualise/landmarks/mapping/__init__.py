@@ -1,1 +1,1 @@
-"""A map from a whole recording at once: poses of the camera and of landmarks that fit all views."""
+"""Mapping from a whole recording at once: the poses of camera and landmarks that fit all views."""

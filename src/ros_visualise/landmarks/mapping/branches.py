@@ -1,8 +1,8 @@
-"""Tags and views that fit better turned over: a small square's picture has two readings.
+"""Resolving the pose ambiguity of small squares for whole tags and views.
 
-The likelier reading of one picture is often the wrong one, and the search for the least sum never
-leaves it. So each tag is tried in the other pose that one of its pictures may show, over all of its
-views, and each view likewise.
+The likelier reading of a single image is often the wrong one, and a local search never leaves it.
+So each tag is tried in the alternative pose allowed by one of its images, over all of its views,
+and likewise each view.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from ros_visualise.landmarks.pose.refinement import moved
 
 _APART_RAD = 0.1
 _ROUNDS = 15
-_GAIN = 1.0  # of the sum, from which on the other pose is better
+_GAIN = 1.0  # least decrease of the sum for which the other pose is chosen
 
 
 class FlippedPoses(NamedTuple):
-    """The better poses, how many changed, and what the sums of the others were more (B,)."""
+    """The better poses, how many changed, and the excess sums of the rejected ones (B,)."""
 
     state: Unknowns
     changed: int
@@ -34,21 +34,21 @@ class FlippedPoses(NamedTuple):
 
 
 def turn_tags(terms: Terms, state: Unknowns) -> FlippedPoses:
-    """Tags in the poses that all of their views agree on best, the views being what they are."""
+    """Tags in the pose with the smaller sum over all of their views, with fixed views."""
     other = _others(terms, state, tags=True)
     tried = _refit(terms, state._replace(tags=other), tags=True)
     return _better(terms, state, tried, tags=True)
 
 
 def turn_views(terms: Terms, state: Unknowns) -> FlippedPoses:
-    """Views in the poses that all of their tags agree on best, the tags being what they are."""
+    """Views in the pose with the smaller sum over all of their tags, with fixed tags."""
     other = _others(terms, state, tags=False)
     tried = _refit(terms, state._replace(views=other), tags=False)
     return _better(terms, state, tried, tags=False)
 
 
 def _others(terms: Terms, state: Unknowns, tags: bool) -> Poses:
-    """For each tag, or view, of the poses that its pictures may show the one most turned."""
+    """For each tag, or view, the alternative pose that differs most."""
     now = state.tags if tags else state.views
     numbers, R, t = [], [], []
     for one in terms.problem.sightings:
@@ -73,7 +73,7 @@ def _others(terms: Terms, state: Unknowns, tags: bool) -> Poses:
 
 
 def _refit(terms: Terms, state: Unknowns, tags: bool) -> Unknowns:
-    """Gauss-Newton of each tag alone, or of each view: all others stay where they are."""
+    """Gauss-Newton for each tag, or each view, alone: all others stay fixed."""
     of_view, of_tag = terms.corners.views, terms.corners.tags
     number = of_tag if tags else of_view
     for _ in range(_ROUNDS):
@@ -101,7 +101,7 @@ def _seen(terms: Terms, state: Unknowns) -> tuple[Floats, Floats]:
 
 
 def _better(terms: Terms, state: Unknowns, tried: Unknowns, tags: bool) -> FlippedPoses:
-    """Of each tag, or view, the pose with the smaller sum."""
+    """For each tag, or view, the pose with the smaller sum."""
     number = terms.corners.tags if tags else terms.corners.views
     now, then = (state.tags, tried.tags) if tags else (state.views, tried.views)
     sums = []

@@ -1,4 +1,4 @@
-"""The whole way from what was recorded to a map: smoothed, outliers named and set right."""
+"""From recorded data to a map: smooth, name outliers, correct them."""
 
 from __future__ import annotations
 
@@ -37,15 +37,16 @@ from ros_visualise.landmarks.mapping.unknowns import SharedPrior
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 _ROUNDS = 6
-_PRINTED = 0.01  # by how much all tags may be larger than is said, where a survey can tell
-_LEAST_SEEN = 3  # sightings, that make a landmark
+_PRINTED = 0.01  # prior of the common scale error of tag sizes, with a survey
+_LEAST_SEEN = 3  # sightings that make a landmark
 
 
 @dataclass(frozen=True, eq=False)
 class TagMap:
-    """What was smoothed, what is wrong with tags, the tags as landmarks, and how cameras sit.
+    """The smoothed map, outliers, the tags as landmarks, and the mounting of cameras.
 
-    ``common`` (6, 6) is the covariance of what all landmarks are off together, in that of each too.
+    ``common`` (6, 6) is the covariance of the landmarks' common error, which is included in each of
+    theirs.
     """
 
     smoothed: SmoothedMap
@@ -55,7 +56,7 @@ class TagMap:
     mountings: Sequence[MountingCheck]
 
     def correction(self, stamp_ns: int) -> Floats:
-        """T_map_fixed (4, 4): by how much the frames were wrong about the camera at a time."""
+        """T_map_fixed (4, 4): the error of tf about the camera at a time."""
         problem = self.smoothed.problem
         if problem.odometry is None:
             return np.eye(4)
@@ -68,13 +69,13 @@ def map_of(
     problem: Problem,
     gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None,
 ) -> TagMap | None:
-    """A map of the tags of a recording; None where nothing hangs together.
+    """A map of the tags of a recording; None if nothing is connected.
 
     Args:
-        gyro: of the stamps of views, what an IMU measured.
+        gyro: gives the IMU measurements for the stamps of views.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     is_measured = bool(problem.surveyed or problem.distances)
     prior = SharedPrior(printed=_PRINTED if is_measured else 0.0)
@@ -85,7 +86,7 @@ def map_of(
     if problem.odometry is not None:
         mounting, freed = camera_mounting(found)
         mountings.append(mounting)
-        if mounting.is_wrong:  # else tags would be blamed for it
+        if mounting.is_wrong:  # or tags would be blamed for it
             found, prior = freed, freely_mounted(prior)
     explained: list[Outlier] = []
     for _ in range(_ROUNDS):
@@ -104,9 +105,9 @@ def map_of(
 
 
 def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
-    """Tags as landmarks, as the localizer has them, but for those that most views contradict.
+    """Tags as localized landmarks, except those that most views contradict.
 
-    And the covariance (6, 6) of what they are off together.
+    Also the covariance (6, 6) of their common error.
     """
     kept = _kept(found)
     tags = list(kept)
@@ -123,7 +124,7 @@ def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
 
 
 def _kept(found: SmoothedMap) -> dict[int, Numbers]:
-    """The tags that make a landmark, and their sightings that fit."""
+    """The tags that become landmarks, and their inlier sightings."""
     numbers = np.array([one.tag for one in found.problem.sightings], int)
     kept = {}
     for tag, name in enumerate(found.problem.names):

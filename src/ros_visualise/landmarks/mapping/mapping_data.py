@@ -1,4 +1,4 @@
-"""What a recording holds that a map is made of, gathered while it is played."""
+"""The data for a map, gathered while a recording is played."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from ros_visualise.landmarks.mapping.problem import CameraPath, Problem, TagSigh
 
 _FOR_EVER_S = 1e9
 _MOST_VIEWS = 3000
-"""Views that are taken at once; of more, every second or third is enough for the map."""
+"""Largest number of views; of more, only every second or third is used."""
 
 _MOST_BEFORE = 200
-"""Views before the first tag, which tell how far the odometry had gone by then."""
+"""Views before the first tag, for the odometry's error by then."""
 
-_FROZEN = "images that show the same as those before them, as of a camera that froze"
+_FROZEN = "images identical to the previous one (frozen camera)"
 
 
 class MappingData:
     """Detections and frames of a recording; may be filled from any thread.
 
     Attributes:
-        frames: where all was to one another, at all times.
-        left_out: how many sightings or images are not in the problem, by reason.
+        frames: the frame tree over time.
+        skipped: number of unused sightings or images, by reason.
     """
 
     def __init__(self) -> None:
         self.frames = FrameTree(_FOR_EVER_S)
-        self.left_out: Counter[str] = Counter()
+        self.skipped: Counter[str] = Counter()
         self.messages: list[Detections] = []
         self._turns: list[tuple[float, ...]] = []
         self._imu_frame = ""
@@ -44,30 +44,30 @@ class MappingData:
 
     @property
     def tag_names(self) -> set[str]:
-        """The classes of all that was seen with the corners of a tag."""
+        """Classes of all detections with tag corners."""
         return {o.class_id for m in self.messages for o in m.detections if is_tag(o)}
 
     def add_found(self, message: Detections) -> None:
-        """What was found in one image."""
+        """Add the detections of one image."""
         with self._lock:
             self.messages.append(message)
 
     def add_frames(self, message: Transforms, static: bool) -> None:
-        """Transforms; those that are none are left out, as whoever reads them says."""
+        """Add transforms; invalid ones are skipped, and reported by the nodes that need them."""
         try:
             self.frames.add(message, static)
         except WrongTransforms:
             return
 
     def add_imu(self, message: Imu) -> None:
-        """A measurement of an IMU; one that has no turn rates is left out."""
+        """Add an IMU measurement, unless it has no angular velocity."""
         if message.angular_covariance[0, 0] != -1:
             with self._lock:
                 self._imu_frame = message.header.frame_id
                 self._turns.append((message.header.stamp_ns, *message.angular_xyz))
 
     def gyro(self, stamps_ns: npt.NDArray[np.int64]) -> Gyro | None:
-        """What the IMU measured; None where there is none, or its frame is not known."""
+        """The angular velocities; None without an IMU, or if its frame is unknown."""
         camera = next((one.header.frame_id for one in self._with_tags()), "")
         with self._lock:
             turns = sorted(self._turns)
@@ -81,13 +81,13 @@ class MappingData:
         return Gyro(times, np.array([one[1:] for one in turns]), np.array(T)[:, :3, :3])
 
     def problem(self, size_of: Callable[[Detection], float], frame_id: str) -> Problem:
-        """The problem: images with tags, and where the frames say that the camera was.
+        """The problem: images with tags, and the camera poses given by tf.
 
         Args:
-            size_of: the side of a tag's square in metres; 0 where nobody knows.
-            frame_id: the fixed frame; empty where there is none.
+            size_of: side of a tag in metres; 0 if unknown.
+            frame_id: the fixed frame; empty without one.
         """
-        self.left_out.clear()
+        self.skipped.clear()
         T_fixed: list[Floats] = []
         stamps: list[int] = []
         found: list[list[tuple[Detection, Detections]]] = []
@@ -96,7 +96,7 @@ class MappingData:
         for message in [*before, *with_tags]:
             T = self.place(frame_id, message) if frame_id else np.eye(4)
             if T is None:
-                self.left_out["images at whose time the frames are not known"] += 1
+                self.skipped["images without a transform at their time"] += 1
                 continue
             T_fixed.append(T)
             stamps.append(message.header.stamp_ns)
@@ -109,10 +109,10 @@ class MappingData:
         ]
         odometry = CameraPath(np.array(T_fixed)) if frame_id and T_fixed else None
         problem = Problem(np.array(stamps, np.int64), names, sightings, odometry)
-        return problem if odometry else _together(problem, self.left_out)
+        return problem if odometry else _together(problem, self.skipped)
 
     def place(self, frame_id: str, message: Detections) -> Floats | None:
-        """T_fixed_camera (4, 4) by the frames; None where they do not tell."""
+        """T_fixed_camera (4, 4) according to tf; None if unknown."""
         header = message.header
         try:
             return self.frames.lookup(frame_id, header.frame_id, header.stamp_ns, 0.05)
@@ -124,7 +124,7 @@ class MappingData:
             return [one for one in self.messages if any(map(is_tag, one.detections))]
 
     def _before(self, with_tags: list[Detections], frame_id: str) -> list[Detections]:
-        """Images before the first tag: until that the odometry has its errors already."""
+        """Images before the first tag, during which the odometry already accumulates errors."""
         first_ns = _stamp(with_tags[0]) if with_tags else 0
         with self._lock:
             several = [one for one in self.messages if _stamp(one) < first_ns]
@@ -133,18 +133,18 @@ class MappingData:
         return [one for one in several[::every] if self.place(frame_id, one) is not None]
 
     def _fresh(self, messages: list[Detections]) -> list[Detections]:
-        """Without images that show what the one before them does, to the last digit."""
+        """The messages without exact repetitions of the previous one."""
         kept = messages[:1]
         kept += [one for before, one in pairwise(messages) if not _is_same(one, before)]
         if len(kept) < len(messages):
-            self.left_out[_FROZEN] = len(messages) - len(kept)
+            self.skipped[_FROZEN] = len(messages) - len(kept)
         return kept
 
     def _thinned(self, messages: list[Detections]) -> list[Detections]:
         every = -(-len(messages) // _MOST_VIEWS) if messages else 1
         kept = messages[::every]
         if len(kept) < len(messages):
-            self.left_out["images between others, as there are so many"] = len(messages) - len(kept)
+            self.skipped["images thinned out"] = len(messages) - len(kept)
         return kept
 
     def _usable(
@@ -153,12 +153,12 @@ class MappingData:
         tags = [one for one in message.detections if is_tag(one)]
         known = [one for one in tags if one.hypotheses[0].covariance.any() and size_of(one) > 0]
         if len(known) < len(tags):
-            self.left_out["tags without a pose"] += len(tags) - len(known)
+            self.skipped["tags without a pose"] += len(tags) - len(known)
         return known if message.camera_info else []
 
 
 def is_tag(one: Detection) -> bool:
-    """Whether it is a square of which there is one."""
+    """True if it is a tag of a unique class."""
     return len(one.corners_uv) == 4 and bool(one.hypotheses)
 
 
@@ -180,8 +180,8 @@ def _sighting(
     return TagSighting(view, tag, one.corners_uv, size_m, message.camera_info, poses)
 
 
-def _together(problem: Problem, left_out: Counter[str]) -> Problem:
-    """Without frames, a view of one tag tells nothing of where others are."""
+def _together(problem: Problem, skipped: Counter[str]) -> Problem:
+    """The problem without views of a single tag, which are useless without tf."""
     tags: dict[int, set[int]] = {}
     for one in problem.sightings:
         tags.setdefault(one.view, set()).add(one.tag)
@@ -192,7 +192,7 @@ def _together(problem: Problem, left_out: Counter[str]) -> Problem:
         several[[one.view for one in problem.sightings[:1]]] = True
     seen = {one.tag for one in problem.sightings if several[one.view]}
     if not several.all():
-        left_out["images of one tag alone, without frames"] = int((~several).sum())
+        skipped["images of a single tag, without tf"] = int((~several).sum())
     return problem.restricted(
         several, np.array([n in seen for n in range(len(problem.names))], bool)
     )

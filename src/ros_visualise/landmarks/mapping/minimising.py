@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over all poses, with sightings that do not fit left out by degrees."""
+"""Levenberg-Marquardt over all poses, with gradually stricter outlier rejection."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import SHARED, Unknowns
 
 Weigh = Callable[[Floats], tuple[Floats, Floats]]
-"""Of squared residuals (S,): weights (S,), and what each sighting adds to the sum."""
+"""Squared residuals (S,) -> weights (S,), and the contribution of each sighting to the sum."""
 
 GATE = 26.12
-"""Squared residual of eight numbers that 999 of 1000 right sightings are below: chi-square."""
+"""99.9 % point of the chi-square distribution with 8 degrees of freedom."""
 
 _DAMPING, _MOST_DAMPING = 1e-5, 1e8
-_CONVERGED = 1e-7  # of the sum, that a step still gains
+_CONVERGED = 1e-7  # smallest relative decrease of the sum
 
 
 def robust(scale: float) -> Weigh:
-    """Geman and McClure's weights: what fits far worse than ``scale`` counts for little.
+    """Geman and McClure's weights: sightings that fit far worse than ``scale`` count little.
 
     Source: S. Geman, D. McClure, Statistical methods for tomographic image reconstruction, 1987.
     """
@@ -37,7 +37,7 @@ def robust(scale: float) -> Weigh:
 
 
 def kept(inliers: Flags) -> Weigh:
-    """Those sightings alone (S,), each with its whole weight."""
+    """Full weight for these sightings (S,), none for others."""
 
     def weigh(chi2: Floats) -> tuple[Floats, Floats]:
         return inliers.astype(float), np.where(inliers, chi2, 0.0)
@@ -46,16 +46,16 @@ def kept(inliers: Flags) -> Weigh:
 
 
 def chi2_of(terms: Terms, state: Unknowns) -> Floats:
-    """(S,) squared residuals of the sightings by their deviations; huge behind the camera."""
+    """(S,) squared whitened residuals of the sightings; huge behind the camera."""
     residuals = terms.residuals_px(state) / terms.sigma_px()[:, None]
     return np.where(np.isfinite(residuals).all(axis=1), (residuals**2).sum(axis=1), 1e12)
 
 
 def minimise(terms: Terms, state: Unknowns, weigh: Weigh, rounds: int = 30) -> Unknowns:
-    """The state that makes the sum of squares least, near the one to begin with.
+    """The state that minimises the sum of squares, from a nearby start.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     damping = _DAMPING
     normal, cost = linearised(terms, state, weigh)
@@ -76,7 +76,7 @@ def minimise(terms: Terms, state: Unknowns, weigh: Weigh, rounds: int = 30) -> U
 
 
 def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquations, float]:
-    """The normal equations at a state, and the sum that is to become least."""
+    """The normal equations at a state, and the sum to be minimised."""
     views, tags = terms.problem.counts
     normal = NormalEquations(views, tags, SHARED)
     weights, losses = weigh(chi2_of(terms, state))

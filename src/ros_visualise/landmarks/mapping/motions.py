@@ -1,4 +1,4 @@
-"""How poses are to one another, and derivatives of that."""
+"""Relative poses and their derivatives."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ros_visualise.landmarks.mapping.problem import Poses
 
 
 def relative(poses: Poses) -> Poses:
-    """Each of N poses in the one before it: N - 1 poses."""
+    """Each of N poses relative to the previous one: N - 1 poses."""
     back = np.swapaxes(poses.R[:-1], 1, 2)
     return Poses(back @ poses.R[1:], np.einsum("nij,nj->ni", back, np.diff(poses.t, axis=0)))
 
@@ -26,7 +26,7 @@ def in_view(views: Poses, bodies: Poses, of_view: Numbers, of_body: Numbers) -> 
 def between(
     by_pose: Floats, views: Poses, bodies: Poses, of_view: Numbers, of_body: Numbers
 ) -> tuple[Floats, Floats]:
-    """Derivatives (S, K, 6) by poses of bodies in views, as ones by the views and by the bodies."""
+    """Derivatives (S, K, 6) by relative poses, converted to those by views and by bodies."""
     back = np.swapaxes(views.R[of_view], 1, 2)
     apart = bodies.t[of_body] - views.t[of_view]
     by_place, by_turn = by_pose[..., :3] @ back, by_pose[..., 3:] @ back
@@ -36,12 +36,12 @@ def between(
 
 
 def logarithm(R: Floats) -> Floats:
-    """(3,) the rotation vector of a rotation matrix."""
+    """(3,) rotation vector of a rotation matrix."""
     return np.asarray(cv2.Rodrigues(R)[0], np.float64)[:, 0]
 
 
 def logarithms(R: Floats) -> Floats:
-    """(N, 3) of rotations (N, 3, 3) by less than 180 degrees."""
+    """(N, 3) rotation vectors of rotations (N, 3, 3) by less than 180 degrees."""
     skew = R - np.swapaxes(R, 1, 2)
     sine2 = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
     cosine2 = np.trace(R, axis1=1, axis2=2) - 1
@@ -53,6 +53,6 @@ def logarithms(R: Floats) -> Floats:
 
 
 def offsets(believed: Poses, told: Poses) -> Floats:
-    """(N, 6) by how much poses are elsewhere, and turned, along and about the axes of both."""
+    """(N, 6) translation and rotation from believed to given poses, in the axes of both."""
     turned = logarithms(believed.R @ np.swapaxes(told.R, 1, 2))
     return np.concatenate([believed.t - told.t, turned], axis=1)

@@ -1,9 +1,9 @@
-"""How the camera is mounted, checked by how the robot moved: what the frames say may be wrong.
+"""Checking the mounting of the camera by the motion of the robot: tf may be wrong.
 
-Where the odometry and the views of tags tell of the same motion, they tell, too, how the camera
-sits on the robot: a camera that is turned sees the robot go elsewhere. How it is turned to an IMU
-is told by the axes of turns, which both see. What did not move cannot tell: then the standard
-deviation is as large as before.
+Odometry and views of tags measure the same motion, and so reveal how the camera is mounted on the
+robot: a rotated camera sees the robot move in another direction. The rotation relative to an IMU
+follows from the axes of rotations, which both measure. Without motion, nothing is learnt and the
+standard deviation stays as large as before.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, kept, minimise, robust
 from ros_visualise.landmarks.mapping.motions import logarithms, relative
 from ros_visualise.landmarks.mapping.noise import scales_of_odometry
-from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, told
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, result_of
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import MOUNTING, SharedPrior, Unknowns
 from ros_visualise.landmarks.pose.refinement import turn
 
-_FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # what is known of a mounting before
+_FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # prior of a mounting
 _FREE_RATE = 0.1  # rad/s, of a gyroscope's bias
 _ROUNDS = 4
-_TURNED = 16.27  # squared distance of three numbers: chi-square, 999 of 1000
-_NOTICED_DEG = 0.5  # less is of no matter
-_VAGUE_DEG = 1.5  # a turn that is known no better is not told
-_LONGEST_S = 1.0  # between views, for turns that are compared with those of an IMU
+_TURNED = 16.27  # 99.9 % point of chi-square with 3 degrees of freedom
+_NOTICED_DEG = 0.5  # smallest reported rotation
+_VAGUE_DEG = 1.5  # standard deviation beyond which a rotation counts as unknown
+_LONGEST_S = 1.0  # longest time between views for comparison with an IMU
 _LEAST_TURNS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class MountingCheck:
-    """By how much something is turned, and elsewhere, than the frames tell.
+    """The error of a transform in tf: rotation and translation.
 
     Attributes:
-        what: of what, in words.
+        what: the two parts, in words.
         turn_deg: (3,) degrees about the camera's x, y and z.
         turn_covariance: (3, 3) degrees squared.
-        shift_m, shift_sigma_m: (3,) metres along these; None where that is not estimated.
+        shift_m, shift_sigma_m: (3,) metres along these; None if not estimated.
     """
 
     what: str
@@ -57,13 +57,13 @@ class MountingCheck:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether what the frames say cannot be, by the turns that the motion does tell."""
+        """True if the motion contradicts the transform, about the observable axes."""
         turned, variances = self._known
         return float((turned**2 / variances).sum()) > _TURNED and self._angle_deg > _NOTICED_DEG
 
     @property
     def _known(self) -> tuple[Floats, Floats]:
-        """The turn about those axes that the motion tells of, and its variances."""
+        """The rotation about the observable axes, and its variances."""
         variances, axes = np.linalg.eigh(self.turn_covariance)
         known = variances < _VAGUE_DEG**2
         return (axes.T @ self.turn_deg)[known], variances[known]
@@ -74,30 +74,30 @@ class MountingCheck:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """A sentence for the report."""
         each = ", ".join(
             f"{axis} {value:+.2f} +- {sigma:.2f}"
             for axis, value, sigma in zip("xyz", self.turn_deg, self.turn_sigma_deg, strict=True)
         )
         if self.is_wrong:
             return (
-                f"{self.what} is turned by {self._angle_deg:.1f} degrees from what the frames tell:"
-                f" mend its transform (degrees about the camera's axes: {each})"
+                f"{self.what} is rotated by {self._angle_deg:.1f} degrees relative to tf:"
+                f" fix its transform (degrees about the camera's axes: {each})"
             )
-        far = ", as far as these motions show" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
-        return f"{self.what} is as the frames tell{far} (degrees about the camera's axes: {each})"
+        far = ", as far as this motion shows" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
+        return f"{self.what} agrees with tf{far} (degrees about the camera's axes: {each})"
 
 
 def freely_mounted(prior: SharedPrior) -> SharedPrior:
-    """The same where the camera's mounting is not as the frames tell."""
+    """The prior with an unknown mounting of the camera."""
     return replace(prior, mounting_m=_FREE_M, mounting_rad=_FREE_RAD)
 
 
 def camera_mounting(found: SmoothedMap) -> tuple[MountingCheck, SmoothedMap]:
-    """The camera on its robot, and the same map with what was found of that.
+    """The camera on its robot, and the map with the estimated mounting.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     terms = Terms(found.problem, found.noise, freely_mounted(SharedPrior()))
     state = Unknowns(found.views, found.tags, found.shared)
@@ -107,7 +107,7 @@ def camera_mounting(found: SmoothedMap) -> tuple[MountingCheck, SmoothedMap]:
         if found.is_estimated:
             terms.noise = scales_of_odometry(terms, state, inliers)
         state = minimise(terms, state, kept(inliers), 10)
-    freed = told(terms, state, inliers, found.undecided, found.is_estimated)
+    freed = result_of(terms, state, inliers, found.undecided, found.is_estimated)
     off, covariance = freed.shared[MOUNTING], freed.shared_covariance[MOUNTING, MOUNTING]
     sigmas = np.sqrt(np.diag(covariance))
     mounting = MountingCheck(
@@ -122,12 +122,12 @@ def camera_mounting(found: SmoothedMap) -> tuple[MountingCheck, SmoothedMap]:
 
 @dataclass(frozen=True, eq=False)
 class Gyro:
-    """What an IMU measured.
+    """Angular velocities of an IMU.
 
     Attributes:
         stamps_ns: (T,) in order.
         rates_xyz: (T, 3) rad/s in its frame.
-        R_imu_camera: (N, 3, 3) at each view, as the frames tell.
+        R_imu_camera: (N, 3, 3) at each view, according to tf.
     """
 
     stamps_ns: npt.NDArray[np.int64]
@@ -136,9 +136,9 @@ class Gyro:
 
 
 def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
-    """The camera to an IMU, by the turns from view to view; None where there are too few.
+    """The camera relative to an IMU, from the rotations between views; None if too few.
 
-    The IMU's bias is estimated with it, as one for all of the recording.
+    A constant bias of the IMU is estimated as well.
     """
     seen = logarithms(relative(found.views).R)
     turned, elapsed_s = _integrated(gyro, found.problem.stamps_ns)
@@ -166,14 +166,14 @@ def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
     covariance = np.linalg.inv(information)[:3, :3]
     vector = logarithms(off[None])[0]
     return MountingCheck(
-        "the camera to the IMU",
+        "the camera relative to the IMU",
         np.rad2deg(vector),
         np.rad2deg(np.rad2deg(covariance)),
     )
 
 
 def _integrated(gyro: Gyro, stamps_ns: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """(N - 1, 3, 3) turns of the IMU between views, NaN where it was silent; and seconds."""
+    """(N - 1, 3, 3) rotations of the IMU between views, NaN across gaps; and seconds."""
     turns = np.full((len(stamps_ns) - 1, 3, 3), np.nan)
     elapsed_s = np.diff(stamps_ns) / 1e9
     for view, (start, end) in enumerate(pairwise(stamps_ns)):
@@ -193,7 +193,7 @@ def _integrated(gyro: Gyro, stamps_ns: npt.NDArray[np.int64]) -> tuple[Floats, F
 
 
 def _cross(vectors: Floats) -> Floats:
-    """(N, 3, 3) that take b to the cross products of (N, 3) and b."""
+    """(N, 3, 3) cross-product matrices of (N, 3)."""
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
     matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x

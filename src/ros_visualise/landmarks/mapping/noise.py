@@ -1,4 +1,4 @@
-"""How much corners and odometry deviate, by what is left of them where all fits best."""
+"""Noise of corners and odometry, estimated from the residuals of the best fit."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise, Unknowns
 
 _MOST_PX = 100.0
 _PROBES = 8
-_LEAST_VIEWS = 10  # from which on an odometry tells of its noise
+_LEAST_VIEWS = 10  # needed to estimate the noise of odometry
 
 
 def extra_of_corners(terms: Terms, state: Unknowns) -> float:
-    """What the camera adds to the noise of corners, in pixels.
+    """Additional noise of the camera's corners, in pixels.
 
-    So much that the median of the squared residuals is what it is expected to be. Each sighting
-    has eight numbers; those that are unknown are shared among all sightings.
+    It makes the median of the squared residuals equal to its expectation. Each sighting has eight
+    numbers; the unknowns are distributed evenly over all sightings.
     """
     residuals = (terms.residuals_px(state) ** 2).sum(axis=1)
     left = _left(terms.problem)
-    median = left * (1 - 2 / (9 * left)) ** 3  # of chi-square, by Wilson and Hilferty
+    median = left * (1 - 2 / (9 * left)) ** 3  # of chi-square (Wilson and Hilferty)
     low, high = 0.0, _MOST_PX
     for _ in range(40):
         extra = (low + high) / 2
@@ -38,7 +38,7 @@ def extra_of_corners(terms: Terms, state: Unknowns) -> float:
 
 
 def _left(problem: Problem) -> float:
-    """Numbers that a sighting has more than there are unknowns for each."""
+    """Redundant numbers per sighting."""
     views, tags = problem.counts
     known = 6 * max(views - 1, 0) if problem.odometry is not None else 0
     unknown = 6 * (views + tags) - known
@@ -46,10 +46,10 @@ def _left(problem: Problem) -> float:
 
 
 def scales_of_odometry(terms: Terms, state: Unknowns, inliers: Flags) -> MeasurementNoise:
-    """Its noise, such that what is left of it is as large as it should be.
+    """Noise of odometry that makes its residuals as large as expected.
 
-    Of ways, tilts and headings apart. How many numbers each has more than are needed is told by a
-    trace, which random signs estimate.
+    Separately for distances, tilts and headings. The redundancy of each is a trace, estimated by
+    random signs.
 
     Source: W. Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979;
     M. Hutchinson, A stochastic estimator of the trace of the influence matrix, 1989.

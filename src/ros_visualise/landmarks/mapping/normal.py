@@ -1,9 +1,9 @@
-"""Normal equations of views in a chain, of tags that many views see, and of what all share.
+"""Normal equations for a chain of views, tags seen in many views, and shared numbers.
 
-Each view is tied to the next one alone, and to what all share; so the views are eliminated one
-after another, and what is left is a dense system of the tags and of the shared numbers. That is
-Cholesky's method in blocks, the views first. NumPy is enough for it, and the covariance of the tags
-falls out; a library of sparse matrices, as SciPy's, would be one more thing to install.
+Each view is linked only to the next one and to what all share. So the views are eliminated one
+after another (block Cholesky), which leaves a dense system of the tags and the shared numbers, and
+their covariance. NumPy is enough for it; a sparse library such as SciPy would be another
+dependency.
 
 Source: W. Triggs and others, Bundle Adjustment - A Modern Synthesis, 2000, section 6.
 """
@@ -19,7 +19,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 
 Numbers = npt.NDArray[np.int_]
-"""Of views or tags."""
+"""Indices of views or tags."""
 
 _TINY = 1e-12
 
@@ -29,7 +29,7 @@ class NormalEquations:
 
     Attributes:
         own: (N, 6, 6) of each view.
-        next: (N, 6, 6) of each view, its rows, and the next one.
+        next: (N, 6, 6) of each view, as rows, and the next one.
         border: (N, D, 6) of the tags and shared numbers, and of each view.
         rest: (D, D) of the tags and shared numbers; D is 6 M + G.
         slope_own, slope_rest: (N, 6) and (D,) of J'r.
@@ -59,9 +59,9 @@ class NormalEquations:
         Args:
             residuals: (S, K).
             shared: (S, K, G) their derivatives by the shared numbers.
-            view: numbers (S,) of views, and derivatives (S, K, 6) by these.
+            view: indices (S,) of views, and derivatives (S, K, 6) by these.
             after: derivatives (S, K, 6) by the views after those.
-            tags: numbers (S,) of tags and derivatives (S, K, 6), for each tag of a term.
+            tags: indices (S,) of tags and derivatives (S, K, 6), for each tag of a term.
         """
         G = slice(6 * self.tags, None)
         self.rest[G, G] += np.einsum("ski,skj->ij", shared, shared)
@@ -88,7 +88,7 @@ class NormalEquations:
             np.add.at(self.next, view[0], _times(view[1], after))
 
     def _add_shared(self, tag: Numbers, block: Floats) -> None:
-        """(S, 6, G) of tags and the shared numbers."""
+        """Add (S, 6, G) of tags and the shared numbers."""
         G = slice(6 * self.tags, None)
         rows = (6 * tag[:, None] + np.arange(6)).ravel()
         flat = block.reshape(len(rows), -1)
@@ -98,10 +98,10 @@ class NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What `solve` finds.
+    """Result of `solve`.
 
     Attributes:
-        views, rest: (N, 6) and (D,) the step that makes the sum of squares least.
+        views, rest: (N, 6) and (D,) the step to the minimum.
         covariance: (D, D) of tags and shared numbers.
         traced: (C,) see ``probes``.
     """
@@ -118,12 +118,12 @@ def solve(
     """Solve the normal equations.
 
     Args:
-        damping: times the diagonal is added to it (Marquardt, 1963).
-        probes: C right-hand sides b, of views (N, 6, C) and of the rest (D, C): of each the form
-            b' H^-1 b is told.
+        damping: this many times the diagonal is added (Marquardt, 1963).
+        probes: C right-hand sides b, of views (N, 6, C) and of the rest (D, C); ``traced`` is b'
+            H^-1 b for each.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     count, size = len(normal.own), len(normal.rest)
     own, rest = normal.own.copy(), normal.rest.copy()
@@ -147,12 +147,12 @@ def solve(
 
 
 def _eliminate(own: Floats, ties: Floats, wide: Floats) -> Floats:
-    """Cholesky's method along the chain, in place: ``own`` becomes its factors' inverses.
+    """Cholesky's method along the chain, in place: ``own`` becomes the inverses of its factors.
 
-    Each row of ``wide`` becomes that factor's inverse times what is left of it.
+    Each row of ``wide`` becomes the factor's inverse times its remainder.
 
     Returns:
-        (N, 6, 6) of each view and the next one, likewise.
+        (N, 6, 6) likewise for each view and the next one.
     """
     found = np.zeros_like(ties)
     tied = np.asarray(ties.any(axis=(1, 2)))
@@ -170,7 +170,7 @@ def _eliminate(own: Floats, ties: Floats, wide: Floats) -> Floats:
 
 
 def _substitute(inverses: Floats, ties: Floats, right: Floats) -> Floats:
-    """Back along the chain."""
+    """Back-substitution along the chain."""
     steps = np.zeros_like(right)
     after = np.zeros(6)
     for k in range(len(right) - 1, -1, -1):

@@ -1,4 +1,4 @@
-"""Tags that are not what was thought: moved, there twice, or of another size."""
+"""Outlier tags: moved, duplicated, or of another size."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from ros_visualise.landmarks.mapping.unknowns import Unknowns
 
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
 ASTRAY = "astray"
-"""The search threw the tag far off, which is no fault of the tag."""
+"""The search itself moved the tag far away."""
 
-_REFUSED, _LEAST = 0.2, 4  # of a tag's sightings, and how many: from here on it is looked at
-_AGREE = 0.6  # of those sightings, that fit where the tag may be as well
-_RESIZED = 0.03  # of its size, from which on that is not what was given
-_OTHER, _SURE = 0.05, 6.0  # of a size where all sightings fit, and standard deviations
-_REFINED = 0.003  # of one that was found to be another
+_REFUSED, _LEAST = 0.2, 4  # fraction and number of rejected sightings of an outlier
+_AGREE = 0.6  # fraction of those sightings that support the explanation
+_RESIZED = 0.03  # smallest relative error of a size
+_OTHER, _SURE = 0.05, 6.0  # the same with all sightings inliers, and in sigmas
+_REFINED = 0.003  # smallest relative change of a corrected size
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A tag, what is wrong with it (`SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`), and in words.
+    """A tag, its fault (`SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`), and a sentence about it.
 
-    ``value`` is its size by that which was given, how far it moved or is apart in metres, or of one
-    that is unsteady which part of its sightings does not fit;
-    ``sightings`` are those that are of the other place.
+    ``value`` is the ratio of its size to the given one, its displacement in metres, or, for an
+    unsteady one, the fraction of sightings that do not fit. ``sightings`` are those of the other
+    place.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Outlier:
 
 
 def outliers(found: SmoothedMap) -> list[Outlier]:
-    """Tags of whose sightings many do not fit, and what explains that."""
+    """Tags with many sightings that do not fit, and the explanation."""
     terms = Terms(found.problem, found.noise)
     state = Unknowns(found.views, found.tags, found.shared)
     named = []
@@ -57,9 +57,9 @@ def outliers(found: SmoothedMap) -> list[Outlier]:
 
 
 def other_size(given: Problem, found: SmoothedMap) -> list[Outlier]:
-    """The tag that is most surely of another size, if any is: it makes others seem wrong.
+    """The tag whose size is most certainly wrong, if any: it makes others look wrong.
 
-    None that was surveyed: there it may be the survey.
+    Surveyed tags are excluded: there the survey may be wrong.
     """
     part, sigma = larger(found)
     changed = np.array([by for _, _, by in _sizes(given, found.problem)])
@@ -73,21 +73,21 @@ def other_size(given: Problem, found: SmoothedMap) -> list[Outlier]:
 
 
 def resized(given: Problem, found: SmoothedMap) -> list[Outlier]:
-    """The tags that have come to be of another size than was given."""
+    """The tags whose size was corrected."""
     named = []
     for tag, (name, size, by) in enumerate(_sizes(given, found.problem)):
         if abs(np.log(by)) > _RESIZED / 2:
             fit = int(found.inliers[[one.tag == tag for one in found.problem.sightings]].sum())
             text = (
-                f"its side is {size:.3f} m, not {size / by:.3f} m, by the {fit} sightings that fit:"
-                " the map has it so; check what --tags or --size says of it"
+                f"its side is {size:.3f} m, not {size / by:.3f} m, by {fit} inlier sightings;"
+                " corrected in the map; check --tags or --size"
             )
             named.append(Outlier(name, SIZE, text, by))
     return named
 
 
 def _sizes(given: Problem, problem: Problem) -> list[tuple[str, float, float]]:
-    """The name of each tag, its size in metres, and that by the one which was given."""
+    """The name of each tag, its size in metres, and its ratio to the given size."""
     before = {given.names[one.tag]: one.size_m for one in given.sightings}
     sizes = {one.tag: one.size_m for one in problem.sightings}
     return [
@@ -103,34 +103,32 @@ def _explained(
     part = len(refused) / len(rows)
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
     if part > 0.5:
-        share += ", so that it is not in the map"
+        share += "; omitted from the map"
     sized = refit(terms, state, rows, sized=True)
     explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
     if sized and explains and abs(np.log(sized.size)) > _RESIZED:
         return Outlier(name, SIZE, share, sized.size)
     other = refit(terms, state, refused, sized=False)
     if other is None or other.fits.mean() < _AGREE:
-        return Outlier(name, UNSTEADY, f"{share}; no other place explains them", part)
+        return Outlier(name, UNSTEADY, f"{share}; no other pose explains them", part)
     there, here = refused[other.fits], np.setdiff1d(rows, refused)
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
     if apart > FARTHEST * terms.problem.sightings[rows[0]].size_m:
-        text = f"{share}: it was put where nobody sees it"
+        text = f"{share}: placed where it could not be seen"
         return Outlier(name, ASTRAY, text, apart, refused[other.fits].tolist())
     if apart < terms.problem.sightings[rows[0]].size_m / 2:
         return Outlier(name, UNSTEADY, f"{share}; it has not moved", part)
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
     if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
-        text = f"it was moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"
-        return Outlier(
-            name, MOVED, f"{text}: the map has it where it was last", apart, first.tolist()
-        )
-    text = f"there are two of it, {apart:.2f} m apart: the map has the one that is seen more often"
+        text = f"it moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"
+        return Outlier(name, MOVED, f"{text}; the map has its last pose", apart, first.tolist())
+    text = f"two copies, {apart:.2f} m apart; kept the one seen more often"
     return Outlier(name, TWICE, text, apart, there.tolist())
 
 
 def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
-    """The problem with other sizes, and with a tag of its own for each other place."""
+    """The problem with other sizes, and with an additional tag for each other place."""
     names = [*problem.names]
     sightings = list(problem.sightings)
     for one in named:

@@ -1,4 +1,4 @@
-"""Corners that a detector finds too far outward: it sees tags larger than they are, or smaller."""
+"""Bias of a detector that sees tags larger or smaller than they are."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ros_visualise.data import Floats
 
 
 def outward_steps(corners_uv: Floats) -> Floats:
-    """(..., 4, 2) by how much corners move where each side of a square is half a pixel outward.
+    """(..., 4, 2) shift of corners when each side of a square moves outward by half a pixel.
 
     Args:
         corners_uv: (..., 4, 2) pixels, in order around squares.

@@ -1,4 +1,4 @@
-"""What is known beforehand: what fixes the map, what was surveyed, and of the shared numbers."""
+"""Prior knowledge: the map's frame, the survey, and the shared numbers."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ros_visualise.landmarks.mapping.unknowns import (
 )
 
 _ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
-"""Metres and radians, that fix the map to a tag."""
+"""Metres and radians, standard deviation that fixes the map to a tag."""
 FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
-"""How far the frames are trusted where the first view is; the map has its heading from there."""
+"""Standard deviations of tf at the first view, which defines the map's heading."""
 
 
 def add_known(
     normal: NormalEquations, state: Unknowns, problem: Problem, prior: SharedPrior
 ) -> float:
-    """What fixes the map, what was surveyed, what is known of the shared numbers; their sum."""
+    """Add the map's frame, the survey, and the priors of the shared numbers; returns their sum."""
     sigmas = prior.sigmas
     free = sigmas > 0
     G = slice(6 * normal.tags, None)
@@ -43,7 +43,7 @@ def add_known(
 
 
 def _add_anchor(normal: NormalEquations, state: Unknowns, problem: Problem) -> float:
-    """The first view is where the frames say; without frames a tag is the map."""
+    """The first view is where tf says; without tf a tag defines the map."""
     odometry = problem.odometry
     if odometry is None:
         anchor = problem.anchor

@@ -1,4 +1,4 @@
-"""What a recording tells of its tags, as arrays, and the poses that are looked for."""
+"""Recorded tag sightings as arrays, and the unknown poses."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ros_visualise.landmarks.pose import corner_sigma
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
 Flags = npt.NDArray[np.bool_]
-"""Which views, tags or sightings."""
+"""Masks of views, tags or sightings."""
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-"""Corners of a tag whose side is 1, in its frame: x right, y up, z towards the viewer."""
+"""Corners of a tag with side 1, in its frame: x right, y up, z towards the viewer."""
 
 
 class Poses(NamedTuple):
-    """R_map_body (N, 3, 3) and where the bodies are in the map, t (N, 3) metres."""
+    """Poses R_map_body (N, 3, 3) and t (N, 3), metres."""
 
     R: Floats
     t: Floats
@@ -34,11 +34,11 @@ class TagSighting:
     """One tag in one image.
 
     Attributes:
-        view, tag: the numbers of both.
+        view, tag: indices of both.
         corners_uv: (4, 2) pixels, anticlockwise from the lower left.
         size_m: side of its square.
         info: the camera's calibration.
-        hypotheses: the poses in the camera's frame that it may have, the likeliest first.
+        hypotheses: its possible poses in the camera's frame, the likeliest first.
     """
 
     view: int
@@ -51,14 +51,14 @@ class TagSighting:
 
 @dataclass(frozen=True, eq=False)
 class CameraPath:
-    """T_fixed_camera (N, 4, 4): where the camera was, by frames whose z axis is upright."""
+    """T_fixed_camera (N, 4, 4): camera poses according to tf, in a frame with upright z axis."""
 
     T_fixed_camera: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class TagPrior:
-    """A tag that was surveyed: its position, and its orientation unless that is None.
+    """A surveyed tag: its position, and its orientation unless that is None.
 
     Standard deviations are (3,) metres along the axes of the map, and (3,) radians about them.
     """
@@ -72,7 +72,7 @@ class TagPrior:
 
 @dataclass(frozen=True, eq=False)
 class DistancePrior:
-    """A distance between the centres of two tags that was measured, metres."""
+    """A measured distance between the centres of two tags, metres."""
 
     tags: tuple[int, int]
     distance_m: float
@@ -81,12 +81,12 @@ class DistancePrior:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """All that is known; see `TagSighting`, `CameraPath` and the priors.
+    """All data; see `TagSighting`, `CameraPath` and the priors.
 
     Attributes:
         stamps_ns: (N,) of the views.
         names: of the tags.
-        anchor: the tag whose frame is the map, where no odometry and no survey fixes that.
+        anchor: the tag whose frame is the map's, without odometry and survey.
     """
 
     stamps_ns: npt.NDArray[np.int64]
@@ -99,11 +99,11 @@ class Problem:
 
     @property
     def counts(self) -> tuple[int, int]:
-        """How many views there are, and tags."""
+        """Numbers of views and tags."""
         return len(self.stamps_ns), len(self.names)
 
     def restricted(self, views: Flags, tags: Flags) -> Problem:
-        """The same of some views (N,) and tags (M,) alone, which are told by truth values."""
+        """The problem with only some views (N,) and tags (M,), given as masks."""
         view, tag = np.cumsum(views) - 1, np.cumsum(tags) - 1
         odometry = self.odometry
         return Problem(
@@ -129,24 +129,24 @@ class Corners(NamedTuple):
     """The corners of S sightings."""
 
     views: Numbers
-    """(S,) numbers of the views."""
+    """(S,) indices of the views."""
     tags: Numbers
-    """(S,) numbers of the tags."""
+    """(S,) indices of the tags."""
     points: Floats
     """(S, 4, 3) metres in the tag's frame."""
     rays: Rays
-    """In which they are seen, (S, 4, ...)."""
+    """(S, 4, ...) through their pixels."""
     sigma_px: Floats
-    """(S,) standard deviation of each coordinate, by the tag's size in the image."""
+    """(S,) standard deviation of each coordinate, from the tag's size in the image."""
     outward: Floats
-    """(S, 4, 2) by how much a corner moves in a picture whose tags are a pixel too large."""
+    """(S, 4, 2) shift of the corners if tags appear one pixel too large."""
 
 
 def corners_of(sightings: Sequence[TagSighting]) -> Corners:
     """The sightings as arrays.
 
     Raises:
-        UnsupportedImage: the model of distortion of a camera is not known.
+        UnsupportedImage: unknown distortion model.
     """
     views = np.array([one.view for one in sightings], int)
     tags = np.array([one.tag for one in sightings], int)

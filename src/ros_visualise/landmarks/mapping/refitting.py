@@ -1,4 +1,4 @@
-"""One tag again, the views being where they are: where else, and how large, it may be."""
+"""Refitting one tag with fixed views: its possible poses and sizes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from ros_visualise.landmarks.pose.refinement import linearise, moved
 _ROUNDS = 12
 _BEGINNINGS = 5
 FARTHEST = 1000.0
-"""Times a tag's side, from where nobody sees it."""
+"""Largest visible distance of a tag, in sides."""
 
-_LOOSE = 9.0  # times the gate: what the views add, which are not wholly where they seem
+_LOOSE = 9.0  # times the gate, as the views are uncertain too
 
 
 class Refit(NamedTuple):
-    """A tag's pose (3, 3) and (3,), its size by that which was given, and which sightings fit."""
+    """A tag's pose (3, 3) and (3,), the ratio of its size to the given one, and the inliers."""
 
     R: Floats
     t: Floats
@@ -35,7 +35,7 @@ class Refit(NamedTuple):
 
 
 def refit(terms: Terms, state: Unknowns, rows: Numbers, sized: bool) -> Refit | None:
-    """The pose, and the size where ``sized``, that most of a tag's sightings (R,) agree on."""
+    """The pose, and the size if ``sized``, supported by most of a tag's sightings (R,)."""
     best = None
     scales = (1.0, 0.5, 0.7, 1.4, 2.0) if sized else (1.0,)
     for row in rows[:: max(1, len(rows) // _BEGINNINGS)]:

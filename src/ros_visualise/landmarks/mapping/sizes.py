@@ -1,8 +1,8 @@
-"""Tags of another size than was given, by what all views say of it.
+"""Tags whose given size is wrong, from all views.
 
-A tag that is alone in its images, and whose size is wrong, fits to them as well in another place:
-only the ways between the views are too long or too short for it. What odometry and other tags say
-of these is in the normal equations already; one unknown more for each tag tells its size.
+A tag that is alone in its images and has a wrong size fits them equally well at another place, but
+makes the distances between the views too long or too short. What odometry and other tags say about
+these is in the normal equations already; one more unknown per tag gives its size.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from ros_visualise.landmarks.mapping.unknowns import PRINTED, Unknowns
 
 
 class SizeErrors(NamedTuple):
-    """By which part of its size each tag is larger than is said, (M,), and how sure that is."""
+    """Relative error (M,) of the given size of each tag, and its standard deviation."""
 
     part: Floats
     sigma: Floats
 
 
 def larger(found: SmoothedMap) -> SizeErrors:
-    """How large each tag is, to first order, were its size alone not known.
+    """The size error of each tag, to first order, if it were the only unknown size.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
 
     Source: C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters,
     1948 (the score test, which needs no second search).

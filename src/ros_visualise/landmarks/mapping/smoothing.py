@@ -1,4 +1,4 @@
-"""A map from all views at once: the poses of camera and tags that fit them best.
+"""Smoothing: the poses of camera and tags that fit all views best.
 
 Source: W. Triggs and others, Bundle Adjustment - A Modern Synthesis, 2000.
 """
@@ -31,27 +31,27 @@ from ros_visualise.landmarks.mapping.unknowns import (
     Unknowns,
 )
 
-_SCALES = (100.0, 10.0, 1.0, 0.3, 0.1)  # of the robust weights: the start is far
+_SCALES = (100.0, 10.0, 1.0, 0.3, 0.1)  # of the robust weights, from coarse to fine
 _TURNS = 4
 _SETTLED = 5
 DECIDED = 12.0
-"""Twice the log-likelihood ratio from which on one of two poses is right."""
+"""Twice the log-likelihood ratio that decides between two poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothedMap:
-    """What was found.
+    """The result of smoothing.
 
     Attributes:
-        problem: what hangs together of that which was recorded.
+        problem: the connected part of the data.
         views, tags: the poses in the map.
         joint: (M, 6, M, 6) covariance of the tags: x, y, z and rotations about them, in the map.
         shared, shared_covariance: (9,) and (9, 9), see `terms`.
-        inliers: (S,) which sightings fit.
-        residuals_px: (S,) the root of the mean squared distance of a sighting's corners.
-        noise: what corners and odometry were found to deviate.
-        undecided: (M,) tags that the views may show in another pose as well.
-        is_estimated: whether the noise was found here, and not given.
+        inliers: (S,) mask of the sightings that fit.
+        residuals_px: (S,) rms distance of a sighting's corners.
+        noise: of corners and odometry.
+        undecided: (M,) mask of tags with an ambiguous pose.
+        is_estimated: True if the noise was estimated, not given.
     """
 
     problem: Problem
@@ -78,15 +78,15 @@ def smooth(
     noise: MeasurementNoise | None = None,
     prior: SharedPrior = UNKNOWN,
 ) -> SmoothedMap | None:
-    """The poses that fit best; None where no two things hang together.
+    """The poses that fit best; None if nothing is connected.
 
     Args:
-        problem: what was recorded.
-        noise: of what is measured; None: it is estimated from what does not fit.
+        problem: the recorded data.
+        noise: of measurements; None: estimate it from the residuals.
         prior: of the shared numbers.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     if not problem.sightings:
         return None
@@ -105,7 +105,7 @@ def smooth(
         state = minimise(terms, state, robust(9 * scale * GATE), 10)
     state, worse = _turned(terms, state, noise is None)
     state, inliers = _settled(terms, state, noise is None)
-    return told(terms, state, inliers, worse < DECIDED, noise is None)
+    return result_of(terms, state, inliers, worse < DECIDED, noise is None)
 
 
 def _estimate_px(terms: Terms, state: Unknowns) -> None:
@@ -113,7 +113,7 @@ def _estimate_px(terms: Terms, state: Unknowns) -> None:
 
 
 def _turned(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, Floats]:
-    """With tags and views turned over that fit better so, until none does."""
+    """The state after flipping tags and views until no flip improves it."""
     worse = np.full(terms.problem.counts[1], np.inf)
     for _ in range(_TURNS):
         of_views = turn_views(terms, state)
@@ -128,7 +128,7 @@ def _turned(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, F
 
 
 def _settled(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, Flags]:
-    """With those sightings alone that fit, and noise as large as what is left."""
+    """The state fitted to inliers only, with noise matching the residuals."""
     inliers = np.zeros(len(terms.corners.views), bool)
     for _ in range(_SETTLED):
         if estimated:
@@ -141,13 +141,13 @@ def _settled(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, 
     return state, inliers
 
 
-def told(
+def result_of(
     terms: Terms, state: Unknowns, inliers: Flags, undecided: Flags, is_estimated: bool
 ) -> SmoothedMap:
-    """What was found, with its covariance.
+    """The result, with its covariance.
 
     Raises:
-        numpy.linalg.LinAlgError: something is not determined.
+        numpy.linalg.LinAlgError: the problem is underdetermined.
     """
     covariance = final(terms, state, inliers).covariance
     tags = terms.problem.counts[1]

@@ -1,4 +1,4 @@
-"""Where to begin: from one pose to the next, by the ways that are surest."""
+"""Initial poses: from one pose to the next, along the most certain links."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 
 Node = tuple[str, int]
-"""A view or a tag, and its number."""
+"""A view or a tag, and its index."""
 
-_ARM_M = 2.0  # how far a turn is taken to carry, to add its variance to that of a place
-_DRIFT = 0.05  # of the odometry's way, which is taken to be its deviation here
+_ARM_M = 2.0  # lever arm that converts rotation variance to position variance
+_DRIFT = 0.05  # assumed error of odometry, per distance
 
 
 class InitialPoses(NamedTuple):
-    """Poses to begin with, and of which there are none.
+    """Initial poses, and masks of those that have one.
 
     Attributes:
         T_views, T_tags: (N, 4, 4) and (M, 4, 4) in the map.
-        views, tags: (N,) and (M,) whether anything ties them to the start.
+        views, tags: (N,) and (M,) True if connected with the start.
     """
 
     T_views: Floats
@@ -36,19 +36,19 @@ class InitialPoses(NamedTuple):
 
 class _Tie(NamedTuple):
     to: Node
-    doubt: float
+    variance: float
     T: Floats
-    """Of the other one in this one's frame."""
+    """Pose of the other in this one's frame."""
 
 
 def begin(problem: Problem) -> InitialPoses:
-    """Poses of all that hangs together with the start, or with what was surveyed.
+    """Poses of all that is connected with the start, or with the survey.
 
-    The map is that of the frames where there is an odometry, else the tag ``problem.anchor``, but
-    for what was surveyed: then each group of tags is moved to fit to the survey.
+    The map's frame is the fixed frame of tf if there is odometry, else that of the tag
+    ``problem.anchor``. With a survey, each group of tags is moved to fit it.
 
-    Source: E. Dijkstra, A note on two problems in connexion with graphs, 1959; doubts are
-    variances, and add up along a way.
+    Source: E. Dijkstra, A note on two problems in connexion with graphs, 1959; the lengths are
+    variances, which add up along a path.
     """
     ties = _ties(problem)
     if problem.surveyed:
@@ -66,7 +66,7 @@ def begin(problem: Problem) -> InitialPoses:
 
 
 def anchor_of(problem: Problem) -> int:
-    """The tag that is seen most often, of the largest group of tags that are seen together."""
+    """The most frequent tag of the largest group of tags seen together."""
     ties = _ties(problem)
     left, largest = set(range(len(problem.names))), set[int]()
     while left:
@@ -77,7 +77,7 @@ def anchor_of(problem: Problem) -> int:
 
 
 def _to_survey(group: dict[Node, Floats], problem: Problem) -> Floats | None:
-    """(4, 4) that moves a group to where it was surveyed; None where that does not tell.
+    """(4, 4) that moves a group to its surveyed place; None if undetermined.
 
     Source: K. Arun, T. Huang, S. Blostein, Least-Squares Fitting of Two 3-D Point Sets, 1987.
     """
@@ -96,24 +96,24 @@ def _to_survey(group: dict[Node, Floats], problem: Problem) -> Floats | None:
 
 
 def poses(T: Floats) -> Poses:
-    """Of (N, 4, 4)."""
+    """(N, 4, 4) transforms as poses."""
     return Poses(T[:, :3, :3].copy(), T[:, :3, 3].copy())
 
 
 def _ties(problem: Problem) -> dict[Node, list[_Tie]]:
     ties: dict[Node, list[_Tie]] = defaultdict(list)
 
-    def tie(a: Node, b: Node, doubt: float, T: Floats) -> None:
-        ties[a].append(_Tie(b, doubt, T))
-        ties[b].append(_Tie(a, doubt, inverse(T)))
+    def tie(a: Node, b: Node, variance: float, T: Floats) -> None:
+        ties[a].append(_Tie(b, variance, T))
+        ties[b].append(_Tie(a, variance, inverse(T)))
 
     for one in problem.sightings:
         best = one.hypotheses[0]
         T = from_parts(rotations.to_matrix(best.quat_xyzw), best.position_xyz)
         variances = np.diag(best.covariance)
-        doubt = float(variances[:3].sum() + _ARM_M**2 * variances[3:].sum())
+        variance = float(variances[:3].sum() + _ARM_M**2 * variances[3:].sum())
         share = best.score / sum(other.score for other in one.hypotheses)
-        tie(("view", one.view), ("tag", one.tag), doubt / max(share, 1e-3), T)
+        tie(("view", one.view), ("tag", one.tag), variance / max(share, 1e-3), T)
     if problem.odometry is not None:
         T_fixed = problem.odometry.T_fixed_camera
         steps = inverse(T_fixed[:-1]) @ T_fixed[1:]
@@ -124,19 +124,19 @@ def _ties(problem: Problem) -> dict[Node, list[_Tie]]:
 
 
 def _spread(ties: dict[Node, list[_Tie]], start: Node, T: Floats) -> dict[Node, Floats]:
-    """T_map_node of all that can be reached."""
+    """T_map_node of all reachable nodes."""
     found: dict[Node, Floats] = {}
     waiting = [(0.0, 0, start, T)]
     count = 0
     while waiting:
-        doubt, _, node, T = heapq.heappop(waiting)
+        variance, _, node, T = heapq.heappop(waiting)
         if node in found:
             continue
         found[node] = T
         for one in ties[node]:
             if one.to not in found:
                 count += 1
-                heapq.heappush(waiting, (doubt + one.doubt, count, one.to, T @ one.T))
+                heapq.heappush(waiting, (variance + one.variance, count, one.to, T @ one.T))
     return found
 
 

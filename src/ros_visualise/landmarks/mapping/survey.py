@@ -1,13 +1,13 @@
-"""What was surveyed, from a YAML file: places of tags, and distances between them.
+"""Surveys in YAML files: positions of tags, and distances between them.
 
 landmarks:
-- name: tag36h11_3              # as in a map; a map of before may stand here as it is
+- name: tag36h11_3              # as in a map; a previous map may be used unchanged
   position: [1.2, 0.4, 2.1]     # metres, in the frame of the map
   sigma: 0.01                   # metres: one number, or three along the axes
-  orientation: [x, y, z, w]     # may be left out; the tag's frame is x right, y up, z out of it
+  orientation: [x, y, z, w]     # optional; the tag's frame is x right, y up, z out of it
   sigma_degrees: 1.0            # of the orientation
 distances:
-- {between: [tag36h11_3, tag36h11_7], metres: 4.115, sigma: 0.005}   # from centre to centre
+- {between: [tag36h11_3, tag36h11_7], metres: 4.115, sigma: 0.005}   # centre to centre
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Problem, TagPrior
 
 _SIGMA_M, _SIGMA_DEG = 0.01, 1.0
-_LEAST = 1e-5  # metres, radians: nobody knows a place better
+_LEAST = 1e-5  # metres, radians: smallest standard deviation
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Names of tags and what is known of each; distances, by two names."""
+    """Surveyed tags by name, and distances by two names."""
 
     tags: Sequence[tuple[str, TagPrior]] = ()
     distances: Sequence[tuple[str, str, DistancePrior]] = ()
 
     def added_to(self, problem: Problem) -> tuple[Problem, list[str]]:
-        """A problem with it, and the names of tags that were never seen."""
+        """A problem with the survey, and the names of tags that were never seen."""
         number = {name: tag for tag, name in enumerate(problem.names)}
         tags = [replace(p, tag=number[name]) for name, p in self.tags if name in number]
         distances = [
@@ -51,21 +51,21 @@ class Survey:
 
 
 def read_survey(path: str | Path) -> Survey:
-    """The survey in a file.
+    """Read a survey.
 
     Raises:
-        OpenError: it cannot be read, or something in it is wrong; the message says what and where.
+        OpenError: it cannot be read or is invalid; the message says where.
     """
     try:
         values = load_yaml(Path(path), MANY_VALUES)
         if not isinstance(values, dict) or not values.keys() & {"landmarks", "distances"}:
-            raise ValueError("give a list of landmarks, of distances, or both")
+            raise ValueError("give a list of landmarks, a list of distances, or both")
         return Survey(
             [_tag(one, where) for where, one in _each(values, "landmarks")],
             [_distance(one, where) for where, one in _each(values, "distances")],
         )
     except FileNotFoundError:
-        raise OpenError.missing(path, "give a YAML file of what was surveyed") from None
+        raise OpenError.missing(path, "give a YAML file of the survey") from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}") from None
     except (BadYaml, ValueError) as error:
@@ -86,7 +86,7 @@ def _each(values: dict[str, Any], name: str) -> Iterator[tuple[str, dict[str, An
 def _tag(one: dict[str, Any], where: str) -> tuple[str, TagPrior]:
     name = one.get("name")
     if not isinstance(name, str):
-        raise ValueError(f"{where}: has no name of a tag, such as tag36h11_3")
+        raise ValueError(f"{where}: missing name of a tag, such as tag36h11_3")
     pose = one.get("pose", one)
     if not isinstance(pose, dict):
         raise ValueError(f"{where}: pose: give a position and an orientation")
@@ -98,7 +98,7 @@ def _tag(one: dict[str, Any], where: str) -> tuple[str, TagPrior]:
         of_turn = np.deg2rad(_numbers(where, one, "sigma_degrees", (1, 3), [_SIGMA_DEG]))
         sigmas = np.concatenate([np.broadcast_to(of_place, 3), np.broadcast_to(of_turn, 3)])
     if not (sigmas >= 0).all():
-        raise ValueError(f"{where}: a standard deviation is not below 0")
+        raise ValueError(f"{where}: standard deviations must not be negative")
     R = None
     if pose.get("orientation") is not None:
         R = rotations.to_matrix(_numbers(where, pose, "orientation", (4,)))
@@ -113,7 +113,7 @@ def _distance(one: dict[str, Any], where: str) -> tuple[str, str, DistancePrior]
     metres = float(_numbers(where, one, "metres", (1,))[0])
     sigma = float(_numbers(where, one, "sigma", (1,), [_SIGMA_M])[0])
     if metres <= 0 or sigma <= 0:
-        raise ValueError(f"{where}: metres and sigma are above 0")
+        raise ValueError(f"{where}: metres and sigma must be positive")
     return str(between[0]), str(between[1]), DistancePrior((-1, -1), metres, sigma)
 
 

@@ -1,4 +1,4 @@
-"""The terms of the sum of squares that is made least: corners, and odometry."""
+"""The terms of the sum of squares to be minimised: corners and odometry."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from ros_visualise.landmarks.pose.refinement import linearise
 
 @dataclass(eq=False)
 class Terms:
-    """The terms of a problem, which `seen` and `gone` tell at a state.
+    """The terms of a problem, evaluated by `seen` and `gone` at a state.
 
     Attributes:
-        noise: of what is measured.
+        noise: of measurements.
         prior: of the shared numbers.
     """
 
@@ -43,20 +43,20 @@ class Terms:
         self.corners = corners_of(self.problem.sightings)
 
     def with_noise(self, **noise: float) -> None:
-        """Take other standard deviations."""
+        """Set other standard deviations."""
         self.noise = replace(self.noise, **noise)
 
     def sigma_px(self) -> Floats:
-        """(S,) of the coordinates of corners."""
+        """(S,) standard deviations of corner coordinates."""
         sigma: Floats = np.hypot(self.corners.sigma_px, self.noise.extra_px)
         return sigma
 
     def residuals_px(self, state: Unknowns) -> Floats:
-        """(S, 8) pixels from where corners are seen to where they should be."""
+        """(S, 8) pixels from measured to expected corners."""
         return self.seen(state, np.ones(len(self.corners.views)))[0]
 
     def add_seen(self, normal: NormalEquations, state: Unknowns, weights: Floats) -> None:
-        """The corners, each sighting by its weight (S,)."""
+        """Add the corners, each sighting with its weight (S,)."""
         residuals, by_pose, by_shared = self.seen(state, self.sigma_px())
         root = np.sqrt(weights)[:, None]
         bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
@@ -68,7 +68,7 @@ class Terms:
         )
 
     def add_gone(self, normal: NormalEquations, state: Unknowns) -> Floats:
-        """The odometry; returns its residuals (N - 1, 6) by their deviations."""
+        """Add the odometry; returns its whitened residuals (N - 1, 6)."""
         residuals, whiten, by_shared = self.gone(state)
         first = np.arange(len(residuals))
         if len(first):
@@ -79,7 +79,7 @@ class Terms:
     def probe(
         self, state: Unknowns, signs: Floats, normal: NormalEquations
     ) -> tuple[Floats, Floats]:
-        """J'b of the odometry, as right-hand sides of `solve`: of b (N - 1, 6)."""
+        """J'b of the odometry, as right-hand sides of `solve`, for b (N - 1, 6)."""
         _, whiten, by_shared = self.gone(state)
         first = np.arange(len(signs))
         by_view, by_next = between(whiten, state.views, state.views, first, first + 1)
@@ -90,7 +90,7 @@ class Terms:
         return of_views, of_rest
 
     def gone(self, state: Unknowns) -> tuple[Floats, Floats, Floats]:
-        """Of the odometry the residuals (N - 1, 6), what weighs them, and shared derivatives."""
+        """Odometry residuals (N - 1, 6), their whitening, and derivatives by shared numbers."""
         odometry = self.problem.odometry
         if odometry is None:
             return np.zeros((0, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, SHARED))
@@ -138,7 +138,7 @@ class Terms:
 
 
 def _carried(told: Poses, shared: Floats) -> Poses:
-    """Motions of the camera as it is, by those of the camera as the frames have it."""
+    """Motions of the camera as mounted, from those of the camera according to tf."""
     R, t = mounting(shared)
     way = told.t / (1 + shared[LONGER]) + told.R @ t - t
     return Poses(R.T @ told.R @ R, way @ R)

@@ -1,9 +1,9 @@
-"""What is looked for, and how much is known of it: poses, shared numbers, and noise.
+"""The unknowns and their priors: poses, shared numbers, and noise.
 
-The six numbers of a pose are changes of its position, and a rotation, along and about the axes of
-the map. The shared numbers are, in this order, by how many pixels tags are seen too large, by how
-much the odometry takes ways for too long, by how much the camera is elsewhere and turned than the
-frames tell, along and about its own axes, and by how much all tags are larger than their size.
+The six numbers of a pose are changes of its position and a rotation, along and about the axes of
+the map. The shared numbers are, in this order: the pixels by which tags appear too large; the scale
+error of the odometry; translation and rotation of the camera relative to tf, along and about its
+own axes; and the scale error of all tag sizes.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.problem import Poses
 from ros_visualise.landmarks.pose.refinement import moved, turn
 
-_STEP = 1e-6  # of derivatives by differences
+_STEP = 1e-6  # of finite differences
 
 SHARED = 9
 LARGER, LONGER, MOUNTING, PRINTED = 0, 1, slice(2, 8), 8
-"""Which of the shared numbers is which."""
+"""Indices of the shared numbers."""
 
 
 @dataclass(frozen=True)
 class MeasurementNoise:
-    """Standard deviations of what is measured.
+    """Standard deviations of measurements.
 
     Attributes:
-        extra_px: what the camera adds to that of corners, which their tag's size tells.
-        way_m, tilt_rad, heading_rad: errors of the odometry after a metre; they grow with the root
-            of the way.
-        still_m, still_rad: what is added between any two views.
+        extra_px: additional noise of corners, beside that given by the tag's size.
+        way_m, tilt_rad, heading_rad: errors of the odometry after one metre; they grow with the
+            root of the distance.
+        still_m, still_rad: added between any two views.
     """
 
     extra_px: float = 0.0
@@ -47,7 +47,7 @@ class MeasurementNoise:
 
 @dataclass(frozen=True)
 class SharedPrior:
-    """Standard deviations of the shared numbers; 0: they stay as they are."""
+    """Standard deviations of the shared numbers; 0: fixed."""
 
     larger_px: float = 0.5
     longer: float = 0.03
@@ -57,24 +57,24 @@ class SharedPrior:
 
     @property
     def sigmas(self) -> Floats:
-        """(9,)"""
+        """(9,) in the order of the shared numbers."""
         mounting = [self.mounting_m] * 3 + [self.mounting_rad] * 3
         return np.array([self.larger_px, self.longer, *mounting, self.printed])
 
 
 UNKNOWN = SharedPrior()
-"""But for the camera's mounting, which is as the frames tell."""
+"""Everything unknown except the camera's mounting, which agrees with tf."""
 
 
 class Unknowns(NamedTuple):
-    """All that is looked for."""
+    """All unknowns."""
 
     views: Poses
     tags: Poses
     shared: Floats
 
     def moved(self, of_views: Floats, rest: Floats) -> Unknowns:
-        """Changed by steps (N, 6) and (D,)."""
+        """The same, changed by steps (N, 6) and (D,)."""
         count = len(self.tags.t)
         of_tags = rest[: 6 * count].reshape(count, 6)
         return Unknowns(
@@ -85,7 +85,7 @@ class Unknowns(NamedTuple):
 
 
 def mounting(shared: Floats) -> tuple[Floats, Floats]:
-    """R and t of the camera in the camera's frame as the frames tell it."""
+    """R and t of the camera relative to its frame in tf."""
     return turn(shared[MOUNTING][3:]), shared[MOUNTING][:3]
 
 

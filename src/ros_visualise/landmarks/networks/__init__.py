@@ -1,7 +1,7 @@
-"""Networks that find things in images: ONNX files, run by onnxruntime.
+"""Object detection networks: ONNX files, run by onnxruntime.
 
-`network.Network` opens a file, recognises in which of the ways of `layouts` it answers, and finds
-things in images. All else is one step of that each: `session` runs a file, `preparation` turns an
-image into what a network takes, `names` are those of the classes, `candidates` are what a layout
-reads from the outputs, and the choice among them.
+`network.Network` opens a file, recognises the layout of its outputs (`layouts`), and detects
+objects in images. The other modules are its steps: `session` runs a file, `preparation` turns an
+image into the network's input, `names` are those of the classes, `candidates` are what a layout
+decodes from the outputs, and the selection among them.
 """

@@ -1,4 +1,4 @@
-"""Where a thing is of which one image tells the direction alone."""
+"""Bearings of objects whose distance is unknown from one image."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.landmarks.pose.rays import rays_of
 
 _UNKNOWN = 1e6
-"""Variance along the ray in m^2, and of the orientation in rad^2: nothing is known of them."""
+"""Variance along the ray in m^2, and of the orientation in rad^2: both unknown."""
 
 Bearing = tuple[Floats, Floats]
 """Position (3,) and its covariance (6, 6), of x, y, z and the rotations about them."""
 
 
 def bearings(points_uv: Floats, covariances: Floats, info: CameraInfo) -> list[Bearing | None]:
-    """Positions one metre away in the directions of pixels.
+    """Positions at one metre in the directions of pixels.
 
-    Readers take the direction, and the covariance across it: in square metres at one metre.
+    Readers use the direction, and the covariance across it: in square metres at one metre.
 
     Args:
         points_uv: (N, 2) pixels of the image, origin at the centre of the top-left one.
@@ -25,12 +25,12 @@ def bearings(points_uv: Floats, covariances: Floats, info: CameraInfo) -> list[B
         info: the camera's calibration.
 
     Returns:
-        Of each point its bearing in the camera's optical frame; None where the camera's model has
-        no ray for it.
+        For each point its bearing in the camera's optical frame; None if the camera model has no
+            ray for it.
 
     Raises:
-        UncalibratedCamera: there is no calibration.
-        UnsupportedImage: its model of distortion is not known.
+        UncalibratedCamera: no calibration.
+        UnsupportedImage: unknown distortion model.
     """
     rays = rays_of(points_uv, info)
     return [
@@ -40,7 +40,7 @@ def bearings(points_uv: Floats, covariances: Floats, info: CameraInfo) -> list[B
 
 
 def _carried(direction: Floats, to_pixels: Floats, covariance: Floats) -> Floats:
-    """The pixel's covariance, carried over to the plane across the ray (first order)."""
+    """The pixel's covariance propagated to the plane across the ray (first order)."""
     to_plane = np.linalg.pinv(to_pixels)
     full = np.eye(6) * _UNKNOWN
     along = np.outer(direction, direction)

@@ -1,4 +1,4 @@
-"""What a network may have found, and the choice among it."""
+"""Candidates decoded from a network's outputs, and the selection among them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 
-_HIGHEST = 1.001  # a score that was rounded
-_FARTHEST = 1e6  # pixels; what is no number is not less either
+_HIGHEST = 1.001  # allows for rounded scores
+_FARTHEST = 1e6  # pixels; also excludes NaN
 
 Kept = npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Things in an image or in what a network is given, in its pixels.
+    """Candidate objects, in pixels of an image or of a network's input.
 
     ``boxes_xyxy`` (N, 4) are left, top, right and bottom; ``scores`` (N,) go from 0 to 1;
-    ``classes`` (N,) are whole numbers. ``points_uv`` (N, 2) are the points that they stand on, with
-    ``covariances`` (N, 2, 2) in square pixels: None where a network does not tell them.
+    ``classes`` (N,) are integers. ``points_uv`` (N, 2) are the ground points, with ``covariances``
+    (N, 2, 2) in square pixels: None if the network gives none.
     """
 
     boxes_xyxy: Floats
@@ -35,7 +35,7 @@ class Candidates:
         return len(self.scores)
 
     def take(self, which: Kept) -> Candidates:
-        """Those alone, by number or by a mask."""
+        """A subset, by index or mask."""
         points, covariances = self.points_uv, self.covariances
         return Candidates(
             self.boxes_xyxy[which],
@@ -48,11 +48,10 @@ class Candidates:
 
 @dataclass(frozen=True)
 class SelectionRules:
-    """What of the candidates counts as found.
+    """Rules for accepting candidates.
 
-    Of two of a class whose boxes overlap by more than ``max_overlap`` (intersection over union) the
-    one with the higher score counts. ``classes`` are the numbers of those that are wanted; None:
-    all.
+    Of two boxes of a class that overlap by more than ``max_overlap`` (intersection over union), the
+    one with the higher score is kept. ``classes`` are the accepted class numbers; None: all.
     """
 
     min_score: float = 0.25
@@ -62,16 +61,16 @@ class SelectionRules:
 
 
 def choose(candidates: Candidates, choice: SelectionRules, overlapping: bool) -> Candidates:
-    """The best ones, the best first; what has no number, no area or a score of 0 is none.
+    """The accepted candidates, the best first; excludes NaN, empty boxes and scores of 0.
 
     Args:
         candidates: of one image.
-        choice: what counts.
-        overlapping: the network tells the same thing several times.
+        choice: the rules.
+        overlapping: True if the network reports an object several times.
     """
     boxes, scores = candidates.boxes_xyxy, candidates.scores
     good = (np.abs(boxes) < _FARTHEST).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
-    good &= (scores > 0) & (scores >= choice.min_score) & (scores <= _HIGHEST)  # which nan is not
+    good &= (scores > 0) & (scores >= choice.min_score) & (scores <= _HIGHEST)  # false for NaN
     if candidates.points_uv is not None:
         good &= (np.abs(candidates.points_uv) < _FARTHEST).all(axis=1)
     if candidates.covariances is not None:
@@ -86,9 +85,9 @@ def choose(candidates: Candidates, choice: SelectionRules, overlapping: bool) ->
 
 
 def _without_overlaps(candidates: Candidates, choice: SelectionRules) -> npt.NDArray[np.intp]:
-    """The numbers of those that no better one of their class covers; the best come first."""
+    """Indices of those not covered by a better one of their class, the best first."""
     boxes = candidates.boxes_xyxy.astype(np.float64)
-    # each class lies in a place of its own, so that one search does for all
+    # classes are moved apart, so that one search serves all
     apart = candidates.classes[:, None] * (2 * np.abs(boxes).max(initial=0) + 1)
     rectangles = np.hstack([boxes[:, :2] + apart, boxes[:, 2:] - boxes[:, :2]]).tolist()
     scores = candidates.scores.tolist()

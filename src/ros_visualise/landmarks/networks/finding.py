@@ -1,4 +1,4 @@
-"""What a network has found, as detections: with names, and with directions where they are known."""
+"""Candidates as detections, with names, and with bearings if known."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.landmarks.networks.candidates import Candidates
 
 
 class GroundPoint(Enum):
-    """Where a box stands on the ground."""
+    """Assumed ground point of a box."""
 
     BOTTOM = "bottom"
     CENTER = "center"
@@ -22,10 +22,10 @@ class GroundPoint(Enum):
 
 @dataclass(frozen=True)
 class GroundPointRule:
-    """Where things stand of which a network tells nothing but a box.
+    """Ground points for networks that give only boxes.
 
-    A box does not say it: ``place`` is assumed, and to be off by ``share`` of its width and height,
-    as a standard deviation.
+    A box does not contain its ground point: ``place`` is assumed, with a standard deviation of
+    ``share`` of its width and height.
     """
 
     place: GroundPoint = GroundPoint.BOTTOM
@@ -43,16 +43,17 @@ class GroundPointRule:
 def to_detections(
     found: Candidates, names: Mapping[int, str], stand: GroundPointRule, info: CameraInfo | None
 ) -> tuple[Detection, ...]:
-    """Each thing as a detection with one hypothesis: class, score and, calibrated, a bearing.
+    """Each candidate as a detection with one hypothesis: class, score and, if calibrated, a
+    bearing.
 
     Args:
         found: in pixels of an image.
-        names: of the classes; one without a name is called by its number.
-        stand: where boxes stand; it counts only where the network tells no point.
+        names: of the classes; unnamed ones are called by their number.
+        stand: used only if the network gives no points.
         info: the image's calibration.
 
     Raises:
-        UncalibratedCamera, UnsupportedImage: the calibration is none, or its model is not known.
+        UncalibratedCamera, UnsupportedImage: no calibration, or an unknown model.
     """
     points, covariances = found.points_uv, found.covariances
     if points is None or covariances is None:

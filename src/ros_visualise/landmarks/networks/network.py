@@ -1,4 +1,4 @@
-"""A network that finds things in images."""
+"""Object detection by a network."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ _TYPES: dict[str, np.dtype[Any]] = {
 _MIN_SCORE = TensorPort(MIN_SCORE_INPUT, "tensor(float)", (1,))
 _USUAL_SIDE = 640
 _LARGEST_SIDE = 8192
-_MOST_OF_EACH = 6  # inputs or outputs that are told of
+_MOST_OF_EACH = 6  # inputs or outputs listed in a message
 
 
 class Network:
-    """An ONNX file, and the layout in which it answers.
+    """An ONNX file and the layout of its outputs.
 
-    It is run once while it is opened, on an image of nothing: that tells the shapes of its outputs,
-    which files need not, and whether it runs at all.
+    Opening runs it once on a blank image. This gives the shapes of its outputs, which files need
+    not contain, and shows if it runs at all.
 
     Args:
         path: the file.
-        provider: what it is run on.
-        threads: how many threads work on one image.
-        longest: of a network that takes images of any size, the longer side of what it is given,
-            pixels; 0: as its file says, else 640.
+        provider: hardware to run on.
+        threads: number of threads per image.
+        longest: longer side of the input, pixels, for networks that take any size; 0: from the
+            file, else 640.
 
     Raises:
-        OpenError: it cannot be opened or run, or it answers in none of `layouts.ALL`.
+        OpenError: it cannot be opened or run, or its layout is unknown.
     """
 
     def __init__(
@@ -60,19 +60,19 @@ class Network:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """What the file says of itself."""
+        """Metadata of the file."""
         return self._session.metadata
 
     def detect(self, pixels: Pixels, order: str, choice: SelectionRules) -> Candidates:
-        """Find things in an image.
+        """Detect objects in an image.
 
         Args:
             pixels: (height, width) or (height, width, 3 or 4), 8 or 16 bits a channel.
             order: of its colours, ``RGB`` or ``BGR``.
-            choice: what counts as found.
+            choice: the rules for accepting candidates.
 
         Returns:
-            Things in pixels of the image, origin at the centre of the top-left one; best first.
+            Objects in pixels of the image, origin at the centre of the top-left one; best first.
 
         Raises:
             RosVisualiseError: the network fails on this image.
@@ -84,15 +84,19 @@ class Network:
         size = _size_of(self._blob)
         outputs = self._run(self._outputs, choice.min_score)
         try:
-            with np.errstate(all="ignore"):  # what is no number is left out
+            with np.errstate(all="ignore"):  # NaN is dropped
                 found = self.layout.decode(outputs, size, choice.min_score)
                 found = choose(found, choice, self.layout.overlapping)
-        except (IndexError, KeyError, ValueError) as error:  # not the shapes of the first image
+        except (
+            IndexError,
+            KeyError,
+            ValueError,
+        ) as error:  # shapes differ from those of the first image
             raise RosVisualiseError(f"{self._session.path}: {error}") from None
         return placement.to_image(found)
 
     def _blob_of(self, size: Size) -> Floats:
-        """An array for what goes in: that of before where it has the size."""
+        """The input array, reused while the size stays the same."""
         width, height = self._fixed[0] or size[0], self._fixed[1] or size[1]
         blob: Floats | None = getattr(self, "_blob", None)
         if blob is not None and blob.shape[2:] == (height, width):
@@ -124,7 +128,7 @@ class Network:
 
 
 def _as_float32(output: Any) -> Any:
-    if not isinstance(output, np.ndarray):  # a sequence or a map, which no layout has
+    if not isinstance(output, np.ndarray):  # a sequence or a map, unknown to all layouts
         return np.zeros(0, np.float32)
     return output.astype(np.float32) if output.dtype == np.float16 else output
 
@@ -134,7 +138,7 @@ def _size_of(blob: Floats) -> Size:
 
 
 def _image_input(session: OnnxSession) -> tuple[str, np.dtype[Any], tuple[int, int]]:
-    """Name and type of the input for images; its width and height, 0 where they are free."""
+    """Name and type of the image input; its width and height, 0 if free."""
     others = [one for one in session.inputs if one.name != SIZES_INPUT]
     if len(others) == 1 and len(others[0].shape) == 4 and others[0].type in _TYPES:
         batch, channels, height, width = (_fixed(side) for side in others[0].shape)
@@ -143,23 +147,23 @@ def _image_input(session: OnnxSession) -> tuple[str, np.dtype[Any], tuple[int, i
             return others[0].name, _TYPES[others[0].type], (width, height)
     there = _listed(session.inputs, [one.shape for one in session.inputs])
     raise OpenError(
-        f"{session.path}: takes {there}; what is understood is one image [1, 3, height, width]"
+        f"{session.path}: takes {there}; supported: one image [1, 3, height, width]"
         " of float or float16"
     )
 
 
 def _fixed(side: Any) -> int:
-    """A side's length; 0 where it is free: then it is None or has a name."""
+    """Length of a side; 0 if it is free (None or a name)."""
     return side if isinstance(side, int) and side > 0 else 0
 
 
 def _side_in(metadata: Mapping[str, str]) -> int:
-    """The longer side of the images that a network was exported for, as Ultralytics writes it."""
+    """The longer side of the images for which Ultralytics exported the network."""
     return max(_numbers_in(metadata.get("imgsz", ""))) or _USUAL_SIDE
 
 
 def _numbers_in(text: str) -> list[int]:
-    """The whole numbers in a short text, as far as a side may be so long; 0 without any."""
+    """The integers in a short text, limited to valid sides; [0] if none."""
     found = [int(number) for number in re.findall(r"\d{1,4}", text[:100])]
     return [number for number in found if number <= _LARGEST_SIDE] or [0]
 
@@ -170,7 +174,7 @@ def _not_understood(session: OnnxSession, outputs: Mapping[str, Any]) -> str:
     task = session.metadata.get("task", "detect")
     of = f" for the task {task[:20]}" if task != "detect" else ""
     known = "; ".join(f"{one.name}: {one.shapes}" for one in layouts.ALL)
-    return f"{session.path}: a network{of} of {inputs} to {came}; what is understood is {known}"
+    return f"{session.path}: a network{of} of {inputs} to {came}; supported: {known}"
 
 
 def _listed(arrays: Sequence[TensorPort], shapes: list[Sequence[Any]]) -> str:

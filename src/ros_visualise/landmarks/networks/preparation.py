@@ -1,13 +1,13 @@
-"""Turns an image into what a network takes, and pixels of the network back into the image's.
+"""Conversion of images to network inputs, and of pixels back to the image.
 
-Networks count pixels from the left and the upper edge of the first one, as the boxes of their
-training data do: its centre is (0.5, 0.5). Images here count from that centre. Of both scales the
-edges lie on one another, so that
+Networks count pixels from the left and upper edge of the first one, as the boxes in their training
+data do: its centre is (0.5, 0.5). Images here count from that centre. The edges of both coincide,
+so that
 
     u_network = gain * (u_image + 0.5) + offset
 
-without a rest. ``gain`` is what the size was really changed by in each direction, whose rounding
-to whole pixels makes it differ between the two.
+exactly. ``gain`` is the real scale factor in each direction; rounding to whole pixels makes it
+differ between the two.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from ros_visualise.vision.depth import unit
 Size = tuple[int, int]
 """(width, height), pixels."""
 
-_PAD = 114  # the gray around images with which the YOLO networks are trained
+_PAD = 114  # gray padding in the training of YOLO networks
 CELL = 32
-"""Sides that are free are multiples of it: of the coarsest cells of most networks."""
+"""Free sides are multiples of this, the coarsest cell of most networks."""
 
 
 class Resizing(Enum):
-    """How an image is brought to the size that a network takes."""
+    """Ways to bring an image to the size of a network's input."""
 
-    CENTER = "keeps its shape, with as much gray on both sides"
-    CORNER = "keeps its shape, from the upper left corner, with gray after it"
-    STRETCH = "fills all, stretched"
-    WARP = "fills all, stretched, with the centre of the first pixel on that of the first pixel"
+    CENTER = "keeps its aspect ratio, centred in gray"
+    CORNER = "keeps its aspect ratio, in the upper left corner, the rest gray"
+    STRETCH = "stretched"
+    WARP = "stretched, with the centres of the first pixels aligned"
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """What a network was trained to take.
+    """The input that a network was trained with.
 
     Args:
-        fit: how an image is brought to its size.
+        fit: how an image is resized.
         order: of the colours, ``RGB`` or ``BGR``.
-        mean, std: what is taken from each colour (0 to 255) and divided by, in that order.
-        averaged: pixels are averaged where the image becomes smaller, as Pillow does it.
+        mean, std: subtracted from each colour (0 to 255), and divided by, in that order.
+        averaged: pixels are averaged when shrinking, as in Pillow.
     """
 
     fit: Resizing
@@ -60,13 +60,13 @@ class Preparation:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where an image lies in what a network was given: the formula's ``gain`` and ``offset``."""
+    """Position of an image in a network's input: ``gain`` and ``offset`` of the formula."""
 
     gain: Floats
     offset: Floats
 
     def to_image(self, found: Candidates) -> Candidates:
-        """The same things in the image's pixels, origin at the centre of the top-left one."""
+        """The candidates in the image's pixels, origin at the centre of the top-left one."""
         boxes = (found.boxes_xyxy - np.tile(self.offset, 2)) / np.tile(self.gain, 2) - 0.5
         points, covariances = found.points_uv, found.covariances
         if points is not None:
@@ -77,12 +77,12 @@ class Placement:
 
 
 def fitting_size(image: Size, longest: int, fit: Resizing, cell: int = CELL) -> Size:
-    """The size to give to a network that takes any, for an image: no more gray than needed.
+    """The input size for an image, with as little gray as possible.
 
     Args:
         image: its size.
         longest: the longer side of the result, rounded up to whole cells.
-        fit: how the image is brought to it.
+        fit: how the image is resized.
         cell: the side of the network's coarsest cells.
     """
     sides = (1, 1) if fit in (Resizing.STRETCH, Resizing.WARP) else image
@@ -92,12 +92,12 @@ def fitting_size(image: Size, longest: int, fit: Resizing, cell: int = CELL) -> 
 
 
 def prepare(pixels: Pixels, order: str, to: Preparation, blob: Floats) -> Placement:
-    """Fill what a network takes with an image, and tell where that lies in it.
+    """Write an image to a network's input; returns its placement.
 
     Args:
-        pixels: (height, width) or (height, width, 3 or 4), 8 or 16 bits; alpha is left out.
+        pixels: (height, width) or (height, width, 3 or 4), 8 or 16 bits; alpha is ignored.
         order: of its colours.
-        to: what the network was trained to take.
+        to: the input that the network was trained with.
         blob: (1, 3, height, width), floats, to write to.
     """
     size = (pixels.shape[1], pixels.shape[0])
@@ -112,7 +112,7 @@ def prepare(pixels: Pixels, order: str, to: Preparation, blob: Floats) -> Placem
 
 
 def _layout(image: Size, network: Size, fit: Resizing) -> tuple[Size, int, int]:
-    """The size that the image gets, and where its left and its upper edge are then."""
+    """The size of the resized image, and the position of its left and upper edge."""
     if fit in (Resizing.STRETCH, Resizing.WARP):
         return network, 0, 0
     scale = min(network[0] / image[0], network[1] / image[1])
@@ -136,7 +136,7 @@ def _scale(pixels: Pixels, size: Size, to: Preparation) -> Pixels:
 
 
 def _write(pixels: Pixels, order: str, to: Preparation, planes: Floats) -> None:
-    """Write the colours, as the network takes them, to its planes (3, height, width)."""
+    """Write the colours to the planes (3, height, width) of the input."""
     colors: list[Pixels] = list(cv2.split(pixels)[:3])
     if len(colors) == 1:
         colors *= 3

@@ -1,7 +1,7 @@
-"""Running an ONNX file by onnxruntime, so that no file can take more than it may.
+"""Running ONNX files by onnxruntime, with limited resources.
 
-Files come from anywhere: they may lie about their size, ask for all memory, or name weights in
-files that are none of theirs.
+Files come from anywhere: they may lie about their size, request all memory, or refer to weights in
+other files.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from ros_visualise.core.regular_files import open_file
 from ros_visualise.landmarks.networks.stopping import stoppable
 
 _INSTALL = f"{sys.executable} -m pip install onnxruntime"
-_FATAL = 4  # of onnxruntime's log: what fails is raised too
+_FATAL = 4  # log level of onnxruntime: failures are raised too
 _NO_MEMORY = "is smaller than requested bytes"
 _LONGEST_WORD = 200
 _LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
-"""In protobuf: the key, and the length of its value in seven bits each, the lower ones first."""
+"""Protobuf key and length of its value, in groups of seven bits, the lowest first."""
 
 
 class Provider(Enum):
-    """What a network is run on."""
+    """Hardware that runs a network."""
 
     CPU = "cpu"
     CUDA = "cuda"
 
 
 class TensorPort(NamedTuple):
-    """An input or an output; a side of its shape that is free is None or has a name."""
+    """An input or output; free sides of its shape are None or have a name."""
 
     name: str
     type: str
@@ -45,22 +45,21 @@ class TensorPort(NamedTuple):
 
 
 class OnnxSession:
-    """An ONNX file at work.
+    """A loaded ONNX file.
 
     Args:
         path: the file.
-        provider: what it is run on.
-        threads: how many threads work on one image.
+        provider: hardware to run on.
+        threads: number of threads per image.
 
     Attributes:
-        inputs: what must be given.
-        optional: what may be given, too.
-        outputs: what comes out.
-        metadata: what the file says of itself.
+        inputs: required inputs.
+        optional: optional inputs.
+        outputs: the outputs.
+        metadata: texts in the file.
 
     Raises:
-        OpenError: there is no such file, it is not ONNX or too large, onnxruntime is not installed,
-            or cannot run it.
+        OpenError: no such file, not ONNX, too large, or onnxruntime is missing or cannot run it.
     """
 
     def __init__(self, path: str, provider: Provider, threads: int) -> None:
@@ -76,7 +75,7 @@ class OnnxSession:
             self.inputs = tuple(map(_port, self._session.get_inputs()))
             self.optional = tuple(map(_port, self._session.get_overridable_initializers()))
             self.outputs = tuple(map(_port, self._session.get_outputs()))
-        except _errors() as error:  # of which one says that a name is no text
+        except _errors() as error:  # including names that are not valid text
             raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
 
     def run(self, inputs: dict[str, Any], names: list[str]) -> list[Any]:
@@ -108,14 +107,14 @@ class OnnxSession:
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1
         options.log_severity_level = _FATAL
-        # threads that wait in a loop would take the processor from the page
+        # busy-waiting threads would starve the page
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.use_env_allocators", "1")
         return options
 
 
 def _cancel(options: Any) -> None:
-    """Stop loading a file, which onnxruntime can from 1.21 on."""
+    """Stop loading a file; supported by onnxruntime 1.21 and later."""
     if hasattr(options, "set_load_cancellation_flag"):
         options.set_load_cancellation_flag(True)
 
@@ -135,20 +134,20 @@ def _load_onnxruntime() -> Any:
 
 @cache
 def _limit_memory() -> None:
-    """Let all networks of this process together take no more memory than one input may."""
+    """Limit the memory of all networks in this process together to that of one input."""
     runtime = _load_onnxruntime()
     info = runtime.OrtMemoryInfo(
         "Cpu", runtime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, runtime.OrtMemType.DEFAULT
     )
     its_own = -1
     arena = runtime.OrtArenaCfg(limits.max_memory(), its_own, its_own, its_own)
-    with suppress(*_errors()):  # somebody else in this process has set a limit already
+    with suppress(*_errors()):  # a limit is already set in this process
         runtime.create_and_register_allocator(info, arena)
 
 
 @cache
 def _errors() -> tuple[type[Exception], ...]:
-    """What onnxruntime raises: classes that have no base of their own in common."""
+    """Exceptions of onnxruntime, which have no base class of their own."""
     module = importlib.import_module("onnxruntime.capi.onnxruntime_pybind11_state")
     found = [one for one in vars(module).values() if isinstance(one, type)]
     own = [one for one in found if issubclass(one, Exception)]
@@ -156,9 +155,9 @@ def _errors() -> tuple[type[Exception], ...]:
 
 
 def _short(error: Exception) -> str:
-    """The first line of what onnxruntime says, without its own numbers."""
+    """The first line of an onnxruntime error, without its codes."""
     if _NO_MEMORY in str(error):
-        return f"wants more than {limits.max_memory() >> 20} MiB of memory; --max-memory gives more"
+        return f"needs more than {limits.max_memory() >> 20} MiB of memory; raise --max-memory"
     lines = str(error).strip().splitlines() or [type(error).__name__]
     words = re.sub(r"^\[ONNXRuntimeError\] : \d+ : (\w+) : ", r"\1: ", lines[0])
     words = "".join(letter for letter in words if letter.isprintable())
@@ -166,7 +165,7 @@ def _short(error: Exception) -> str:
 
 
 def _check_file(path: str) -> None:
-    """Look at a file before it is loaded: its size, and whose files it has its weights in."""
+    """Check a file before loading: its size, and the files with its weights."""
     file = Path(path)
     if not file.is_file():
         raise OpenError.missing(path, "give the ONNX file of a network")
@@ -174,7 +173,7 @@ def _check_file(path: str) -> None:
         limits.check_model(file.stat().st_size)
         with open_file(file) as opened:
             if file.stat().st_size == 0:
-                raise OpenError(f"{path}: is empty; give an ONNX file")
+                raise OpenError(f"{path}: empty; give an ONNX file")
             with mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 names = {_value(data, at) for at in _LOCATION.finditer(data)}
         for name in names:
@@ -186,17 +185,17 @@ def _check_file(path: str) -> None:
 
 
 def _value(data: mmap.mmap, at: re.Match[bytes]) -> bytes:
-    """What stands behind a key and its length."""
+    """The value after a key and its length."""
     length = at[2][0] << 7 | at[1][0] & 0x7F if at[1] else at[2][0]
     return data[at.end() : at.end() + length]
 
 
 def _check_weights(file: Path, name: str) -> None:
-    """Look at a file beside the network's that has weights of it."""
+    """Check a file of weights beside the network's file."""
     folder = file.resolve().parent
     weights = (folder / name).resolve()
     if not weights.is_relative_to(folder):
-        raise OpenError(f"{file}: wants weights from {name}, which is not beside it")
+        raise OpenError(f"{file}: refers to weights in {name}, which is not in its folder")
     if not weights.is_file():
-        raise OpenError.missing(folder / name, f"{file.name} has its weights there")
+        raise OpenError.missing(folder / name, f"{file.name} refers to its weights there")
     limits.check_model(weights.stat().st_size)

@@ -1,6 +1,6 @@
-"""The end of a process while a network works: Python does not wait, and onnxruntime does not know.
+"""Ending the process while a network runs, for which Python does not wait.
 
-A thread that is in onnxruntime when Python ends, and comes back, aborts the process as if it had
+A thread that returns from onnxruntime after Python has ended aborts the process as if it had
 crashed.
 """
 
@@ -19,9 +19,9 @@ _is_over = threading.Event()
 
 @contextmanager
 def stoppable(stop: Callable[[], None]) -> Iterator[None]:
-    """Within this, a thread is in onnxruntime, and ``stop`` calls it back at the process's end.
+    """Context in which a thread runs onnxruntime, and ``stop`` interrupts it at the process's end.
 
-    A thread that was called back waits for that end: what it works on concerns nobody any more.
+    An interrupted thread waits for that end, as its result is no longer needed.
     """
     _at_work.add(stop)
     try:
@@ -33,7 +33,7 @@ def stoppable(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def is_anybody_at_work() -> bool:
-    """Whether a thread is in onnxruntime."""
+    """True if a thread is in onnxruntime."""
     return bool(_at_work)
 
 

@@ -1,4 +1,4 @@
-"""From corners in an image, and the camera's calibration, to poses with a covariance."""
+"""Poses with covariance from corners in a calibrated image."""
 
 from ros_visualise.landmarks.pose.corner_noise import EXACT, CameraError, corner_sigma
 from ros_visualise.landmarks.pose.estimating import (

@@ -1,4 +1,4 @@
-"""How exactly the corners of square tags were found."""
+"""Accuracy of the corners of square tags."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ _BY_HEIGHT = (
     (9, 11, 13, 15.5, 18.5, 22, 26, 31, 37, 45, 90),
     (0.3, 0.24, 0.21, 0.205, 0.165, 0.11, 0.071, 0.043, 0.026, 0.021, 0.018),
 )
-"""Pixels -> pixels, of AprilTag 3 on rendered tags."""
+"""Side in pixels -> standard deviation in pixels, for AprilTag 3 on rendered tags."""
 
 _EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
-"""What real lenses, prints, calibrations and motion may add."""
+"""Prior of the noise added by real lenses, prints, calibrations and motion."""
 _PRIOR = np.array([0.99, *[0.01 / 8] * 8])
 
 
 @dataclass(frozen=True)
 class CameraError:
-    """Standard deviations of what a real camera and its calibration add to corners.
+    """Standard deviations of the errors of a real camera and its calibration.
 
     Args:
-        floor_px: to each coordinate of a corner, 0.3 is not rare; 0 of rendered images.
-        focal: of the focal lengths, as a share of them.
+        floor_px: of each coordinate of a corner, often 0.3; 0 for rendered images.
+        focal: of the focal lengths, as a fraction.
         center_px: of the principal point.
     """
 
@@ -39,7 +39,7 @@ class CameraError:
         return self.focal == 0 and self.center_px == 0
 
     def of_calibration(self, corners_uv: Floats, info: CameraInfo) -> Floats:
-        """(B, 2N, 2N) what the calibration adds to corners (B, N, 2): to all of a body at once."""
+        """(B, 2N, 2N) covariance of corners (B, N, 2) due to the calibration, common to a body."""
         away = self.focal * (corners_uv - info.K[:2, 2])
         shift = np.broadcast_to(self.center_px * np.eye(2), (*corners_uv.shape, 2))
         by = np.concatenate([away[..., None], shift], axis=-1).reshape(len(corners_uv), -1, 3)
@@ -51,13 +51,13 @@ EXACT = CameraError()
 
 
 def corner_sigma(corners_uv: npt.ArrayLike) -> Floats:
-    """Standard deviations, in pixels, of each coordinate of corners that AprilTag 3 found.
+    """Standard deviations, in pixels, of the coordinates of AprilTag 3 corners.
 
     Args:
         corners_uv: (..., 4, 2) pixels, in order around the square.
 
     Returns:
-        (...), NaN where corners are.
+        (...), NaN where corners are NaN.
     """
     corners = np.asarray(corners_uv, np.float64)
     sides = np.roll(corners, -1, axis=-2) - corners
@@ -77,9 +77,8 @@ def corner_noise(
 
     Args:
         corners_uv: (T, 4, 2) pixels.
-        floor_px: what a real camera adds to each, 0.3 is not rare; 0 of rendered images.
-        known_px2: (T, 8, 8) as the finder tells them; NaN where nobody knows, so that
-            `corner_sigma` counts.
+        floor_px: error of a real camera, often 0.3; 0 for rendered images.
+        known_px2: (T, 8, 8) reported by the detector; NaN if unknown: use `corner_sigma`.
     """
     variance = corner_sigma(corners_uv)[:, None, None] ** 2 * np.eye(8)
     if known_px2 is not None:
@@ -90,21 +89,22 @@ def corner_noise(
 
 
 def with_extra(noise_px2: Floats, chi2: Floats) -> Floats:
-    """Covariances, those of one image, in the light of how well poses fit the corners.
+    """Covariances of one image, enlarged as the residuals of the poses require.
 
-    One noise more, the same for all corners of an image, is weighed by the residuals that are
-    left: those of a rendered tag are small, and those of a camera's are as large as its lens and
-    calibration make them. The more tags there are, the surer that is.
+    An additional noise, the same for all corners of an image, is estimated from the residuals:
+    those of rendered tags are small, those of a real camera as large as its lens and calibration
+    make them. The more tags, the more certain it is.
 
     Args:
-        noise_px2: (B, 2N, 2N) of N corners of each of B bodies, as they were found.
-        chi2: (B,) sums of the squared residuals by those; what is not finite does not count.
+        noise_px2: (B, 2N, 2N) of N corners of each of B bodies, as detected.
+        chi2: (B,) sums of the squared whitened residuals; infinite ones are ignored.
 
     Returns:
-        The same with the expected variance, over `_EXTRA_PX` with `_PRIOR`, of what is added.
+        The same plus the expected variance, over `_EXTRA_PX` with `_PRIOR`, of the additional
+            noise.
     """
     numbers = noise_px2.shape[1]
-    left = numbers - 6  # numbers more than a pose has
+    left = numbers - 6  # degrees of freedom beside the pose
     fits = np.isfinite(chi2)
     variance = np.trace(noise_px2[fits], axis1=1, axis2=2)[:, None] / numbers
     raised = variance + _EXTRA_PX**2
@@ -117,7 +117,7 @@ def with_extra(noise_px2: Floats, chi2: Floats) -> Floats:
 
 
 def whitening(noise_px2: Floats) -> Floats:
-    """(B, K, K) that turn numbers of covariances (B, K, K) to such with variance 1."""
+    """(B, K, K) matrices that give K numbers of covariances (B, K, K) unit variance."""
     known = np.isfinite(noise_px2).all(axis=(1, 2), keepdims=True)
     usable = np.where(known, noise_px2, np.eye(noise_px2.shape[1]))
     whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(usable)), np.float64)

@@ -1,4 +1,4 @@
-"""The covariance of refined poses, and of two readings taken as one pose."""
+"""Covariance of refined poses, and of two readings merged into one."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.rays import Rays
 from ros_visualise.landmarks.pose.refinement import RefinedPoses, linearise, moved
 
-_RIDGE = 1e-13  # of a scaled information, so that nothing is known of what it does not hold
+_RIDGE = 1e-13  # added to the scaled information, for unobservable directions
 
 
 def covariances(fit: RefinedPoses, points: Floats, rays: Rays, whiten: Floats) -> Floats:
-    """(B, 6, 6) of refined poses; arguments as `refinement.refine` has them.
+    """(B, 6, 6) of refined poses; arguments as in `refinement.refine`.
 
-    To first order a covariance is the inverse of the information. How much is known of the tilt
-    of a tag that faces the camera depends on the tilt itself, which is known badly. So it is the
-    mean over where the truth may be: at the root of two deviations to both sides along the two
-    rotations that are known worst.
+    To first order, the covariance is the inverse of the information. For a tag facing the camera,
+    the information on its tilt depends on the tilt itself, which is uncertain. So the information
+    is averaged over possible true poses: sqrt(2) standard deviations to both sides along the two
+    least certain rotations.
 
     Source: S. Julier, J. Uhlmann, Unscented Filtering and Nonlinear Estimation, 2004 (the points).
     """

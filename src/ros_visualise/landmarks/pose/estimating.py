@@ -1,4 +1,4 @@
-"""Poses of bodies from their points in an image, with the covariance that they have."""
+"""Poses of bodies from their points in an image, with covariance."""
 
 from __future__ import annotations
 
@@ -23,23 +23,22 @@ from ros_visualise.landmarks.pose.refinement import RefinedPoses, linearise, ref
 from ros_visualise.landmarks.pose.starting import starts
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-_EXCLUDED = 9.0  # log of the likelihood ratio, 1 to 8000, at which a solution is left out
-_FAR_PX = 1e6  # no image is that large
-_SMALLEST_PX2 = 1.0  # twice the area that three corners of a square have at least
-_NO_FIT = 0.15  # of the corners' own spread, that they are off where this is no such body
-_SAME = 1e-3  # radians between solutions that are one
+_EXCLUDED = 9.0  # log of the likelihood ratio, 1 to 8000, at which a solution is rejected
+_FAR_PX = 1e6  # larger than any image
+_SMALLEST_PX2 = 1.0  # least double area of three corners of a square
+_NO_FIT = 0.15  # largest error, as a fraction of the extent of the corners
+_SAME = 1e-3  # radians between identical solutions
 
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
-    """Where a body may be, in the camera's optical frame (z forward, x right, y down).
+    """A possible pose of a body, in the camera's optical frame (z forward, x right, y down).
 
-    ``position_xyz`` (3,) in metres and ``quat_xyzw`` (4,) take points of the body's frame to the
-    camera's. ``covariance`` (6, 6) is ordered as that of geometry_msgs/PoseWithCovariance: x, y, z,
-    then rotations about the x, y and z axis of the camera's frame, in radians; it holds if this
-    solution is the right one. ``probability`` tells how likely that is, beside the others of the
-    same picture. ``rms_px`` is the root of the mean squared distance of the points from where the
-    pose would have them.
+    ``position_xyz`` (3,) in metres and ``quat_xyzw`` (4,) transform points of the body's frame to
+    the camera's. ``covariance`` (6, 6) is ordered as that of geometry_msgs/PoseWithCovariance: x,
+    y, z, then rotations about the x, y and z axis of the camera's frame, in radians; it is valid if
+    this solution is the right one. ``probability`` is that of this solution among those of the same
+    image. ``rms_px`` is the root mean square reprojection error of the points.
     """
 
     position_xyz: Floats
@@ -57,28 +56,27 @@ def square_poses(
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
-    """The poses that a square tag may have: best first, one, two, or none if there is none.
+    """Possible poses of a square tag, best first: two, one or none.
 
-    A square's picture has two readings. Both are given, unless the corners exclude one.
+    The image of a square has two readings. Both are given, unless the corners exclude one.
 
     Args:
-        corners_uv: (4, 2) pixels of the image as the camera took it, origin at the centre of the
-            top-left pixel: the tag's lower left, lower right, upper right and upper left corner.
+        corners_uv: (4, 2) pixels of the unrectified image, origin at the centre of the top-left
+            pixel: the tag's lower left, lower right, upper right and upper left corner.
         size_m: side of the square. The tag's frame is x right, y up, z towards the viewer.
         info: the camera's calibration.
-        sigma_px: standard deviation of each coordinate of a corner; by default `corner_noise`
-            tells, and what the residuals tell, `with_extra`.
-        camera: what the camera and its calibration add; its floor counts where ``sigma_px`` is
-            not given.
-        noise_px2: (8, 8) covariance of the corners as the finder tells it, `Tag.covariance_px2`.
+        sigma_px: standard deviation of each coordinate of a corner; default: from `corner_noise`
+            and, by the residuals, `with_extra`.
+        camera: errors of the camera; its floor counts only without ``sigma_px``.
+        noise_px2: (8, 8) covariance of the corners from the detector, `Tag.covariance_px2`.
 
     Raises:
-        UncalibratedCamera: there is no calibration.
-        ValueError: the corners are not (4, 2), or the size is not above zero.
+        UncalibratedCamera: no calibration.
+        ValueError: the corners are not (4, 2), or the size is not positive.
     """
     corners = np.asarray(corners_uv, np.float64)
     if corners.shape != (4, 2):
-        raise ValueError(f"corners of a square are (4, 2), not {corners.shape}")
+        raise ValueError(f"corners of a square must be (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
     noise = None if noise_px2 is None else np.asarray(noise_px2)[None]
     return squares_poses(corners[None], [size_m], info, sigmas, camera, noise)[0]
@@ -92,14 +90,14 @@ def squares_poses(
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> list[tuple[PoseEstimate, ...]]:
-    """As `square_poses`, of T tags in one image at once: corners (T, 4, 2), sizes and sigmas (T,).
+    """`square_poses` for T tags in one image: corners (T, 4, 2), sizes and sigmas (T,).
 
-    Of fifty tags that takes a tenth of the time that it takes one by one.
+    For fifty tags this takes a tenth of the time of fifty calls.
     """
     corners = np.asarray(corners_uv, np.float64).reshape(-1, 4, 2)
     sizes = np.asarray(sizes_m, np.float64)
     if not (sizes > 0).all():
-        raise ValueError("a tag's size is above zero metres")
+        raise ValueError("a tag's size must be positive")
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
     points = _SQUARE * sizes[:, None, None]
     if sigmas_px is None:
@@ -117,23 +115,23 @@ def rig_poses(
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
-    """The poses that a rigid body of several tags may have, as `square_poses` has them.
+    """Possible poses of a rigid body with several tags, as `square_poses`.
 
     Args:
         corners_uv: (N, 2) pixels, N >= 4.
         points_xyz: (N, 3) metres in the body's frame.
         info: the camera's calibration.
-        sigma_px: for all points or (N,); by default as of a square, the points being
-            the corners of tags, four to each.
-        camera, noise_px2: as of squares, of each tag.
+        sigma_px: for all points or (N,); default as for a square, the points being the corners of
+            tags, four each.
+        camera, noise_px2: as for squares, for each tag.
 
     Raises:
-        UncalibratedCamera: there is no calibration.
-        ValueError: the shapes do not go together.
+        UncalibratedCamera: no calibration.
+        ValueError: inconsistent shapes.
     """
     corners, points = np.asarray(corners_uv, np.float64), np.asarray(points_xyz, np.float64)
     if corners.shape != (len(points), 2) or points.shape != (len(points), 3) or len(points) < 4:
-        raise ValueError(f"a body has 4 points or more: {corners.shape} and {points.shape}")
+        raise ValueError(f"a body needs at least 4 points: {corners.shape} and {points.shape}")
     given = sigma_px is not None
     if sigma_px is None:
         noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), camera.floor_px, noise_px2))
@@ -144,13 +142,13 @@ def rig_poses(
 
 
 def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
-    """The best of them, for who takes but one: its covariance spans the others as well.
+    """The best estimate with a covariance that includes the others.
 
-    That is the second moment about the best, each weighed by its probability; so it holds
+    It is the second moment about the best, each weighted by its probability, so it is valid
     whichever of them is right.
 
     Args:
-        estimates: one or more, best first, as `square_poses` gives them.
+        estimates: one or more, best first, from `square_poses`.
     """
     best = estimates[0]
     R, t = rotations.to_matrix(best.quat_xyzw), best.position_xyz
@@ -162,8 +160,8 @@ def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
 
 
 def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
-    """Whether (T, 4, 2) may be squares seen from their front: convex and anticlockwise."""
-    finite = np.abs(corners) < _FAR_PX  # false of NaN, too
+    """Mask of corners (T, 4, 2) that may be squares seen from the front: convex, anticlockwise."""
+    finite = np.abs(corners) < _FAR_PX  # false for NaN
     sides = np.roll(np.where(finite, corners, 0.0), -1, axis=1) - np.where(finite, corners, 0.0)
     after = np.roll(sides, -1, axis=1)
     areas = sides[..., 1] * after[..., 0] - sides[..., 0] * after[..., 1]
@@ -171,7 +169,7 @@ def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
 
 
 def _of_body(noise_px2: Floats) -> Floats:
-    """(8T, 8T) of all corners of a body, by those of its tags (T, 8, 8)."""
+    """(8T, 8T) covariance of all corners of a body, from those of its tags (T, 8, 8)."""
     blocks = np.einsum("ab,bij->aibj", np.eye(len(noise_px2)), noise_px2)
     return np.asarray(blocks.reshape(8 * len(noise_px2), -1))
 
@@ -184,7 +182,7 @@ def _estimate(
     given: bool,
     camera: CameraError,
 ) -> list[tuple[PoseEstimate, ...]]:
-    """Of each body (B, N, ...), all of N points; covariances may be given, or what was found."""
+    """Poses of each body (B, N, ...), all with N points; ``given``: the noise was given."""
     rays = rays_of(corners, info)
     begun = starts(points, rays.directions)
     found: list[tuple[PoseEstimate, ...]] = [()] * len(points)
@@ -223,7 +221,7 @@ def _solutions(fit: RefinedPoses, spreads: Floats, rms_px: Floats) -> tuple[Pose
     apart = difference(fit.R[0], fit.t[0], fit.R[1], fit.t[1])
     if np.linalg.norm(apart[3:]) > _SAME and (chi2[worse] - chi2[better]) / 2 < _EXCLUDED:
         kept.append(worse)
-    # Laplace's approximation of how much of the likelihood is about each
+    # Laplace's approximation of the likelihood mass around each
     weights = np.exp((chi2[better] - chi2[kept]) / 2) * np.sqrt(np.linalg.det(spreads[kept]))
     return tuple(
         PoseEstimate(

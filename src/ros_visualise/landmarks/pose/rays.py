@@ -1,4 +1,4 @@
-"""Pixels as rays of a calibrated camera, and how pixels change with them."""
+"""Pixels as rays of a calibrated camera, and the derivatives of pixels by rays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _EXACT_PX = 1e-3
 
 
 class Rays(NamedTuple):
-    """Where pixels look, in the camera's optical frame (z forward, x right, y down).
+    """Rays of pixels, in the camera's optical frame (z forward, x right, y down).
 
     A point p near a ray d is seen ``to_pixels @ p / (d @ p)`` pixels from that ray's pixel: exact
     for p on the ray, and to first order, distortion included, beside it.
@@ -26,31 +26,28 @@ class Rays(NamedTuple):
     directions: Floats
     """(..., 3) of length 1; NaN where the camera model has no ray for a pixel."""
     to_pixels: Floats
-    """(..., 2, 3) pixels per unit: how the pixel changes with the direction."""
+    """(..., 2, 3) derivative of the pixel by the direction."""
 
 
 def rays_of(pixels_uv: npt.ArrayLike, info: CameraInfo) -> Rays:
-    """The rays through pixels of the image as the camera took it.
+    """The rays through pixels of the unrectified image.
 
     Args:
         pixels_uv: (..., 2), origin at the centre of the top-left pixel.
-        info: the camera's calibration: K, D and R count.
+        info: the camera's calibration: K, D and R are used.
 
     Raises:
-        UncalibratedCamera: there is no calibration.
-        UnsupportedImage: its model of distortion is not known.
+        UncalibratedCamera: no calibration.
+        UnsupportedImage: unknown distortion model.
     """
     pixels = np.asarray(pixels_uv, np.float64)
     K = info.K
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise UncalibratedCamera(
-            "the camera has no calibration, so that nothing has a pose; give one by a"
-            " calibration file"
-        )
+        raise UncalibratedCamera("the camera is not calibrated; give a calibration file")
     is_fisheye, D = distortion_of(info)
     find = _fisheye_rays if is_fisheye else _pinhole_rays
     directions, to_pixels = find(pixels.reshape(-1, 2), K, D)
-    turned = info.R if info.R.any() else np.eye(3)  # the frame is that of the rectified image
+    turned = info.R if info.R.any() else np.eye(3)  # the frame of the rectified image
     shape = pixels.shape[:-1]
     return Rays(
         (directions @ turned.T).reshape(*shape, 3), (to_pixels @ turned.T).reshape(*shape, 2, 3)
@@ -58,7 +55,7 @@ def rays_of(pixels_uv: npt.ArrayLike, info: CameraInfo) -> Rays:
 
 
 def _pinhole_rays(pixels: Floats, K: Floats, D: Floats) -> tuple[Floats, Floats]:
-    """By Newton's method, as OpenCV's fixed number of rounds is inexact for wide lenses."""
+    """Rays by Newton's method: OpenCV's few fixed iterations are inexact for wide lenses."""
     if not len(pixels):
         return np.zeros((0, 3)), np.zeros((0, 2, 3))
     known = np.asarray(np.isfinite(pixels).all(axis=1))
@@ -71,7 +68,7 @@ def _pinhole_rays(pixels: Floats, K: Floats, D: Floats) -> tuple[Floats, Floats]
         if np.abs(step).max(initial=0, where=np.isfinite(step)) < 1e-12:
             break
     seen, slopes = _project(flat, K, D)
-    # where the polynomial folds back the picture would be mirrored
+    # where the polynomial folds back, the image would be mirrored
     known &= (np.linalg.det(slopes[:, :, :2]) > 0) & (np.abs(seen - wanted).max(axis=1) < _EXACT_PX)
     directions = np.column_stack([flat, np.ones(len(flat))])
     length = np.linalg.norm(directions, axis=1)
@@ -97,7 +94,7 @@ def _solve(matrices: Floats, values: Floats) -> Floats:
 
 
 def _fisheye_rays(pixels: Floats, K: Floats, D: Floats) -> tuple[Floats, Floats]:
-    """Of the equidistant model, for angles beyond 90 degrees too.
+    """Rays of the equidistant model, also beyond 90 degrees.
 
     Source: J. Kannala, S. Brandt, A Generic Camera Model and Calibration Method, 2006, eq. 6.
     """
@@ -120,7 +117,7 @@ def _fisheye_rays(pixels: Floats, K: Floats, D: Floats) -> tuple[Floats, Floats]
 
 
 def _angle_of(radius: Floats, D: Floats) -> tuple[Floats, Floats]:
-    """Angles from the optical axis, and the radius's slope by them; NaN where there is none."""
+    """Angles from the optical axis, and the derivative of the radius; NaN if unsolvable."""
     powers = np.array([1.0, *D])
     orders = np.arange(5) * 2
 

@@ -1,8 +1,8 @@
-"""Poses that bring points of a body nearest to the pixels they were seen at: Levenberg-Marquardt.
+"""Pose refinement by Levenberg-Marquardt: minimises the reprojection error of a body's points.
 
-All is done for several poses at once. A pose is the rotation ``R`` (3, 3) and the position ``t``
-(3,) of the body in the camera's optical frame. Its six small changes are, in this order, those of
-the position and a rotation about the camera's axes: ``R`` becomes ``exp(w) R``.
+Several poses are refined at once. A pose is the rotation ``R`` (3, 3) and the position ``t`` (3,)
+of the body in the camera's optical frame. Its six increments are, in this order, those of the
+position and a rotation about the camera's axes: ``R`` becomes ``exp(w) R``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ros_visualise.landmarks.pose.rays import Rays
 _ROUNDS = 50
 _SMALLEST_STEP = 1e-9
 _DAMPING, _MOST_DAMPING = 1e-4, 1e12
-_NEAR = 1e-6  # of a point's distance, that it has to lie in front of the camera
+_NEAR = 1e-6  # least depth of a point, as a fraction of its distance
 
 
 class RefinedPoses(NamedTuple):
@@ -30,7 +30,7 @@ class RefinedPoses(NamedTuple):
     t: Floats
     """(B, 3) metres"""
     chi2: Floats
-    """(B,) sum of the squares of the whitened residuals; infinite behind the camera."""
+    """(B,) sum of squared whitened residuals; infinite behind the camera."""
     information: Floats
     """(B, 6, 6) the inverse of the covariance to first order."""
 
@@ -39,13 +39,13 @@ def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> 
     """Refine poses, each from its own start.
 
     Args:
-        R, t: (B, 3, 3) and (B, 3), where to start.
+        R, t: (B, 3, 3) and (B, 3), initial poses.
         points: (B, N, 3) metres in the body's frame.
-        rays: of the pixels they were seen at, (B, N, ...).
-        whiten: (B, 2N, 2N) what gives their errors variance 1, see `corner_noise.whitening`.
+        rays: of their pixels, (B, N, ...).
+        whiten: (B, 2N, 2N) see `corner_noise.whitening`.
 
-    Source: J. Nocedal, S. Wright, Numerical Optimization, 2006, chapter 10; the damping by
-    D. Marquardt, 1963.
+    Source: J. Nocedal, S. Wright, Numerical Optimization, 2006, chapter 10; the damping by D.
+    Marquardt, 1963.
     """
     damping = np.full(len(t), _DAMPING)
     residuals, jacobian = linearise(R, t, points, rays, whiten)
@@ -60,7 +60,7 @@ def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> 
         R, t = np.where(better[:, None, None], new_R, R), np.where(better[:, None], new_t, t)
         residuals = np.where(better[:, None], new_residuals, residuals)
         jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
-        with np.errstate(invalid="ignore"):  # of none that begins behind the camera
+        with np.errstate(invalid="ignore"):  # if none starts behind the camera
             gain = chi2 - np.where(better, new_chi2, chi2)
         chi2 = np.where(better, new_chi2, chi2)
         damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-12, _MOST_DAMPING)
@@ -91,12 +91,12 @@ def linearise(
 
 
 def moved(R: Floats, t: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Poses changed by (..., 6): the position by the first three, then turned by the others."""
+    """Poses changed by (..., 6): translated by the first three, rotated by the others."""
     return turn(step[..., 3:]) @ R, t + step[..., :3]
 
 
 def turn(rotation_vectors: npt.ArrayLike) -> Floats:
-    """Rotation matrices (..., 3, 3) of axes times angles (..., 3)."""
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
     halves = np.asarray(rotation_vectors, np.float64) / 2
     half = np.linalg.norm(halves, axis=-1, keepdims=True)
     imaginary = halves * np.sinc(half / np.pi)
@@ -115,7 +115,7 @@ def _normal_equations(residuals: Floats, jacobian: Floats) -> tuple[Floats, Floa
 
 
 def _damped_step(information: Floats, slope: Floats, damping: Floats) -> Floats:
-    """Scaled by the diagonal, so that metres and radians do not matter."""
+    """Damped step, scaled by the diagonal, so that units do not matter."""
     scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
     scale = np.where(scale > 0, scale, 1.0)
     normed = information / scale[:, :, None] / scale[:, None, :]

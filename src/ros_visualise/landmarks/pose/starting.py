@@ -1,4 +1,4 @@
-"""Where to begin the search for a body's pose: both readings of a flat body's picture."""
+"""Initial poses of a body: both readings of the image of a flat body."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.refinement import turn
 
-_FLAT = 1e-6  # of a body's extent, that its points are out of a plane
+_FLAT = 1e-6  # largest distance of points from a plane, as a fraction of the extent
 _EYE = np.eye(3)
-_WIDEST = 0.1  # cosine of the angle from the body's centre beyond which OpenCV is not asked
+_WIDEST = 0.1  # cosine of the largest angle from the body's centre given to OpenCV
 
 
 def starts(points: Floats, directions: Floats) -> dict[int, tuple[Floats, Floats]]:
     """Two poses each, R (2, 3, 3) and t (2, 3), of those of B bodies that have any.
 
-    They are told from one another by perspective alone: at a distance a square seen from the left
-    looks as one seen from the right does.
+    Only perspective distinguishes them: from afar, a square seen from the left looks like one seen
+    from the right.
 
     Args:
         points: (B, N, 3) metres.
-        directions: (B, N, 3) in which they are seen; NaN where nobody knows.
+        directions: (B, N, 3) of their rays; NaN if unknown.
 
-    Source: T. Collins, A. Bartoli, Infinitesimal Plane-Based Pose Estimation, 2014; for bodies
-    that are not flat G. Terzakis, M. Lourakis, A Consistently Fast and Globally Optimal Solution
-    to the Perspective-n-Point Problem, 2020. The other reading: D. Oberkampf, D. DeMenthon,
-    L. Davis, Iterative Pose Estimation Using Coplanar Feature Points, 1996.
+    Source: T. Collins, A. Bartoli, Infinitesimal Plane-Based Pose Estimation, 2014; for bodies that
+    are not flat G. Terzakis, M. Lourakis, A Consistently Fast and Globally Optimal Solution to the
+    Perspective-n-Point Problem, 2020. The other reading: D. Oberkampf, D. DeMenthon, L. Davis,
+    Iterative Pose Estimation Using Coplanar Feature Points, 1996.
     """
     ahead = directions.mean(axis=1)
     to_ahead = _turns_to_z(ahead)
@@ -35,7 +35,7 @@ def starts(points: Floats, directions: Floats) -> dict[int, tuple[Floats, Floats
     centred = points - middles[:, None]
     extents, axes = np.linalg.svd(centred)[1:]
     in_view = np.asarray((local[..., 2] > _WIDEST).all(axis=1))
-    usable = in_view & (extents[:, 1] > _FLAT * extents[:, 0])  # not all on one line
+    usable = in_view & (extents[:, 1] > _FLAT * extents[:, 0])  # not collinear
     is_flat = extents[:, 2] <= _FLAT * extents[:, 0]
     found = {}
     for body in np.flatnonzero(usable):
@@ -60,7 +60,7 @@ def _solve(points: Floats, plane: Floats, method: int) -> tuple[Floats, Floats] 
 
 
 def _turns_to_z(directions: Floats) -> Floats:
-    """(B, 3, 3) that turn directions (B, 3) the shortest way to the z axis."""
+    """(B, 3, 3) shortest rotations of directions (B, 3) to the z axis."""
     x, y, z = directions.T
     sine = np.hypot(x, y)
     axes = np.stack([y, -x, np.zeros_like(x)], axis=1) / np.where(sine > 0, sine, 1)[:, None]

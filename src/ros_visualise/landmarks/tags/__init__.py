@@ -1,4 +1,4 @@
-"""Tags: printed squares whose cells tell who they are."""
+"""Tags: printed squares whose cells encode an id."""
 
 from ros_visualise.landmarks.tags.families import Family, family, parse_families
 from ros_visualise.landmarks.tags.finder import Tag, TagFinder

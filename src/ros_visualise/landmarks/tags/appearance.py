@@ -1,7 +1,7 @@
-"""How a tag looks in an image: its cells, drawn with a blur, and how that changes with its place.
+"""Rendering of a tag: its cells with a blur, and derivatives by its position.
 
-A blurred cell is a product of two blurred stripes, but for the corners of cells that are seen
-askew; there the first term of what is left out is added, as a blur spreads like heat.
+A blurred cell is the product of two blurred stripes, except for sheared cells near their corners.
+There the first omitted term is added, since a blur spreads like heat.
 """
 
 from __future__ import annotations
@@ -13,32 +13,33 @@ import numpy as np
 
 from ros_visualise.data import Floats
 
-_FAR = 7.0  # deviations; the densities beyond are so small that processors compute slowly with them
+_FAR = 7.0  # standard deviations; beyond, densities are subnormal numbers, which are slow
 
 
 class Appearance(NamedTuple):
-    """Of T tags at N places in the image each."""
+    """T tags at N points of the image each."""
 
     white: Floats
-    """(T, N) share of white, 0 to 1."""
+    """(T, N) fraction of white, 0 to 1."""
     slope: Floats
     """(T, 2, N) its derivatives by u and v, per pixel."""
     by_blur: Floats
     """(T, 3, N) its derivatives by the blur's variances: uu, uv, vv."""
     xy: Floats
-    """(T, N, 2) the places in cells, from the lower left of what is printed."""
+    """(T, N, 2) the points in cells, from the lower left of the print."""
     beyond: Floats
-    """(T, N) share of what lies around what is printed."""
+    """(T, N) fraction of the surroundings of the print."""
 
 
 def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats) -> Appearance:
-    """Draw tags.
+    """Render tags.
 
     Args:
         H: (T, 3, 3) homographies from the image to cells.
         places_uv: (T, N, 2) pixels.
         blur_px2: (T, 3) the variances uu, uv and vv of a Gaussian blur, in square pixels.
-        patterns: (T, C, C) by x, then by y upwards; 1 is white. The outermost cells go on for ever.
+        patterns: (T, C, C) by x, then by y upwards; 1 is white. The outermost cells extend to
+            infinity.
     """
     u, v = _single(places_uv.transpose(2, 0, 1))
     h = _single(H.transpose(1, 2, 0)[..., None])
@@ -70,17 +71,17 @@ def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats)
 
 
 def _single(values: Floats) -> Any:
-    """In single precision: a hundred thousandth of a pixel is enough, and it is twice as fast."""
+    """Single precision: accurate to 1e-5 pixels, and twice as fast."""
     return values.astype(np.float32)
 
 
 def _within(x: Floats, deviation: Floats, count: int) -> Floats:
-    """How much of a stripe of width C is seen at x."""
+    """Visible fraction of a stripe of width C at x."""
     return _normal(x / deviation)[0] - _normal((x - count) / deviation)[0]
 
 
 def _stripes(x: Floats, deviation: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """How much of each of C stripes of width 1 is seen at x (T, N), and two derivatives by x.
+    """Visible fraction of each of C stripes of width 1 at x (T, N), and two derivatives by x.
 
     All are (T, C, N).
     """
@@ -93,7 +94,7 @@ def _stripes(x: Floats, deviation: Floats, count: int) -> tuple[Floats, Floats, 
 
 
 def _between(edges: Floats, first: float) -> Floats:
-    """Of values at the edges (T, C - 1, N), the first one before them, the differences."""
+    """Differences of neighbouring values at the edges (T, C - 1, N), starting from ``first``."""
     tags, count, pixels = edges.shape
     found = np.empty((tags, count + 1, pixels), edges.dtype)
     found[:, 0], found[:, -1] = first, 0

@@ -1,7 +1,7 @@
-"""AprilTag 3's library, for its own families and for ArUco's.
+"""The library AprilTag 3, for its own families and for ArUco's.
 
-It finds more than OpenCV's ArUco detector does, corners of its squares are 40 times closer to the
-truth, and one pass over the image serves all families.
+It finds more tags than OpenCV's ArUco detector, its corners are 40 times more accurate, and one
+pass over the image serves all families.
 
 Source: Wang and Olson, AprilTag 2, 2016; Krogius et al., Flexible layouts for fiducial tags, 2019.
 """
@@ -22,11 +22,11 @@ from ros_visualise.landmarks.tags.families import Family
 Cells = npt.NDArray[np.uint8]
 
 
-_SHARPENING = 0.25  # of cells before they are read: the library's own, which pyapriltags cuts to 0
+_SHARPENING = 0.25  # of cells before decoding: the library's default, which pyapriltags truncates
 
 
 class AprilTag3(Detector):
-    """AprilTag 3 with these families; of OpenCV it takes the codes of ArUco's."""
+    """AprilTag 3 with given families, including OpenCV's ArUco dictionaries."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class AprilTag3(Detector):
             refine_edges=int(refine),
         )
         self.tag_detector_ptr.contents.decode_sharpening = _SHARPENING  # type: ignore[union-attr]
-        self.cells: dict[str, int] = {}  # along the side of a family's square
+        self.cells: dict[str, int] = {}  # number along the side of a family's square
         self._codes: list[_CodedFamily] = []  # the library keeps pointers to them
         for one in families:
             self.libc.apriltag_detector_add_family_bits(  # type: ignore[union-attr]
@@ -84,7 +84,7 @@ class _CodedFamily(ctypes.Structure):
 
     @classmethod
     def of_cells(cls, name: str, cells: Cells, rim: int) -> _CodedFamily:
-        """A family of tags (ids, N, N) with a black rim of so many cells."""
+        """A family of tags (ids, N, N) with a black rim of ``rim`` cells."""
         count, side = cells.shape[:2]
         x, y = _order(side)
         weights = np.uint64(1) << np.arange(side * side, dtype=np.uint64)[::-1]
@@ -105,10 +105,10 @@ class _CodedFamily(ctypes.Structure):
 
 
 def _order(side: int) -> npt.NDArray[np.int64]:
-    """Columns and rows of a square's cells, one quarter after the other as it turns clockwise.
+    """Columns and rows of a square's cells, by quarters, clockwise.
 
-    In that order a turned tag's code is the code shifted by a quarter of it; the cell in the middle
-    of an odd number is the last one.
+    In this order, rotating a tag by 90 degrees shifts its code by a quarter. The middle cell of an
+    odd number is the last.
     """
     half = side // 2
     x, y = (part.ravel() for part in np.meshgrid(np.arange(side - half), np.arange(half)))
@@ -123,13 +123,13 @@ def _order(side: int) -> npt.NDArray[np.int64]:
 def dictionary_cells(name: str) -> Cells:
     """The inner cells (ids, N, N) of a dictionary of OpenCV, 1 is white, without the black rim.
 
-    Before 4.7 OpenCV draws and detects by other calls than later; the table is the same.
+    OpenCV before 4.7 draws and detects by other functions; the table is the same.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     side = int(dictionary.markerSize)
     table = np.ascontiguousarray(dictionary.bytesList, np.uint8)
     count, length = table.shape[:2]
-    codes = table.reshape(count, -1)[:, :length]  # turned by quarters, they go on after that
+    codes = table.reshape(count, -1)[:, :length]  # followed by the rotated codes
     whole, rest = divmod(side * side, 8)
     bits = np.unpackbits(codes, axis=1)
     last = bits[:, 8 * length - rest :] if rest else bits[:, :0]

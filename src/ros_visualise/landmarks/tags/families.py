@@ -1,9 +1,8 @@
-"""Families of tags: what they are called, and when a square is believed to be one of theirs.
+"""Families of tags: names, and thresholds for accepting a square as one of their tags.
 
-The fewer cells a family has, the more often something else looks like one of its tags. How many
-wrong cells are put right, by how much the others must differ from gray (the margin, AprilTag's
-``decision_margin``), and of the weakest families how clearly, was chosen on pictures without tags:
-benchmarks/landmarks.
+The fewer cells a family has, the more often other objects look like its tags. The number of
+corrected cells, the contrast of the others (the margin, AprilTag's ``decision_margin``), and for
+the weakest families the clearness, were chosen on images without tags: benchmarks/landmarks.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from ros_visualise.core.errors import ParameterError
 class Family:
     """A family of AprilTag, or a dictionary of ArUco.
 
-    A square is a tag where at most ``max_hamming`` of its cells are wrong, and the others differ
-    from the gray between black and white by ``min_margin`` levels or more; where ``min_clearness``
-    is given, its `clearness` is at least that. ``dictionary`` is OpenCV's name of an ArUco
-    dictionary; ``rim`` counts the black cells around a code of it.
+    A square is accepted if at most ``max_hamming`` of its cells are wrong, and the others differ
+    from the mean gray by at least ``min_margin`` levels on average; with ``min_clearness``, its
+    `clearness` must reach that too. ``dictionary`` is OpenCV's name of an ArUco dictionary; ``rim``
+    is the number of black cells around its codes.
     """
 
     name: str
@@ -34,7 +33,7 @@ class Family:
     rim: int = 1
 
 
-_CLEAR = 0.3  # of families whose codes are like many other things
+_CLEAR = 0.3  # for families whose codes resemble many other objects
 
 _APRILTAG = {
     one.name: one
@@ -47,7 +46,7 @@ _APRILTAG = {
     )
 }
 
-_ARUCO = (  # by how the names of their dictionaries begin
+_ARUCO = (  # by the beginning of the dictionary's name
     Family("4x4", 0, 20.0, min_clearness=_CLEAR),
     Family("5x5", 1, 15.0),
     Family("6x6", 2, 10.0),
@@ -58,10 +57,10 @@ _ARUCO = (  # by how the names of their dictionaries begin
 
 
 def parse_families(text: str) -> tuple[Family, ...]:
-    """The families of a list as ``tag36h11, 5x5_1000``.
+    """The families in a list such as ``tag36h11, 5x5_1000``.
 
     Raises:
-        ParameterError: there is no such family, or none is named.
+        ParameterError: a family is unknown, or the list is empty.
     """
     names = re.split(r"[\s,;]+", text.strip())
     return tuple(dict.fromkeys(family(name) for name in names))
@@ -71,7 +70,7 @@ def family(name: str) -> Family:
     """The family of that name: ``tag36h11``, ``36h11``, ``DICT_5X5_1000``, ``5x5_1000``.
 
     Raises:
-        ParameterError: there is no such family.
+        ParameterError: it is unknown.
     """
     short = name.lower().removeprefix("dict_").removeprefix("apriltag_")
     bits = short.removeprefix("tag").removeprefix("standard")
@@ -79,7 +78,7 @@ def family(name: str) -> Family:
     found = known.get(bits, known.get(short))
     if found is None:
         there = ", ".join(dict.fromkeys(one.name for one in known.values()))
-        raise ParameterError(f"no family of tags {name!r}; choose from {there}")
+        raise ParameterError(f"no such tag family: {name!r}; choose from {there}")
     return found
 
 

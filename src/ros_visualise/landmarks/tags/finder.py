@@ -1,4 +1,4 @@
-"""Finds tags in gray images."""
+"""Tag detection in gray images."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ros_visualise.landmarks.tags.patterns import draw_cells
 from ros_visualise.landmarks.tags.reading import clearness
 
 Region = tuple[int, int, int, int]
-"""Left, top, right and bottom of a part of an image, in pixels; right and bottom are outside."""
+"""Left, top, right and bottom of a region of an image, pixels; right and bottom are exclusive."""
 
 _THREADS = min(4, os.cpu_count() or 1)
-_LEAST_SIDE = 16  # of an image that may hold a tag
+_LEAST_SIDE = 16  # smallest side of an image with a tag
 _CENTER = 0.5  # AprilTag counts from the corner of the top-left pixel, we from its centre
 
 
@@ -28,10 +28,10 @@ class Tag:
     """A tag in an image.
 
     ``corners_uv`` (4, 2) are those of its square in pixels, origin at the centre of the top-left
-    pixel: lower left, lower right, upper right and upper left, as the tag is printed.
-    ``hamming`` counts the cells that were wrong, ``margin`` is the mean difference of cells from
-    the gray between black and white, in levels. ``covariance_px2`` (8, 8) is that of u and v of the
-    first corner, of the second, and so on; None where nobody knows it.
+    pixel: lower left, lower right, upper right and upper left, as printed. ``hamming`` is the
+    number of wrong cells, ``margin`` the mean difference of cells from the gray between black and
+    white, in levels. ``covariance_px2`` (8, 8) is that of u and v of the first corner, of the
+    second, and so on; None if unknown.
     """
 
     family: str
@@ -43,19 +43,19 @@ class Tag:
 
     @property
     def name(self) -> str:
-        """Such as ``tag36h11_3``."""
+        """Name such as ``tag36h11_3``."""
         return f"{self.family}_{self.id}"
 
     @property
     def center_uv(self) -> Floats:
-        """Where its middle is seen (2,), in pixels: there the diagonals meet."""
+        """(2,) intersection of the diagonals, pixels."""
         a, b, c, d = np.column_stack([self.corners_uv, np.ones(4)])
         x, y, w = np.cross(np.cross(a, c), np.cross(b, d))
         return np.array([x / w, y / w])
 
 
 class TagFinder:
-    """Finds the tags of some families; not to be used by two threads at the same time."""
+    """Finds the tags of some families; for one thread at a time."""
 
     def __init__(
         self,
@@ -68,11 +68,11 @@ class TagFinder:
         """Prepare the families' codes.
 
         Args:
-            families: as `parse_families` gives them.
-            quad_decimate: squares are looked for in an image so many times smaller.
-            quad_sigma: that image is blurred before, or below 0 sharpened; pixels.
-            refine: fit the squares' sides to the image, as AprilTag does, then by `fit_tags`.
-            min_margin: for all families; each has one of its own, and the larger holds.
+            families: see `parse_families`.
+            quad_decimate: factor by which the image is reduced to find squares.
+            quad_sigma: blur of that image (negative: sharpening), pixels.
+            refine: fit the squares' sides to the image, as AprilTag does, then use `fit_tags`.
+            min_margin: for all families; the larger of this and the family's own counts.
         """
         self._families = {one.name: one for one in families}
         self._min_margin = min_margin
@@ -90,7 +90,7 @@ class TagFinder:
 
         Args:
             gray: (height, width) uint8.
-            regions: parts that do not overlap, to be looked at alone; none: the whole image.
+            regions: disjoint regions to search; empty: the whole image.
         """
         parts = regions or [(0, 0, gray.shape[1], gray.shape[0])]
         found = [tag for part in parts for tag in self._find_in(gray, part)]
@@ -141,6 +141,6 @@ class TagFinder:
 
 
 def _is_seen(corners: Floats) -> bool:
-    """Whether (4, 2) may be a square seen from its front: convex, and anticlockwise."""
+    """True if (4, 2) may be a square seen from the front: convex, anticlockwise."""
     before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
     return bool((before[:, 0] * after[:, 1] > before[:, 1] * after[:, 0]).all())

@@ -1,11 +1,10 @@
-"""Corners of tags to a hundredth of a pixel: the whole tag is drawn as it should look, and fitted.
+"""Corners of tags accurate to a hundredth of a pixel, by fitting a rendering of the whole tag.
 
-When a tag has been read, all its cells are known. So every pixel near an edge between a black and a
-white cell is explained at once: by where the corners are, by a blur, which may be longer in one
-direction, by levels of gray that change over the tag, by a curve from light to levels (gamma), and
-by how far white spills over black. What the sides alone cannot tell apart is told apart here: a
-larger tag from one whose white has grown, and the next cells from the blur. How exact the corners
-are follows from what is left unexplained, tag by tag.
+Once a tag is decoded, all its cells are known. So all pixels near edges between black and white
+cells are explained together: by the corners; a blur, possibly longer in one direction; levels of
+gray that vary over the tag; a curve from light to levels (gamma); and white bleeding over black.
+This separates what the outer sides alone cannot: a larger tag from bleeding white, and neighbouring
+cells from blur. The accuracy of the corners follows from the residuals, for each tag.
 
 Source: B. Lucas, T. Kanade, An Iterative Image Registration Technique, 1981; the covariance is that
 of H. White, Maximum Likelihood Estimation of Misspecified Models, 1982, by groups of pixels.
@@ -24,57 +23,57 @@ from ros_visualise.landmarks.tags.appearance import Appearance, appearance
 from ros_visualise.landmarks.tags.samples import LEAST, TagSamples, homographies, sample_tags
 
 _ROUNDS = 8
-_SETTLED_PX, _SETTLED = 5e-3, 0.5  # steps that are no more: in pixels, or deviations
-_RESTLESS_PX = 0.1  # the last step of what has not settled
-_STEP_PX, _MOST_PX = 1.0, 3.0  # of a corner in one round, and in all
+_SETTLED_PX, _SETTLED = 5e-3, 0.5  # steps at convergence: pixels, or standard deviations
+_RESTLESS_PX = 0.1  # last step of a fit that did not converge
+_STEP_PX, _MOST_PX = 1.0, 3.0  # largest shift of a corner in one round, and in total
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
 _LEAST_CONTRAST = 5.0  # levels of gray
-_WORST_FIT = 0.2  # of the contrast, that pixels are off
-_UNSEEN = 1.1  # times what is left tells, squared errors are: some of what is wrong fits the tag
+_WORST_FIT = 0.2  # largest residual, as a fraction of the contrast
+_UNSEEN = 1.1  # factor on squared errors, as the fit absorbs some of them
 _RIDGE = 1e-7
 
 
 class Fitted(NamedTuple):
-    """Of T tags."""
+    """The fitted corners of T tags."""
 
     corners_uv: Floats
-    """(T, 4, 2) pixels, as they were where nothing could be fitted."""
+    """(T, 4, 2) pixels, unchanged if the fit failed."""
     covariance_px2: Floats
-    """(T, 8, 8) of u and v of the first corner, of the second, and so on; NaN where not fitted."""
+    """(T, 8, 8) of u and v of the first corner, of the second, and so on; NaN if not fitted."""
 
 
 class _FitState(NamedTuple):
-    """What is fitted step by step to T tags: corners about their middles, and blurs."""
+    """The fitted parameters of T tags: corners relative to their centres, and blurs."""
 
     corners: Floats
     blur: Floats
 
 
 class _Linear(NamedTuple):
-    """A state of T tags of N pixels, and how it looks."""
+    """The linearized rendering of T tags with N pixels."""
 
     residual: Floats
-    """(T, N) levels of gray, with the weights of `_levels` that leave least."""
+    """(T, N) levels of gray, with the best weights of `_levels`."""
     J: Floats
     """(T, 21, N) derivatives of gray by corners, blur and the weights of `_levels`."""
     contrast: Floats
     """(T,) levels of gray from black to white."""
     cell: Floats
-    """(T, N) which cell a pixel is in, -1 without weight."""
+    """(T, N) the cell of each pixel, -1 without weight."""
 
 
 _Of = TypeVar("_Of", _FitState, TagSamples, _Linear)
 
 
 def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -> Fitted:
-    """Better corners of tags of one family.
+    """Refine the corners of tags of one family.
 
     Args:
         gray: (height, width) uint8.
-        corners_uv: (T, 4, 2) pixels, a pixel or so from the truth: lower left, lower right, upper
+        corners_uv: (T, 4, 2) pixels, accurate to about a pixel: lower left, lower right, upper
             right and upper left.
-        cells: (T, C, C) of each tag, upright, 1 is white, with what is printed around its square.
-        rim: how many of those are around the square.
+        cells: (T, C, C) of each tag, upright, 1 is white, including the print around its square.
+        rim: number of cells around the square.
     """
     patterns = np.asarray(cells, np.float64)[:, ::-1].swapaxes(1, 2)
     square = _square(patterns.shape[1], rim)
@@ -82,7 +81,7 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
     begun = corners_uv - middles
     samples = sample_tags(gray, begun, middles[:, 0], patterns, square)
     fitted, covariance = corners_uv.copy(), np.full((len(begun), 8, 8), np.nan)
-    with np.errstate(all="ignore"):  # of what is no such tag
+    with np.errstate(all="ignore"):  # for false detections
         for tags, corners, spread in _fits(begun, samples, patterns, square):
             is_near = np.abs(corners - begun[tags]).max(axis=(1, 2)) < _MOST_PX
             good = is_near & _is_proper(spread)
@@ -94,9 +93,9 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
 def _fits(
     begun: Floats, samples: TagSamples, patterns: Floats, square: Floats
 ) -> Iterator[tuple[npt.NDArray[np.intp], Floats, Floats]]:
-    """Numbers of tags that have settled, their corners, and the covariances of these.
+    """Indices of tags that have converged, their corners, and the covariances of these.
 
-    A covariance is NaN where what is seen looks like no tag.
+    A covariance is NaN if the image does not look like a tag.
     """
     tags = np.arange(len(begun))
     state = _FitState(begun, np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1)))
@@ -120,21 +119,21 @@ def _fits(
 
 
 def _some(whole: _Of, chosen: npt.NDArray[np.bool_]) -> _Of:
-    """The same of some of the tags."""
+    """The same for some of the tags."""
     return type(whole)(*(each[chosen] for each in whole))
 
 
 def _square(cells: int, rim: int) -> Floats:
-    """(4, 2) the corners of the square, in cells from the lower left of what is printed."""
+    """(4, 2) the corners of the square, in cells from the lower left of the print."""
     a, b = float(rim), float(cells - rim)
     return np.array([[a, a], [b, a], [b, b], [a, b]])
 
 
 def _linearised(state: _FitState, samples: TagSamples, patterns: Floats, square: Floats) -> _Linear:
-    """How tags look in a state, the levels of gray chosen to fit best.
+    """The rendering in a state, with the best levels of gray.
 
-    Source of the choice: G. Golub, V. Pereyra, The Differentiation of Pseudo-Inverses and
-    Nonlinear Least Squares Problems Whose Variables Separate, 1973.
+    Source of eliminating the levels: G. Golub, V. Pereyra, The Differentiation of Pseudo-Inverses
+    and Nonlinear Least Squares Problems Whose Variables Separate, 1973.
     """
     H = homographies(state.corners, square)
     seen = appearance(H, samples.places, state.blur, patterns)
@@ -157,21 +156,21 @@ def _linearised(state: _FitState, samples: TagSamples, patterns: Floats, square:
 
 
 def _levels(seen: Appearance, u: Floats, v: Floats) -> Floats:
-    """(T, 10, N) what levels of gray are a sum of."""
+    """(T, 10, N) basis of the levels of gray."""
     m, one = seen.white, np.ones_like(u)
     grown = np.linalg.norm(seen.slope, axis=1)
     return np.stack([one, m, m * m, m * m * m, m * u, m * v, u, v, grown, seen.beyond], axis=1)
 
 
 def _warps(corners: Floats) -> Floats:
-    """(T, 8, 8) how u and v of corners (T, 4, 2), by column, change with homographies, by row."""
+    """(T, 8, 8) derivatives of homographies, by row, by u and v of corners (T, 4, 2), by column."""
     along = np.broadcast_to(np.eye(2)[:, None, :, None], (2, len(corners), 2, 4))
     both = np.stack([_warped(corners, axis) for axis in along], axis=3)
     return np.asarray(both.reshape(-1, 8, 8))
 
 
 def _warped(places: Floats, slope: Floats) -> Floats:
-    """(T, 8, N) how what has that slope (T, 2, N) changes at places that homographies move."""
+    """(T, 8, N) derivatives by homographies of a quantity with slope (T, 2, N) at given points."""
     (u, v), (by_u, by_v) = places.transpose(2, 0, 1), slope.transpose(1, 0, 2)
     inward = u * by_u + v * by_v
     warped = [by_u, u * by_u, v * by_u, by_v, u * by_v, v * by_v, u * inward, v * inward]
@@ -179,12 +178,12 @@ def _warped(places: Floats, slope: Floats) -> Floats:
 
 
 def _sum(columns: Floats, weights: Floats) -> Floats:
-    """(T, N) of columns (T, K, N) so many times each (T, K)."""
+    """(T, N) weighted sums of columns (T, K, N)."""
     return np.asarray((weights[:, None] @ columns)[:, 0])
 
 
 def _solved(J: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    """Least squares (T, K), and the inverse (T, K, K) of their normal matrix; J is (T, K, N)."""
+    """Least squares (T, K), and the inverse (T, K, K) of the normal matrix; J is (T, K, N)."""
     normal = J @ np.swapaxes(J, 1, 2)
     scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2)) + 1e-12
     normed = normal / scale[:, :, None] / scale[:, None, :]
@@ -200,7 +199,7 @@ def _solved(J: Floats, residual: Floats) -> tuple[Floats, Floats]:
 def _moved(state: _FitState, step: Floats) -> _FitState:
     shift = np.clip(step[:, :8], -_STEP_PX, _STEP_PX).reshape(-1, 4, 2)
     blur = state.blur + np.clip(step[:, 8:11], -0.5, 0.5)
-    least = np.maximum(state.blur / 2, _LEAST_BLUR)  # what has become sharp at once comes back late
+    least = np.maximum(state.blur / 2, _LEAST_BLUR)  # a blur that drops too fast recovers slowly
     uu, vv = (np.clip(blur[:, axis], least[:, axis], _MOST_BLUR) for axis in (0, 2))
     most = 0.9 * np.sqrt(uu * vv)
     uv = np.clip(blur[:, 1], -most, most)
@@ -208,14 +207,14 @@ def _moved(state: _FitState, step: Floats) -> _FitState:
 
 
 def _deviation(left: Floats, inverse: Floats, weight: Floats) -> Floats:
-    """(T,) standard deviations of the least sure corners, pixels, by what is left unexplained."""
+    """(T,) standard deviations of the least certain corners, pixels, from the residuals."""
     variance = (left * left).sum(axis=1) / np.maximum(weight.sum(axis=1), 1)
     least_sure = np.diagonal(inverse[:, :8, :8], axis1=1, axis2=2).max(axis=1, initial=0)
     return np.asarray(np.sqrt(variance * least_sure))
 
 
 def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) -> Floats:
-    """(T, 8, 8) of corners, by what is left unexplained."""
+    """(T, 8, 8) of corners, from the residuals."""
     J = linear.J
     count = weight.sum(axis=1)
     free = np.maximum(count - J.shape[1], 1)
@@ -232,7 +231,7 @@ def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) 
 
 
 def _is_good(left: Floats, contrast: Floats, weight: Floats) -> npt.NDArray[np.bool_]:
-    """Whether it looks as a tag should."""
+    """Mask of tags that look as they should."""
     count = weight.sum(axis=1)
     misfit = np.sqrt((left * left).sum(axis=1) / np.maximum(count, 1))
     return np.asarray(

@@ -1,6 +1,6 @@
-"""What is known of printed tags: their sizes, and bodies that bear several of them.
+"""Sizes of printed tags, and bundles of several tags on one body.
 
-The file is apriltag_ros's ``tags.yaml``; lengths are metres:
+The file is apriltag_ros's ``tags.yaml``; lengths are in metres:
 
     standalone_tags:
       - {id: 3, size: 0.162}
@@ -11,8 +11,8 @@ The file is apriltag_ros's ``tags.yaml``; lengths are metres:
           - {id: 10, size: 0.05, x: 0.0, y: 0.0, z: 0.0, qw: 1.0, qx: 0.0, qy: 0.0, qz: 0.0}
           - {id: 11, size: 0.05, x: 0.1}
 
-A tag's pose in its bundle takes points of the tag's frame (x right, y up, z towards the viewer) to
-the bundle's. Ids hold in every family.
+A tag's pose in its bundle transforms points of the tag's frame (x right, y up, z towards the
+viewer) to the bundle's. Ids apply to all families.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from ros_visualise.geometry import rotations
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
 
-_LEAST_M, _MOST_M = 1e-4, 100.0  # of a tag's side
-_FAR_M = 1e4  # from a bundle's origin
+_LEAST_M, _MOST_M = 1e-4, 100.0  # side of a tag
+_FAR_M = 1e4  # largest distance from a bundle's origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Bundle:
 
 @dataclass(frozen=True, eq=False)
 class KnownTags:
-    """Tags by id: the sides of their squares in metres, their names, and bundles of them."""
+    """Tags by id: the sides of their squares in metres, their names, and bundles."""
 
     sizes: Mapping[int, float] = field(default_factory=dict)
     names: Mapping[int, str] = field(default_factory=dict)
@@ -55,15 +55,15 @@ class KnownTags:
 
     @property
     def every(self) -> Collection[int]:
-        """The ids whose size is known."""
+        """The ids of known size."""
         return {*self.sizes, *(id for bundle in self.bundles for id in bundle.corners_xyz)}
 
 
 def read_known_tags(path: str | Path) -> KnownTags:
-    """The tags of a file.
+    """The tags in a file.
 
     Raises:
-        OpenError: it cannot be read, or something in it is wrong; the message says what and where.
+        OpenError: it cannot be read or is invalid; the message says where.
     """
     try:
         return _known(load_yaml(Path(path)))
@@ -76,7 +76,7 @@ def read_known_tags(path: str | Path) -> KnownTags:
 
 
 class _Invalid(ValueError):
-    """Something in the file is wrong; says where, and what would be right."""
+    """An error in the file; says where, and what to give instead."""
 
 
 def _known(values: Any) -> KnownTags:
@@ -98,12 +98,12 @@ def _known(values: Any) -> KnownTags:
     every = [*names.values(), *(one.name for one in bundles)]
     for name in every:
         if every.count(name) > 1:
-            raise _Invalid(f"the name {name!r} is there twice; give each its own")
+            raise _Invalid(f"duplicate name {name!r}; names must be unique")
     return KnownTags(sizes, names, tuple(bundles))
 
 
 def _refuse_shared(bundles: Sequence[Bundle]) -> None:
-    """A tag sits on one body."""
+    """Reject tags in two bundles."""
     bearer: dict[int, str] = {}
     for bundle in bundles:
         for id in bundle.corners_xyz:
@@ -121,18 +121,16 @@ def _bundle(where: str, values: Any, sizes: Mapping[int, float]) -> Bundle:
         id, size = _id(place, tag, corners), _size(place, tag)
         if sizes.get(id, size) != size:
             raise _Invalid(
-                f"{place}: size {size:g}, but standalone_tags say {sizes[id]:g} of tag {id}"
+                f"{place}: size {size:g}, but {sizes[id]:g} in standalone_tags (tag {id})"
             )
         x, y, z, *quat_wxyz = (_number(place, tag, name) for name in _POSE)
         length = math.hypot(*quat_wxyz)
         if not 0.9 < length < 1.1:
-            raise _Invalid(
-                f"{place}: qw, qx, qy, qz have length {length:g}; give a unit quaternion"
-            )
+            raise _Invalid(f"{place}: qw, qx, qy, qz have norm {length:g}; give a unit quaternion")
         R = rotations.to_matrix(np.roll(quat_wxyz, -1) / length)
         corners[id] = _SQUARE * size @ R.T + [x, y, z]
     if not corners:
-        raise _Invalid(f"{where}: its layout has no tags")
+        raise _Invalid(f"{where}: no tags in its layout")
     return Bundle(_name(where, bundle), corners)
 
 
@@ -147,7 +145,7 @@ def _fields(
             raise _Invalid(f"{where}: no key {key!r}; choose from {', '.join(every)}")
     for key in needed:
         if key not in values:
-            raise _Invalid(f"{where}: has no {key}")
+            raise _Invalid(f"{where}: missing {key}")
     return values
 
 
@@ -161,9 +159,9 @@ def _listed(values: Mapping[str, Any], name: str) -> list[Any]:
 def _id(where: str, tag: Mapping[str, Any], taken: Collection[int]) -> int:
     id = tag["id"]
     if isinstance(id, bool) or not isinstance(id, int) or id < 0:
-        raise _Invalid(f"{where}: id is {id!r}; give a whole number from 0 on")
+        raise _Invalid(f"{where}: id is {id!r}; give an integer, 0 or more")
     if id in taken:
-        raise _Invalid(f"{where}: tag {id} is there twice")
+        raise _Invalid(f"{where}: duplicate tag {id}")
     return id
 
 
@@ -178,7 +176,7 @@ def _number(where: str, tag: Mapping[str, Any], name: str) -> float:
     number = tag[name]
     is_number = isinstance(number, int | float) and not isinstance(number, bool)
     if not is_number or not abs(number) <= _FAR_M:
-        raise _Invalid(f"{where}: {name} is {number!r}; give a number of metres")
+        raise _Invalid(f"{where}: {name} is {number!r}; give a number in metres")
     return float(number)
 
 

@@ -1,4 +1,4 @@
-"""From tags in an image to detections: what they are called, and where they are."""
+"""From tags in an image to detections with names and poses."""
 
 from __future__ import annotations
 
@@ -22,19 +22,18 @@ def locate(
     info: CameraInfo | None,
     camera: CameraError = EXACT,
 ) -> tuple[Detection, ...]:
-    """Detections of tags, then those of bundles, each with the poses that it may have.
+    """Detections of tags, then of bundles, each with its possible poses.
 
-    Where two poses fit the corners, they are two hypotheses of one class, the likelier first.
-    Tags of a bundle that do not stand alone too are part of its detection, whose number is that of
-    its first tag. Without a calibration
-    there are no poses, and no bundles: each tag is there by itself.
+    If two poses fit the corners, they are two hypotheses of one class, the likelier first. Tags of
+    a bundle that are not standalone too are part of its detection, whose number is that of its
+    first tag. Without a calibration there are no poses and no bundles: each tag is a detection.
 
     Args:
         tags: of one image.
         known: their sizes, and bundles.
-        size_m: the side of all others; 0 where nobody knows, so that they have no poses.
+        size_m: side of all others; 0 if unknown: no poses.
         info: the camera's calibration.
-        camera: what the camera and its calibration add to corners.
+        camera: errors of the camera and its calibration.
     """
     bundles = known.bundles if info else ()
     members = {id for bundle in bundles for id in bundle.corners_xyz}
@@ -57,9 +56,9 @@ def locate_or_remark(
     camera: CameraError,
     remarks: OnceLog,
 ) -> tuple[Detection, ...]:
-    """As `locate`; where a calibration or a size serves for no pose, that is remarked."""
+    """`locate`, with a warning if the calibration or a missing size prevents poses."""
     if info and not size_m and any(tag.id not in known.every for tag in tags):
-        remarks.say("tags of unknown size have no poses: set size, or a file of tags")
+        remarks.say("no poses for tags of unknown size: set size, or give a file of tags")
     try:
         return locate(tags, known, size_m, info, camera)
     except (UncalibratedCamera, UnsupportedImage) as error:
@@ -86,7 +85,7 @@ def _poses(
 
 
 def _noise(tags: Sequence[Tag]) -> Floats:
-    """(T, 8, 8) covariances of their corners; NaN where nobody knows."""
+    """(T, 8, 8) covariances of their corners; NaN if unknown."""
     unknown = np.full((8, 8), np.nan)
     return np.array([unknown if tag.covariance_px2 is None else tag.covariance_px2 for tag in tags])
 
@@ -102,7 +101,7 @@ def _of_tag(tag: Tag, known: KnownTags, size_m: float, poses: Sequence[PoseEstim
 def _of_bundle(
     tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, camera: CameraError
 ) -> list[Detection]:
-    """One detection, of all of its tags that are seen; none where none is."""
+    """One detection from all visible tags of a bundle; none if no tag is visible."""
     seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
     if not seen:
         return []
@@ -112,7 +111,7 @@ def _of_bundle(
     poses = rig_poses(flat, points, info, None, camera, _noise(seen))
     score, first = max(map(_score, seen)), next(iter(bundle.corners_xyz))
     box = Detection.of_corners(flat, _hypotheses(bundle.name, score, first, poses), bundle.name)
-    return [replace(box, corners_uv=np.zeros((0, 2)))]  # an outline it has not
+    return [replace(box, corners_uv=np.zeros((0, 2)))]  # without an outline
 
 
 def _hypotheses(
@@ -134,5 +133,5 @@ def _hypotheses(
 
 
 def _score(tag: Tag) -> float:
-    """The fewer cells were wrong, the better; as of recorded tags."""
+    """The fewer wrong cells, the higher; as for recorded tags."""
     return 1 / (1 + tag.hamming)

@@ -1,4 +1,4 @@
-"""What a tag looks like when it is printed."""
+"""Cells of printed tags."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ros_visualise.landmarks.tags.families import Family
 
 @lru_cache(maxsize=1024)
 def draw_cells(family: Family, id: int) -> tuple[Cells, int]:
-    """The cells of a tag, and how many of them lie between its outer edge and its square.
+    """The cells of a tag, and the number of them between its outer edge and its square.
 
     Returns:
-        (N, N) uint8, 1 is white, upright; it is not to be changed. And the width of the rim that is
-        no part of the square by which its size is measured: white, in newer families with codes.
+        (N, N) uint8, read-only, 1 is white, upright; and the width of the rim around the square by
+            which its size is measured: white, with code cells in newer families.
 
     Raises:
         ParameterError: the family has no tag of that number.
@@ -41,7 +41,7 @@ def draw_cells(family: Family, id: int) -> tuple[Cells, int]:
 
 def _check_id(family: Family, id: int, count: int) -> None:
     if not 0 <= id < count:
-        raise ParameterError(f"{family.name} has no tag {id}; it has 0 to {count - 1}")
+        raise ParameterError(f"no tag {id} in {family.name}: choose from 0 to {count - 1}")
 
 
 def _drawn(library: Any, of_family: Any, id: int) -> Cells:

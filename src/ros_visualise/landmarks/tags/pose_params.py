@@ -1,4 +1,4 @@
-"""What has to be known of tags, to tell where they are."""
+"""Parameters of tag poses."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ros_visualise.landmarks.pose import CameraError
 
 @dataclass(frozen=True)
 class PoseParams:
-    """Parameters of nodes that give poses to tags."""
+    """Parameters of nodes that estimate poses of tags."""
 
     size: float = param(
         0.0,
         "side of the black square in metres, for tags that are not in the file; 0: "
-        "unknown, so no poses",
+        "unknown, no poses",
         min=0,
         max=MAX_TAG_M,
         slider=(0, 1),
@@ -26,8 +26,7 @@ class PoseParams:
     )
     corner_floor: float = param(
         0.0,
-        "smallest error of corners (standard deviation), pixels; what the image and the "
-        "fit show comes on top",
+        "smallest corner error (standard deviation), pixels, added to the estimated one",
         min=0,
         max=10,
         slider=(0, 2),
@@ -35,8 +34,8 @@ class PoseParams:
     )
     focal_sigma: float = param(
         0.0,
-        "standard deviation of the calibration's focal lengths, percent; ros-visualise "
-        "calibrate tells it",
+        "standard deviation of the calibration's focal lengths, percent; reported by "
+        "ros-visualise calibrate",
         min=0,
         max=50,
         slider=(0, 2),
@@ -44,8 +43,8 @@ class PoseParams:
     )
     center_sigma: float = param(
         0.0,
-        "standard deviation of the calibration's principal point, pixels; ros-visualise "
-        "calibrate tells it",
+        "standard deviation of the calibration's principal point, pixels; reported by "
+        "ros-visualise calibrate",
         min=0,
         max=1000,
         slider=(0, 10),
@@ -54,5 +53,5 @@ class PoseParams:
 
     @property
     def camera(self) -> CameraError:
-        """What the camera and its calibration add to corners."""
+        """Errors of the camera and its calibration."""
         return CameraError(self.corner_floor, self.focal_sigma / 100, self.center_sigma)

@@ -1,4 +1,4 @@
-"""How clearly the cells of a tag are black or white."""
+"""Clearness of the cells of a tag."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from ros_visualise.data import Floats, Pixels
 
 
 def clearness(gray: Pixels, corners_uv: Floats, cells: int) -> float:
-    """How far the brightest black cell is from the darkest white one: 1 in a perfect picture.
+    """Gap between the brightest black and the darkest white cell: 1 in a perfect image.
 
-    It is a share of the difference between the means of both. Where cells that should be alike
-    are not, as in most of what only looks like a tag, it is near 0; where the black rim is not
-    black it is below.
+    It is a fraction of the difference between the means of both. If cells of one colour differ
+    much, as in most false detections, it is near 0; if the black rim is not black, it is negative.
 
     Args:
         gray: (height, width) uint8.
         corners_uv: (4, 2) pixels of the tag's square: lower left, lower right, and so on.
-        cells: along a side, the black rim of one cell included.
+        cells: number along a side, including the black rim of one cell.
     """
     square = np.array([[0, cells], [cells, cells], [cells, 0], [0, 0]], np.float32)
     H = cv2.getPerspectiveTransform(square, corners_uv.astype(np.float32))

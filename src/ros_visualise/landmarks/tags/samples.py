@@ -1,4 +1,4 @@
-"""The pixels of tags that tell where corners are: those near edges between black and white."""
+"""Pixels of tags that determine the corners: those near edges between black and white."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from ros_visualise.data import Floats, Pixels
 
-_OUTSIDE = 0.6  # of a cell around the square is looked at; beyond may be anything
-_NEAR_PX = 2.5  # of an edge between cells
-_MOST, _CANDIDATES = 900, 6000  # pixels of a tag that are taken, and that are thought of
+_OUTSIDE = 0.6  # width of the used margin around the square, cells
+_NEAR_PX = 2.5  # largest distance from an edge between cells
+_MOST, _CANDIDATES = 900, 6000  # pixels of a tag used, and considered
 LEAST = 60
-"""With fewer pixels than that, nothing is fitted to a tag."""
+"""Fewest pixels of a tag that is fitted."""
 
 
 class TagSamples(NamedTuple):
-    """N pixels of each of T tags; of those that have fewer, some have no weight."""
+    """N pixels of each of T tags; for padding, some have zero weight."""
 
     places: Floats
-    """(T, N, 2) about the middles of the tags."""
+    """(T, N, 2) relative to the centres of the tags."""
     gray: Floats
     weight: Floats
 
@@ -31,10 +31,10 @@ def sample_tags(
 
     Args:
         gray: (height, width) uint8.
-        corners: (T, 4, 2) about the middles, pixels.
-        middles: (T, 2) pixels.
+        corners: (T, 4, 2) relative to the centres, pixels.
+        middles: (T, 2) centres, pixels.
         patterns: (T, C, C) by x, then by y upwards; 1 is white.
-        square: (4, 2) the corners of a tag in cells, from the lower left of what is printed.
+        square: (4, 2) the corners of a tag in cells, from the lower left of the print.
     """
     several = [
         _near_edges(gray, *one, square) for one in zip(corners, middles, patterns, strict=True)
@@ -51,7 +51,7 @@ def sample_tags(
 def _near_edges(
     gray: Pixels, corners: Floats, middle: Floats, pattern: Floats, square: Floats
 ) -> Floats:
-    """The pixels (N, 2) of a tag that are near edges between cells that differ, evenly thinned."""
+    """The pixels (N, 2) of a tag near edges between different cells, evenly thinned."""
     H = homographies(corners[None], square)[0]
     (low, _), (high, _) = square[0] - _OUTSIDE, square[2] + _OUTSIDE
     around = np.array([[low, low, 1], [high, low, 1], [high, high, 1], [low, high, 1]])
@@ -81,7 +81,7 @@ def _area(corners: Floats) -> float:
 
 
 def homographies(corners: Floats, square: Floats) -> Floats:
-    """(T, 3, 3) from pixels about the middles of tags (T, 4, 2) to cells (4, 2)."""
+    """(T, 3, 3) from pixels relative to the centres of tags (T, 4, 2) to cells (4, 2)."""
     x, y = np.broadcast_to(square, corners.shape).transpose(2, 0, 1)
     u, v = corners.transpose(2, 0, 1)
     one, none = np.ones_like(u), np.zeros_like(u)

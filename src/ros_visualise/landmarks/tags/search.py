@@ -1,4 +1,4 @@
-"""Where tags are looked for in a video: over the whole image now and then, else near the last."""
+"""Tag search in video: the whole image now and then, otherwise near the previous tags."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ import numpy as np
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.finder import Region, Tag, TagFinder
 
-_AROUND = 0.5  # of a tag's longest side: how far it may move beside what it moved last
+_AROUND = 0.5  # margin around the predicted tag, in longest sides
 _AROUND_PX = 24
-_GRID = 8  # the finder compares tiles of 4 pixels: a part's are those of the whole image
-_MOST = 0.5  # of the image: looking at more of it in parts takes longer than at all of it
+_GRID = 8  # the finder compares tiles of 4 pixels: regions are aligned with them
+_MOST = 0.5  # largest fraction of the image searched by regions; beyond, the whole is faster
 
 
 @dataclass(frozen=True, eq=False)
 class _PreviousTag:
-    """A tag in the image before, and how far (2,) its middle had moved there, in pixels."""
+    """A tag in the previous image, and the motion (2,) of its centre there, in pixels."""
 
     tag: Tag
     moved: Floats
 
 
 class TagSearch:
-    """Finds tags in the images of one camera, one after the other."""
+    """Finds tags in consecutive images of one camera."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget: the next image has nothing to do with the last."""
+        """Forget the previous image."""
         self._seen: list[_PreviousTag] = []
-        self._left = 0  # images until the next look at everything
+        self._left = 0  # images until the next full search
 
     def find(self, finder: TagFinder, gray: Pixels, every: int) -> tuple[Tag, ...]:
-        """The tags in an image; every so many images it is looked over as a whole, from the first.
+        """The tags in an image; the first and then every ``every``-th image is searched as a whole.
 
-        It also is where a tag of the image before is not found near its place, so that only a tag
-        that comes new may have to wait.
+        The whole image is also searched when a previous tag is not found near its place, so only
+        new tags may be found late.
 
         Args:
-            finder: that finds them.
+            finder: for the tags.
             gray: (height, width) uint8.
-            every: 1: always as a whole.
+            every: 1: always search the whole image.
         """
         tags = self._near_the_last(finder, gray) if 0 < self._left < every else None
         if tags is None:
@@ -56,20 +56,20 @@ class TagSearch:
         return tags
 
     def _near_the_last(self, finder: TagFinder, gray: Pixels) -> tuple[Tag, ...] | None:
-        """The tags around their last places; None where one of them is not there."""
+        """The tags near their previous places; None if one is missing."""
         regions = self._regions(gray.shape)
         tags = finder.find(gray, regions) if regions else ()
         lost = Counter(one.tag.name for one in self._seen) - Counter(tag.name for tag in tags)
         return None if lost else tags
 
     def _moved(self, tag: Tag) -> Floats:
-        """How far it has moved since the image before, if the nearest of its name is itself."""
+        """Motion since the previous image, from the nearest tag of the same name."""
         last = [one.tag.center_uv for one in self._seen if one.tag.name == tag.name]
         moves = [tag.center_uv - center for center in last]
         return min(moves, key=lambda move: float(np.hypot(*move)), default=np.zeros(2))
 
     def _regions(self, shape: tuple[int, ...]) -> list[Region]:
-        """Parts that do not overlap, or the whole image where they are much of it."""
+        """Disjoint regions, or the whole image if they would be large."""
         height, width = shape[:2]
         parts = [_around(one.tag.corners_uv, one.moved, width, height) for one in self._seen]
         merged = _merge(parts)
@@ -78,7 +78,7 @@ class TagSearch:
 
 
 def _around(corners: Floats, moved: Floats, width: int, height: int) -> Region:
-    """Where a tag is, would be if it moved on as it did, and some way around."""
+    """Region around a tag's place and its prediction."""
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
     both = np.concatenate([corners, corners + moved])
     around = max(_AROUND * sides.max(), _AROUND_PX)
@@ -88,7 +88,7 @@ def _around(corners: Floats, moved: Floats, width: int, height: int) -> Region:
 
 
 def _merge(parts: Sequence[Region]) -> list[Region]:
-    """The same with those that overlap made one."""
+    """The regions, with overlapping ones merged."""
     merged: list[Region] = []
     for part in parts:
         while True:

@@ -1,8 +1,8 @@
-"""How the outputs of networks are to be read: a table of layouts, with a decoder each.
+"""Output layouts of networks: a table of layouts, each with its decoder.
 
-A layout is recognised by what the file says of itself, by the names of inputs and outputs, and by
-their shapes. ``ALL`` are tried in this order, so that the first that fits is taken. A new one is a
-file here that makes a `OutputLayout`, and its place in ``ALL``.
+A layout is recognised by the file's metadata, the names of inputs and outputs, and their shapes.
+``ALL`` are tried in this order; the first match is used. To add one, make an `OutputLayout` in a
+file here and add it to ``ALL``.
 """
 
 from ros_visualise.landmarks.networks.layouts.detr import DETR, RF_DETR, ULTRALYTICS_RT_DETR

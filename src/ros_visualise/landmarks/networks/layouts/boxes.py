@@ -1,4 +1,4 @@
-"""What decoders have in common."""
+"""Functions shared by the decoders."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def likeliest(boxes_xyxy: Floats, scores: Floats) -> Candidates:
 
 
 def class_numbers(numbers: Floats) -> npt.NDArray[np.int64]:
-    """Whole numbers from floats that may be anything."""
+    """Integers from arbitrary floats."""
     return np.clip(np.nan_to_num(numbers, nan=-1), -1, _LARGEST_CLASS).astype(np.int64)
 
 

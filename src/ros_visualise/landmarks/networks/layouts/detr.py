@@ -1,7 +1,7 @@
-"""Transformers that answer with a set of boxes: RGB, stretched.
+"""Transformers that output a set of boxes: RGB, stretched.
 
 Source: RT-DETR (rtdetrv2_pytorch), D-FINE and DEIM, tools/deployment/export_onnx.py and the
-postprocessor; RF-DETR, rfdetr/deploy/export.py; Ultralytics' exporter (read, not taken).
+postprocessor; RF-DETR, rfdetr/deploy/export.py; Ultralytics' exporter (read, not copied).
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ def _decode_ultralytics(outputs: Outputs, size: Size, min_score: float) -> Candi
 
 DETR = OutputLayout(
     "RT-DETRv2/D-FINE/DEIM",
-    f"labels [1, N], boxes [1, N, 4] and scores [1, N], beside an input {SIZES_INPUT}",
+    f"labels [1, N], boxes [1, N, 4] and scores [1, N], with an input {SIZES_INPUT}",
     Preparation(Resizing.STRETCH, averaged=True),
     _is_detr,
     _decode_detr,
     False,
 )
-"""Corners for the size that the second input tells."""
+"""Corners for the size given as the second input."""
 
 RF_DETR = OutputLayout(
     "RF-DETR",
@@ -84,7 +84,7 @@ RF_DETR = OutputLayout(
     _decode_rf_detr,
     False,
 )
-"""Centre and size from 0 to 1; logits of the classes, which of COCO are numbered from 1."""
+"""Centre and size from 0 to 1; logits of the classes; COCO classes are numbered from 1."""
 
 ULTRALYTICS_RT_DETR = OutputLayout(
     "RT-DETR of Ultralytics",

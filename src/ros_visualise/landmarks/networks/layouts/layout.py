@@ -1,4 +1,4 @@
-"""What a layout is, and what of a network it is recognised by."""
+"""Layouts of networks, and how they are recognised."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.landmarks.networks.preparation import Preparation, Size
 
 Outputs = Mapping[str, Floats]
-"""Output name -> what came out, float32 or whole numbers."""
+"""Output name -> array, float32 or integer."""
 
 SIZES_INPUT = "orig_target_sizes"
-"""The second input that some networks have: (1, 2) width and height that their boxes are for."""
+"""Optional second input: (1, 2) width and height for the output boxes."""
 
 MIN_SCORE_INPUT = "min_score"
-"""An input (1,) that may be given: the least score of what is wanted, to save work on the rest."""
+"""Optional input (1,): the smallest wanted score, to save work on the rest."""
 
 
 @dataclass(frozen=True)
 class Signature:
-    """What is known of a network: what its file says, and what came out for an image of nothing.
+    """Properties of a network: its metadata, and its outputs for a blank image.
 
-    ``inputs`` are their names, ``size`` that of the image, ``metadata`` the file's own texts and
-    ``class_count`` the number of classes by these; 0: they do not tell.
+    ``inputs`` are their names, ``size`` is that of the image, ``metadata`` the file's own texts and
+    ``class_count`` the number of classes according to these; 0 if unknown.
     """
 
     inputs: tuple[str, ...]
@@ -36,34 +36,34 @@ class Signature:
 
     @property
     def only_output(self) -> tuple[int, ...]:
-        """The shape of its only output behind the batch of 1; empty where there are others."""
+        """Shape of the only output after the batch dimension of 1; empty if there are several."""
         shapes = [output.shape for output in self.outputs.values()]
         is_one = len(shapes) == 1 and len(shapes[0]) == 3 and shapes[0][0] == 1
         return tuple(shapes[0][1:]) if is_one else ()
 
     def cells(self, *strides: int) -> int:
-        """How many cells there are in grids of these strides over the image."""
+        """Number of cells in grids of these strides over the image."""
         width, height = self.size
         return sum(math.ceil(width / step) * math.ceil(height / step) for step in strides)
 
     @property
     def detects(self) -> bool:
-        """Not of the Ultralytics tasks that are something else, such as poses or outlines."""
+        """False for Ultralytics tasks other than detection, such as poses or outlines."""
         return self.metadata.get("task", "detect") == "detect"
 
 
 @dataclass(frozen=True)
 class OutputLayout:
-    """One way in which networks answer.
+    """One output layout.
 
     Args:
-        name: of the networks that do so.
-        shapes: what comes out, for people.
-        preparation: what goes in.
-        fits: whether a network is one of these.
-        decode: (outputs, size of what went in, least score) -> what may be there, in pixels of what
-            went in, counted from its edges; those below the least score may be left out.
-        overlapping: it tells the same thing several times.
+        name: of the networks with it.
+        shapes: of the outputs, in words.
+        preparation: of the input.
+        fits: True if a network has this layout.
+        decode: (outputs, input size, smallest score) -> candidates in pixels of the input, counted
+            from its edges; those below the smallest score may be omitted.
+        overlapping: True if an object may be reported several times.
     """
 
     name: str

@@ -1,10 +1,10 @@
 """NanoDet-Plus: BGR, stretched; each side's distance is a distribution over 8 numbers.
 
-Its training maps the centre of the first pixel onto that of the first pixel, and boxes by the same
-factor, hence `Resizing.WARP`.
+Training maps the centre of the first input pixel to that of the first image pixel, and scales boxes
+by the same factor, hence `Resizing.WARP`.
 
 Source: NanoDet, nanodet/model/head/nanodet_plus_head.py, data/transform/warp.py and the
-configurations (read, not taken).
+configurations (read, not copied).
 """
 
 from __future__ import annotations
@@ -50,4 +50,4 @@ NANODET_PLUS = OutputLayout(
     _decode,
     True,
 )
-"""Classes, and the distances of the sides in units of the cell."""
+"""Classes, and distances to the sides in units of the cell."""

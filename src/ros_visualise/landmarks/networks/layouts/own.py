@@ -1,6 +1,6 @@
-"""The networks that this project's ``training`` writes, which leave little to do.
+"""Networks trained by this project's ``training``; they need little decoding.
 
-Things come out in pixels, with the point that each stands on and the variances of that.
+Objects are in pixels, with their ground points and the variances of these.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Output
 from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
-"""Output -> its shape behind (1, things)."""
+"""Output -> its shape after (1, objects)."""
 
 
 def _is_own(found: Signature) -> bool:
@@ -35,10 +35,10 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
 
 OWN = OutputLayout(
     "ros_visualise",
-    "boxes [1, things, 4], scores, classes, points [1, things, 2], point_variances",
+    "boxes [1, objects, 4], scores, classes, points [1, objects, 2], point_variances",
     Preparation(Resizing.CENTER),
     _is_own,
     _decode,
     True,
 )
-"""Boxes, scores, classes, and ground points with their variances, one row for each thing."""
+"""Boxes, scores, classes, and ground points with their variances, one row per object."""

@@ -1,6 +1,6 @@
-"""The networks that Ultralytics' exporter writes, and YOLOv7's: RGB, gray on both sides.
+"""Networks from the exporters of Ultralytics and YOLOv7: RGB, centred with gray padding.
 
-Source: the exporters of Ultralytics, YOLOv5 and YOLOv7 (their sources were read, not taken).
+Source: the exporters of Ultralytics, YOLOv5 and YOLOv7 (read, not copied).
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ def _decode_10(outputs: Outputs, size: Size, min_score: float) -> Candidates:
 YOLO_5 = OutputLayout(
     "YOLOv5/YOLOv7", "[1, 3 x cells, 5 + classes]", _PREPARATION, _is_5, _decode_5, True
 )
-"""Centre, size, whether there is anything, and classes, for three anchors in each cell."""
+"""Centre, size, objectness, and classes, for three anchors in each cell."""
 
 YOLO_8 = OutputLayout(
     "YOLOv8/11/12", "[1, 4 + classes, cells]", _PREPARATION, _is_8, _decode_8, True
 )
-"""Centre, size and classes, one column for each cell."""
+"""Centre, size and classes, one column per cell."""
 
 YOLO_10 = OutputLayout("YOLOv10/YOLO26", "[1, N, 6]", _PREPARATION, _is_10, _decode_10, False)
-"""Corners, score and class of the best ones; so do others that were exported with ``nms=True``."""
+"""Corners, score and class of the best; also the layout of others exported with ``nms=True``."""

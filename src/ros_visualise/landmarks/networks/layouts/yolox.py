@@ -1,6 +1,6 @@
-"""YOLOX: BGR as it is, from the upper left corner; boxes in units of their cells.
+"""YOLOX: BGR unscaled, in the upper left corner; boxes in units of their cells.
 
-Source: YOLOX, tools/export_onnx.py and yolox/models/yolo_head.py (read, not taken).
+Source: YOLOX, tools/export_onnx.py and yolox/models/yolo_head.py (read, not copied).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Output
 from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _STRIDES = (8, 16, 32)
-_LARGEST_LOG = 10  # 8 exp(10) pixels are none; sizes in pixels are larger in some cell
+_LARGEST_LOG = 10  # no box is 8 exp(10) pixels large; decoded outputs exceed it in some cell
 
 
 def _is_yolox(found: Signature) -> bool:
@@ -43,4 +43,4 @@ YOLOX = OutputLayout(
     _decode,
     True,
 )
-"""Centre within its cell, logarithm of the size, whether there is anything, and classes."""
+"""Centre within its cell, logarithm of the size, objectness, and classes."""
