@@ -37,7 +37,7 @@ def commands(path: Path, program: str) -> Iterator[list[str]]:
     lines = [text for kind, text in _blocks(path) if kind == "sh"]
     lines += re.findall(r"`([^`]+)`", prose(path).replace("\n", " "))
     for text in lines:
-        for line in text.replace("\\\n", " ").replace('"$(', " ").replace(')"', " ").splitlines():
+        for line in text.replace("\\\n", " ").replace('"$(', ";").replace(')"', ";").splitlines():
             words = shlex.shlex(line, posix=True, punctuation_chars=True)
             words.whitespace_split = True
             yield from _calls(list(words) if program in line else [], program)
