@@ -8,21 +8,23 @@ Whoever imports this gives a fixture ``world``: a `World` in which the node `own
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import pytest
+from hosts import PATIENCE_S, GivenHost, Running
 from waiting import wait_for
 
-from ros_visualise.core.errors import DamagedMessage, UsageError
+from ros_visualise.core.errors import DamagedMessage, RosVisualiseError, Unreachable, UsageError
 from ros_visualise.core.supervision import PROCESS
-from ros_visualise.data import Header, Image
+from ros_visualise.data import Header, Image, Text
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.report import NodeReport
 
@@ -103,13 +105,13 @@ class GraphWorld:
     """The node runs elsewhere on a graph.
 
     Args:
-        middleware: of another node of the graph.
+        transport: of another node of the graph.
     """
 
-    def __init__(self, middleware: Middleware) -> None:
-        self.middleware = middleware
-        self.pictures = middleware.advertise("/picture", TopicType(type_name(Image)))
-        self._remote = RemoteRuntime(middleware)
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+        self.pictures = transport.advertise("/picture", TopicType(type_name(Image)))
+        self._remote = RemoteRuntime(transport)
         self._listening: list[Any] = []
 
     def give(self, image: Image) -> None:
@@ -120,7 +122,7 @@ class GraphWorld:
 
     def listen(self, take: Callable[[Image], object]) -> None:
         self._listening.append(
-            self.middleware.subscribe("/answer", Image, take, lambda _: None)  # type: ignore[arg-type]
+            self.transport.subscribe("/answer", Image, take, lambda _: None)  # type: ignore[arg-type]
         )
 
     def report(self) -> NodeReport:
@@ -140,6 +142,58 @@ class GraphWorld:
             one.close()
         self._remote.close()
         self.pictures.close()
+
+
+class ThreadWorld(GraphWorld):
+    """The node as a thread of this process, on a transport that several nodes here can join.
+
+    Args:
+        own: the file with the node.
+        join: opens the transport of a node of this name.
+    """
+
+    def __init__(self, own: Path, join: Callable[[str], Transport]) -> None:
+        self._own, self._join = own, join
+        self._free = threading.Event()
+        self._others: list[Transport] = []
+        super().__init__(join("tests"))
+        self._start()
+
+    def _start(self) -> None:
+        self._node = Running("node", GivenHost(self._join, args=[f"{self._own}:picky"]))
+        self.wait()
+
+    def another(self) -> Callable[[int], object]:
+        publisher = self._other("another").advertise("/picture", TopicType(type_name(Image)))
+        return lambda number: publisher.publish(picture(number))
+
+    def intrude(self) -> None:
+        publisher = self._other("intruder").advertise("/picture", TopicType(type_name(Text)))
+        publisher.publish(Text("no image"))
+
+    def stall(self) -> None:
+        wait = lambda _: self._free.wait(PATIENCE_S)  # noqa: E731
+        self._other("deaf").subscribe("/answer", Image, wait, lambda _: None)
+
+    def _other(self, name: str) -> Transport:
+        self._others.append(self._join(name))
+        return self._others[-1]
+
+    def restart(self, subscription: Subscription) -> Subscription:
+        assert self.end() == 0
+        self.wait_until_gone()
+        self._start()
+        return subscription
+
+    def end(self) -> int:
+        return self._node.end()
+
+    def close(self) -> None:
+        self._free.set()
+        self._node.end()
+        super().close()
+        for one in (*self._others, self.transport):
+            one.close()
 
 
 @pytest.fixture
@@ -268,8 +322,65 @@ def test_messages_of_another_type_disturb_nobody(world: World):
 def test_a_type_that_nobody_knows_is_refused(world: World):
     if isinstance(world, GraphWorld):
         with pytest.raises((UsageError, DamagedMessage), match="no_such_msgs/msg/Thing"):
-            world.middleware.advertise("/thing", TopicType("no_such_msgs/msg/Thing"))
+            world.transport.advertise("/thing", TopicType("no_such_msgs/msg/Thing"))
     answers(world, world.subscribe(), 1)
+
+
+def test_who_is_asked_and_is_not_there_is_unreachable(world: World):
+    if isinstance(world, GraphWorld):
+        with pytest.raises(Unreachable, match="/nobody/act"):
+            world.transport.call("/nobody/act")
+        parameters = world.transport.follow_parameters("/nobody", Anyone())
+        assert not parameters.connected
+        with pytest.raises(Unreachable):
+            parameters.set({"low": 1})
+        parameters.close()
+
+
+def test_a_refused_action_is_an_error_with_its_reason(world: World):
+    if isinstance(world, GraphWorld):
+        offered = world.transport.offer("~refused", refuse)
+        name = f"{world.transport.resolve('~')}/refused"
+        wait_for(lambda: "not today" in failure(world.transport, name), "the reason")
+        offered.close()
+
+
+def test_what_is_closed_can_be_used_all_the_same(world: World):
+    """It does nothing, or raises an error of ours."""
+    if isinstance(world, GraphWorld):
+        publisher = world.transport.advertise("/closed", TopicType(type_name(Image)))
+        heard = world.transport.subscribe("/closed", Image, lambda _: None, lambda _: None)
+        for one in (publisher, heard, publisher, heard):
+            one.close()
+        publisher.publish(picture(1))
+        publisher.flush(0.1)
+        publisher.wait_for_room(0.1)
+        assert publisher.connections == 0
+
+
+class Anyone:
+    """Takes whatever parameters come."""
+
+    def declared(self, params: type, node: object) -> None:
+        """It is taken."""
+
+    def updated(self, values: object) -> None:
+        """It is taken."""
+
+
+def refuse() -> None:
+    raise UsageError("not today")
+
+
+def failure(transport: Transport, action: str) -> str:
+    """The text of the error by which an action is answered; as long as there is none, no text."""
+    try:
+        transport.call(action)
+    except Unreachable:
+        return ""
+    except RosVisualiseError as error:
+        return str(error)
+    pytest.fail("it was not refused")
 
 
 def test_who_comes_late_is_served_from_then_on(world: World):

@@ -30,7 +30,7 @@ from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 
 STEP_NS = 40_000_000
@@ -88,20 +88,20 @@ class GraphWorld:
     """The node runs elsewhere on a graph; calibrations come on their own topic.
 
     Args:
-        middleware: of another node of the graph.
+        transport: of another node of the graph.
     """
 
-    def __init__(self, middleware: Middleware) -> None:
+    def __init__(self, transport: Transport) -> None:
         kinds = {"/picture": Image, "/found": PoseArray, "/tf": Transforms}
         kinds |= {"/tf_static": Transforms, INFO: CameraInfo}
         self._publishers = {
-            topic: middleware.advertise(
+            topic: transport.advertise(
                 topic,
                 TopicType(type_name(kind), qos=LATCHED if topic == "/tf_static" else VOLATILE),
             )
             for topic, kind in kinds.items()
         }
-        self._remote = RemoteRuntime(middleware)
+        self._remote = RemoteRuntime(transport)
 
     def give(self, topic: str, message: Any) -> None:
         self._publishers[topic].publish(message)

@@ -36,17 +36,6 @@ class Topic:
     latched: dict[str, bytes] = field(default_factory=dict)  # node -> its last message
 
 
-class Offered:
-    """Something that stands in a table until it is closed."""
-
-    def __init__(self, table: dict[str, Any], name: str, what: Any) -> None:
-        self._table, self._name = table, name
-        table[name] = what
-
-    def close(self) -> None:
-        self._table.pop(self._name, None)
-
-
 class Publisher:
     """One node's publisher of a topic."""
 
@@ -145,11 +134,11 @@ class ParametersClient:
         threading.Thread(target=self._follow, name=f"parameters of {name}", daemon=True).start()
 
     @property
-    def is_there(self) -> bool:
+    def connected(self) -> bool:
         return self._name in self._hub.parameters
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        if not self.is_there:
+        if not self.connected:
             raise Unreachable(f"{self._name} has gone")
         _, parameters = self._hub.parameters[self._name]
         try:
@@ -172,7 +161,7 @@ class ParametersClient:
                 self._changed(parameters.current, {})
 
     def _changed(self, current: Any, _: Mapping[str, Value]) -> None:
-        self._listener.told(vars(current))
+        self._listener.updated(vars(current))
 
 
 def _our_own(params: type) -> Any:

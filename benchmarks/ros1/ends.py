@@ -20,14 +20,14 @@ from measure import processor_s
 from sensor_msgs.msg import Image
 from source import message, read
 
-from ros_visualise.runtime.ros1 import transport
+from ros_visualise.runtime.ros1 import topics
 
 
 def sender(kind: str) -> Callable[[Image], None]:
     """What publishes an image and waits until it is with the subscriber's socket."""
     if kind == "rospy":  # without a queue its publish() waits, which is also its fastest
         return rospy.Publisher("image_raw", Image, queue_size=None).publish
-    publisher = transport.Publisher("image_raw", Image)
+    publisher = topics.Publisher("image_raw", Image)
 
     def send(image: Image) -> None:
         publisher.publish(image)
@@ -68,7 +68,7 @@ class Counter:
 def subscribe(kind: str, publisher: int, warmup_s: float, seconds: float) -> dict[str, float]:
     counter = Counter()
     if kind == "ours":
-        transport.Subscriber("image_raw", Image, counter.take)
+        topics.Subscriber("image_raw", Image, counter.take)
     else:
         rospy.Subscriber("image_raw", Image, counter.take, queue_size=1)
     if not counter.first.wait(15):

@@ -18,7 +18,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from tcpros import MARK_BITS
 
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.topics import Publisher
 
 _IMAGES = 12
 

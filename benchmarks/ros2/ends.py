@@ -27,7 +27,8 @@ from sensor_msgs.msg import Image as RosImage
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros2 import rcl
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 TYPE = TopicType("sensor_msgs/msg/Image")
 TOPIC = "image_raw"
@@ -64,9 +65,8 @@ def publish_rclpy(size: str, rate: float) -> None:
 
 
 def publish_ours(size: str, rate: float) -> None:
-    middleware = Ros2()
-    middleware.join("publisher", [])
-    publisher = middleware.advertise(TOPIC, TYPE)
+    transport = Ros2Transport(Session("publisher", []))
+    publisher = transport.advertise(TOPIC, TYPE)
     images = pictures(size)
     for number in paced(rate):
         header = Header(time.time_ns(), "camera_optical")
@@ -115,12 +115,11 @@ def subscribe_count(topic: str, ages: Ages) -> Callable[[], None]:
 
 
 def subscribe_ours(topic: str, ages: Ages) -> Callable[[], None]:
-    middleware = Ros2()
-    middleware.join("subscriber", [])
-    middleware.subscribe(
+    transport = Ros2Transport(Session("subscriber", []))
+    transport.subscribe(
         topic, Image, lambda image: ages.take(image.header.stamp_ns, image.data), print
     )
-    return lambda: middleware.end("done")
+    return lambda: transport.close()
 
 
 def _spun(node: Node) -> Callable[[], None]:

@@ -12,7 +12,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1 import transport
+from ros_visualise.runtime.ros1 import topics
 
 
 def numbered(number: int, size: int) -> Image:
@@ -37,7 +37,7 @@ def tell(message: Image) -> None:
 def publish(by: str, topic: str, size: str, rate: str) -> None:
     publisher: Any
     if by == "ours":
-        publisher = transport.Publisher(topic, Image)
+        publisher = topics.Publisher(topic, Image)
     else:
         publisher = rospy.Publisher(topic, Image, queue_size=1)
     number, pause = 0, rospy.Rate(float(rate))
@@ -51,7 +51,7 @@ def publish(by: str, topic: str, size: str, rate: str) -> None:
 
 
 def subscribe(by: str, topic: str) -> None:
-    subscriber = transport.Subscriber if by == "ours" else rospy.Subscriber
+    subscriber = topics.Subscriber if by == "ours" else rospy.Subscriber
     subscriber(topic, Image, tell)
     rospy.spin()
 

@@ -16,7 +16,8 @@ from sensor_msgs.msg import Image
 from waiting import wait_for
 
 from ros_visualise.core.errors import Unreachable
-from ros_visualise.runtime.ros1 import listing, registration
+from ros_visualise.runtime.ros1 import registration
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 
 
 @pytest.fixture
@@ -30,10 +31,10 @@ def test_a_broken_list_of_the_graph_is_no_answer(
     breaking: BreakingMaster, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", breaking.uri)
-    wait_for(lambda: listing.look().publishers, "this node at the master")
+    wait_for(lambda: Ros1Transport().listing().publishers, "this node at the master")
     with breaking.broken(how), pytest.raises(Unreachable, match="the ROS master does not answer"):
-        listing.look()
-    assert listing.look().publishers
+        Ros1Transport().listing()
+    assert Ros1Transport().listing().publishers
 
 
 def test_a_master_that_takes_the_call_and_says_nothing_is_not_waited_for(
@@ -45,7 +46,7 @@ def test_a_master_that_takes_the_call_and_says_nothing_is_not_waited_for(
         host, port = silent.getsockname()
         monkeypatch.setenv("ROS_MASTER_URI", f"http://{host}:{port}")
         with pytest.raises(Unreachable, match="does not answer"):
-            listing.look()
+            Ros1Transport().listing()
 
 
 @pytest.mark.parametrize("how", ["cut", "no list", "of no lists", "of no numbers"])

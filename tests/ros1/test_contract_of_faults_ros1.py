@@ -13,9 +13,9 @@ from contract_of_faults import GARBAGE, GraphWorld, picture
 from ros_graph import Master, Nodes, end, wait_for
 
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.runtime.ros1.middleware import Ros1
 from ros_visualise.runtime.ros1.raw import RawMessage
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.topics import Publisher
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 
 
 class RawImage(RawMessage):
@@ -29,7 +29,7 @@ class Ros1World(GraphWorld):
     """The node as a process."""
 
     def __init__(self, own: Path, master: Master) -> None:
-        super().__init__(Ros1())
+        super().__init__(Ros1Transport())
         self._own, self._master = own, master
         self._nodes = Nodes(master)
         self._stock: list[subprocess.Popen[str]] = []

@@ -11,14 +11,14 @@ from contract_of_nodes import *  # noqa: F403  # the tests themselves
 from contract_of_nodes import GraphWorld
 from ros_graph import Master, Nodes
 
-from ros_visualise.runtime.ros1.middleware import Ros1
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 
 
 @pytest.fixture
 def world(own: Path, ros_master: Master) -> Iterator[GraphWorld]:
     nodes = Nodes(ros_master)
     try:
-        with closing(GraphWorld(Ros1())) as made:
+        with closing(GraphWorld(Ros1Transport())) as made:
             nodes.start("node", f"{own}:locator", node="locator")
             made.wait()
             yield made

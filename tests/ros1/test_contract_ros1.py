@@ -12,7 +12,7 @@ from made_videos import numbered
 from ros_graph import Master, Nodes
 
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.middleware import Ros1
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 
 
 @pytest.fixture(scope="module", params=["nodes", "pipeline"])
@@ -26,7 +26,7 @@ def playing(request: pytest.FixtureRequest, video: Path, ros_master: Master) -> 
     else:
         own = [f"_streamer/path:={video}", "_streamer/loop:=true"]
         nodes.start("pipeline", "_source:=streamer", *own)
-    remote = RemoteRuntime(Ros1())
+    remote = RemoteRuntime(Ros1Transport())
     try:
         wait_for_pipeline(remote, prefix)
         yield Running(remote, numbered(FRAMES, 160, 120), prefix)

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Image
 from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.lending import FILLED
 from ros_visualise.runtime.ros1.stream import BrokenStream
-from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
 from ros_visualise.runtime.ros1.wire import decode, encode
 
 LARGE = lending.LARGE + 1000

@@ -23,8 +23,8 @@ from ros_visualise.nodes import find
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros1.declaration import declare
 from ros_visualise.runtime.ros1.description import describe
-from ros_visualise.runtime.ros1.middleware import Ros1
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 from ros_visualise.vision.edges import Method
 
 QUIET = [
@@ -70,7 +70,7 @@ def own():
 def remote(own):
     """Parameters of this process, looked at over ROS."""
     server = ReconfigureServer(own, "far")
-    remote = RemoteParameters(Ros1(), f"{rospy.get_name()}/far")
+    remote = RemoteParameters(Ros1Transport(), f"{rospy.get_name()}/far")
     assert remote.wait(PATIENCE_S)
     yield remote
     remote.close()
@@ -157,7 +157,7 @@ def test_whoever_is_told_of_parameters_can_set_them_at_once(own, monkeypatch):
         return service(*args)
 
     monkeypatch.setattr(rospy, "Service", late)
-    remote = RemoteParameters(Ros1(), f"{rospy.get_name()}/late")
+    remote = RemoteParameters(Ros1Transport(), f"{rospy.get_name()}/late")
     servers = []
     starting = threading.Thread(target=lambda: servers.append(ReconfigureServer(own, "late")))
     starting.start()
@@ -223,7 +223,7 @@ def serve(ros_master):
 
 @pytest.fixture
 def edges():
-    remote = RemoteParameters(Ros1(), "/edge_detector")
+    remote = RemoteParameters(Ros1Transport(), "/edge_detector")
     yield remote
     remote.close()
 
@@ -282,7 +282,7 @@ def test_a_node_that_hangs_holds_nobody_up(serve, edges):
 
 
 def test_nobody_there_is_no_hang():
-    remote = RemoteParameters(Ros1(), "/nobody")
+    remote = RemoteParameters(Ros1Transport(), "/nobody")
     assert not remote.wait(0.1)
     with pytest.raises(OpenError, match="nobody does not answer"):
         remote.update({"low": 3})
@@ -293,7 +293,7 @@ def test_a_node_in_cpp_gets_its_declaration(ros_master, tmp_path):
     cv2.imwrite(str(tmp_path / "gray.png"), np.full((48, 64, 3), 100, np.uint8))
     executable = "/usr/lib/image_publisher/image_publisher"
     process = ros_master.run(executable, str(tmp_path / "gray.png"), "__name:=image_publisher")
-    remote = RemoteParameters(Ros1(), "/image_publisher")
+    remote = RemoteParameters(Ros1Transport(), "/image_publisher")
     try:
         assert remote.wait(PATIENCE_S)
         declared = {spec.name: spec for spec in specs(remote.current)}

@@ -22,7 +22,7 @@ from ros_graph import wait_for
 from rospy.impl.registration import get_topic_manager
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
 from ros_visualise.runtime.ros1.wire import Parcel, encode
 
 MEGABYTE = 1_000_000
@@ -249,7 +249,7 @@ NODE = """
     import sys, threading, time
     import numpy as np, rospy
     from sensor_msgs.msg import Image
-    from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
+    from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
 
     rospy.init_node("ending")
     publisher = Publisher("a", Image)

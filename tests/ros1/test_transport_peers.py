@@ -12,7 +12,7 @@ from peers import connect, running
 from ros_graph import wait_for
 from sensor_msgs.msg import CameraInfo, Image
 
-from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
 
 HEIGHT, WIDTH = 240, 321  # an odd width
 COUNT = 10

@@ -13,7 +13,7 @@ import pytest
 from ros2_graph import Nodes2
 
 if TYPE_CHECKING:
-    from ros_visualise.runtime.ros2.middleware import Ros2
+    from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 _MISSING = "ROS 2 is not here; where it is, source its setup.bash first"
 _HAS_ROS = importlib.util.find_spec("rclpy") is not None
@@ -54,14 +54,14 @@ def graph() -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def ros2(graph: dict[str, str]) -> Iterator[Ros2]:
+def ros2(graph: dict[str, str]) -> Iterator[Ros2Transport]:
     """This process as a node of the graph, ``/tests``."""
-    from ros_visualise.runtime.ros2.middleware import Ros2
+    from ros_visualise.runtime.ros2.session import Session
+    from ros_visualise.runtime.ros2.transport import Ros2Transport
 
-    made = Ros2()
-    made.join("tests", [])
+    made = Ros2Transport(Session("tests", []))
     yield made
-    made.end("end of the tests")
+    made.close()
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from waiting import wait_for
 
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 DEAF = """
 import rclpy
@@ -36,7 +36,7 @@ rclpy.spin(node)
 class Ros2World(GraphWorld):
     """The node as a process."""
 
-    def __init__(self, own: Path, ros2: Ros2) -> None:
+    def __init__(self, own: Path, ros2: Ros2Transport) -> None:
         super().__init__(ros2)
         self._own = own
         self._nodes = Nodes2()
@@ -102,6 +102,6 @@ class Ros2World(GraphWorld):
 
 
 @pytest.fixture
-def world(own: Path, ros2: Ros2) -> Iterator[Ros2World]:
+def world(own: Path, ros2: Ros2Transport) -> Iterator[Ros2World]:
     with closing(Ros2World(own, ros2)) as made:
         yield made

@@ -11,11 +11,11 @@ from contract_of_nodes import *  # noqa: F403  # the tests themselves
 from contract_of_nodes import GraphWorld
 from ros2_graph import Nodes2
 
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 
 @pytest.fixture
-def world(own: Path, ros2: Ros2) -> Iterator[GraphWorld]:
+def world(own: Path, ros2: Ros2Transport) -> Iterator[GraphWorld]:
     nodes = Nodes2()
     try:
         with closing(GraphWorld(ros2)) as made:

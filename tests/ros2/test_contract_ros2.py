@@ -12,11 +12,11 @@ from made_videos import numbered
 from ros2_graph import Nodes2
 
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 
 @pytest.fixture(scope="module", params=["nodes", "pipeline"])
-def playing(request: pytest.FixtureRequest, video: Path, ros2: Ros2) -> Iterator[Running]:
+def playing(request: pytest.FixtureRequest, video: Path, ros2: Ros2Transport) -> Iterator[Running]:
     nodes = Nodes2()
     prefix = "" if request.param == "nodes" else "pipeline/"
     if request.param == "nodes":

@@ -11,8 +11,8 @@ from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTran
 from sensor_msgs.msg import Image
 from waiting import wait_for
 
-from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.services import result_of
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 PATIENCE_S = 60.0
 
@@ -20,7 +20,7 @@ PATIENCE_S = 60.0
 class Manager:
     """Drives a node as `nav2_lifecycle_manager` does, by its services."""
 
-    def __init__(self, ros2: Ros2, name: str) -> None:
+    def __init__(self, ros2: Ros2Transport, name: str) -> None:
         self._node = ros2.session.node
         self._name = name
         self.labels: list[str] = []
@@ -52,14 +52,14 @@ class Manager:
 
 
 @pytest.fixture
-def manager(ros2: Ros2) -> Any:
+def manager(ros2: Ros2Transport) -> Any:
     made = Manager(ros2, "/pipeline")
     yield made
     made.close()
 
 
 def test_a_pipeline_goes_through_its_states(
-    start: Callable[..., Any], ros2: Ros2, manager: Manager
+    start: Callable[..., Any], ros2: Ros2Transport, manager: Manager
 ):
     start("pipeline", nodes="edge_detector", managed=True)
     node = ros2.session.node

@@ -20,9 +20,10 @@ from waiting import wait_for
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros2 import parameters_client
-from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.services import result_of
+from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 PATIENCE_S = 60.0
 
@@ -30,7 +31,7 @@ PATIENCE_S = 60.0
 class Asked:
     """The parameter services of a node, as any other node calls them."""
 
-    def __init__(self, ros2: Ros2, node: str) -> None:
+    def __init__(self, ros2: Ros2Transport, node: str) -> None:
         self._services = ParameterServices(ros2.session.node, node)
         wait_for(lambda: self._services.are_ready, node)
 
@@ -49,7 +50,7 @@ class Asked:
 
 
 @pytest.fixture
-def pipeline(start: Callable[..., Any], ros2: Ros2) -> Asked:
+def pipeline(start: Callable[..., Any], ros2: Ros2Transport) -> Asked:
     start("pipeline", edge_detector__low=30, filters__blur="off", view="none")
     asked = Asked(ros2, "/pipeline")
     needed = {"edge_detector.low", "filters.gray"}
@@ -100,7 +101,7 @@ def test_values_are_taken_as_yaml_reads_them_and_the_time_stays(pipeline: Asked)
 
 
 def test_options_that_a_node_has_no_use_for_are_no_parameters(
-    start: Callable[..., Any], ros2: Ros2
+    start: Callable[..., Any], ros2: Ros2Transport
 ):
     start("filters")
     asked = Asked(ros2, "/filters")
@@ -110,7 +111,7 @@ def test_options_that_a_node_has_no_use_for_are_no_parameters(
     assert {"view", "image_transport", "record_dir"} <= set(asked.names())
 
 
-def test_a_change_is_told_of_once_and_options_are_among_them(pipeline: Asked, ros2: Ros2):
+def test_a_change_is_told_of_once_and_options_are_among_them(pipeline: Asked, ros2: Ros2Transport):
     [source, nodes] = pipeline.describe("source", "nodes")
     assert source.read_only
     assert nodes.read_only
@@ -131,10 +132,12 @@ def test_a_change_is_told_of_once_and_options_are_among_them(pipeline: Asked, ro
     ros2.session.node.destroy_subscription(heard)
 
 
-def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(pipeline: Asked, ros2: Ros2):
+def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(
+    pipeline: Asked, ros2: Ros2Transport
+):
 
     def is_seen() -> bool:
-        return "/pipeline/edge_detector" in ros2.look().parameters.get("/pipeline", ())
+        return "/pipeline/edge_detector" in ros2.listing().parameters.get("/pipeline", ())
 
     wait_for(is_seen, "its nodes")
     edges = RemoteParameters(ros2, "/pipeline/edge_detector")
@@ -150,9 +153,8 @@ def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(pipeline:
     edges.close()
 
 
-def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
-    other = Ros2()
-    other.join("other", [])
+def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2Transport):
+    other = Ros2Transport(Session("other", []))
     node = other.session.node
     node.declare_parameter("camera.gain", 1.5)
     node.declare_parameter("names", ["a", "b"])
@@ -165,11 +167,11 @@ def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
     with pytest.raises(ParameterError, match="too warm"):
         seen.update({"camera_gain": 3.5})
     seen.close()
-    other.end("")
+    other.close()
 
 
 def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(
-    ros2: Ros2, monkeypatch: pytest.MonkeyPatch
+    ros2: Ros2Transport, monkeypatch: pytest.MonkeyPatch
 ):
     """One of the parameter services is there, and nobody answers."""
     context = Context()
@@ -181,28 +183,28 @@ def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(
     def clients() -> list[str]:
         return [one.srv_name for one in node.clients if "mute" in one.srv_name]
 
-    wait_for(lambda: ros2.look() and clients(), "the node to be asked")
+    wait_for(lambda: ros2.listing() and clients(), "the node to be asked")
     monkeypatch.setattr(parameters_client, "_ANSWER_S", 0.0)
     for _ in range(20):
-        ros2.look()
+        ros2.listing()
     assert len(clients()) == 1
     gc.collect()
     waiting = [one for one in gc.get_objects() if isinstance(one, Future) and not one.done()]
     assert len(waiting) < 20
     mute.destroy_node()
     context.shutdown()
-    wait_for(lambda: ros2.look() and not clients(), "nobody to be asked")
+    wait_for(lambda: ros2.listing() and not clients(), "nobody to be asked")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_and_takes_it_off_the_graph(
-    number: signal.Signals, start: Callable[..., subprocess.Popen[str]], ros2: Ros2
+    number: signal.Signals, start: Callable[..., subprocess.Popen[str]], ros2: Ros2Transport
 ):
     process = start("filters")
-    wait_for(lambda: "/filters" in ros2.look().parameters, "the node")
+    wait_for(lambda: "/filters" in ros2.listing().parameters, "the node")
     process.send_signal(number)
     assert process.wait(timeout=PATIENCE_S) == 0
-    wait_for(lambda: "/filters" not in ros2.look().parameters, "it to be gone", 5)
+    wait_for(lambda: "/filters" not in ros2.listing().parameters, "it to be gone", 5)
 
 
 def _refusal() -> Any:

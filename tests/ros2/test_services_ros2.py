@@ -11,8 +11,9 @@ from waiting import wait_for
 
 from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.data import CameraInfo
-from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.services import result_of
+from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 
 def refuse(*_: object) -> None:
@@ -20,14 +21,13 @@ def refuse(*_: object) -> None:
 
 
 @pytest.fixture
-def other(graph: dict[str, str]) -> Iterator[Ros2]:
-    made = Ros2()
-    made.join("other", [])
+def other(graph: dict[str, str]) -> Iterator[Ros2Transport]:
+    made = Ros2Transport(Session("other", []))
     yield made
-    made.end("")
+    made.close()
 
 
-def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2, other: Ros2):
+def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2Transport, other: Ros2Transport):
     done: list[str] = []
     with closing(other.offer("~land", lambda: done.append("landed"))):
         ros2.call("/other/land")
@@ -39,17 +39,16 @@ def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2, other: Ros2):
 
 
 def test_a_graph_that_was_left_cannot_be_asked(graph: dict[str, str]):
-    gone = Ros2()
-    gone.join("gone", [])
-    gone.look()
-    gone.end("")
+    gone = Ros2Transport(Session("gone", []))
+    gone.listing()
+    gone.close()
     with pytest.raises(Unreachable):
-        gone.look()
+        gone.listing()
     with pytest.raises(Unreachable):
         gone.call("/other/land")
 
 
-def test_a_calibration_comes_as_it_was_set(ros2: Ros2, other: Ros2):
+def test_a_calibration_comes_as_it_was_set(ros2: Ros2Transport, other: Ros2Transport):
     taken: list[CameraInfo] = []
     client = ros2.session.node.create_client(SetCameraInfo, "/camera/set_camera_info")
     with closing(other.offer_calibration("/camera/set_camera_info", taken.append)):

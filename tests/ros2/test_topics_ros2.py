@@ -28,7 +28,8 @@ from ros_visualise.data import Header, Image, Text
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 IMAGE = TopicType("sensor_msgs/msg/Image")
 TEXT = "std_msgs/msg/String"
@@ -72,7 +73,7 @@ def picture(number: int, size: int = 6) -> Image:
 
 
 @pytest.mark.parametrize("reliability", ["RELIABLE", "BEST_EFFORT"])
-def test_a_stock_subscriber_gets_our_images(ros2: Ros2, stock: Stock, reliability: str):
+def test_a_stock_subscriber_gets_our_images(ros2: Ros2Transport, stock: Stock, reliability: str):
     qos = QoSProfile(depth=5, reliability=ReliabilityPolicy[reliability])
     heard = stock.hear(ImageMessage, "/shown", qos)
     publisher = ros2.advertise("shown", IMAGE)
@@ -96,7 +97,7 @@ def test_a_stock_subscriber_gets_our_images(ros2: Ros2, stock: Stock, reliabilit
 
 @pytest.mark.parametrize("reliability", ["RELIABLE", "BEST_EFFORT"])
 def test_we_get_what_stock_publishers_send_however_they_do(
-    ros2: Ros2, stock: Stock, reliability: str
+    ros2: Ros2Transport, stock: Stock, reliability: str
 ):
     qos = QoSProfile(depth=5, reliability=ReliabilityPolicy[reliability])
     heard: list[Image] = []
@@ -112,7 +113,9 @@ def test_we_get_what_stock_publishers_send_however_they_do(
     listening.close()
 
 
-def test_a_change_of_what_is_offered_loses_nothing_and_repeats_nothing(ros2: Ros2, stock: Stock):
+def test_a_change_of_what_is_offered_loses_nothing_and_repeats_nothing(
+    ros2: Ros2Transport, stock: Stock
+):
     heard: list[Text] = []
     listening = ros2.subscribe("counted", Text, heard.append, pytest.fail)
     profiles = [QoSProfile(depth=50), QoSProfile(depth=50, reliability=ReliabilityPolicy(2))]
@@ -128,7 +131,7 @@ def test_a_change_of_what_is_offered_loses_nothing_and_repeats_nothing(ros2: Ros
     listening.close()
 
 
-def test_a_consumer_that_fails_misses_that_message_alone(ros2: Ros2, stock: Stock):
+def test_a_consumer_that_fails_misses_that_message_alone(ros2: Ros2Transport, stock: Stock):
     heard: list[str] = []
 
     def take(text: Text) -> None:
@@ -149,7 +152,7 @@ def test_a_consumer_that_fails_misses_that_message_alone(ros2: Ros2, stock: Stoc
     supervision.PROCESS.forget()
 
 
-def test_large_messages_that_are_skipped_are_counted(ros2: Ros2, stock: Stock):
+def test_large_messages_that_are_skipped_are_counted(ros2: Ros2Transport, stock: Stock):
     heard: list[Image] = []
     busy = threading.Event()
     listening = ros2.subscribe(
@@ -171,7 +174,7 @@ def test_large_messages_that_are_skipped_are_counted(ros2: Ros2, stock: Stock):
     listening.close()
 
 
-def test_who_comes_late_gets_what_is_latched(ros2: Ros2, stock: Stock):
+def test_who_comes_late_gets_what_is_latched(ros2: Ros2Transport, stock: Stock):
     publisher = ros2.advertise("latched", TopicType(TEXT, qos=LATCHED))
     publisher.publish(Text("kept"))
     local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -186,7 +189,7 @@ def test_who_comes_late_gets_what_is_latched(ros2: Ros2, stock: Stock):
 
 
 def test_a_subscriber_that_gets_nothing_is_told_of(
-    ros2: Ros2, stock: Stock, caplog: pytest.LogCaptureFixture
+    ros2: Ros2Transport, stock: Stock, caplog: pytest.LogCaptureFixture
 ):
     publisher = ros2.advertise("unheard", TopicType(TEXT, qos=QoS(reliable=False)))
     with caplog.at_level(logging.WARNING):
@@ -196,7 +199,7 @@ def test_a_subscriber_that_gets_nothing_is_told_of(
     publisher.close()
 
 
-def test_a_publisher_waits_for_nobody_and_counts_what_is_dropped(ros2: Ros2):
+def test_a_publisher_waits_for_nobody_and_counts_what_is_dropped(ros2: Ros2Transport):
     publisher = ros2.advertise("fast", IMAGE)
     big = Image(np.zeros((2000, 2000, 3), np.uint8), "bgr8")
     for _ in range(200):
@@ -207,13 +210,13 @@ def test_a_publisher_waits_for_nobody_and_counts_what_is_dropped(ros2: Ros2):
     publisher.publish(big)  # to nobody
 
 
-def test_a_type_that_is_not_installed_is_told_with_what_to_install(ros2: Ros2):
+def test_a_type_that_is_not_installed_is_told_with_what_to_install(ros2: Ros2Transport):
     with pytest.raises(UsageError, match=r"ros-\$ROS_DISTRO-no-such-msgs"):
         ros2.subscribe("x", type("Odd", (Text,), {"type_name": "no_such_msgs/msg/A"}), print, print)
 
 
 def test_a_recorded_name_that_ros_refuses_is_changed_and_told(
-    ros2: Ros2, caplog: pytest.LogCaptureFixture
+    ros2: Ros2Transport, caplog: pytest.LogCaptureFixture
 ):
     publisher = ros2.advertise("/ORB-SLAM/0 left", IMAGE)
     assert publisher.name == "/ORB_SLAM/_0_left"
@@ -222,7 +225,7 @@ def test_a_recorded_name_that_ros_refuses_is_changed_and_told(
 
 
 def test_a_recorded_type_that_is_not_installed_is_left_out(
-    ros2: Ros2, caplog: pytest.LogCaptureFixture
+    ros2: Ros2Transport, caplog: pytest.LogCaptureFixture
 ):
     types = Definitions("ros1")
     types.define("odd_msgs/msg/Odd", "float64 x")
@@ -251,15 +254,14 @@ class ClosedMeanwhile(Waitable):  # type: ignore[misc]
             raise rclpy_implementation.InvalidHandle("destruction was requested")
 
 
-def test_what_is_closed_as_callbacks_are_awaited_is_no_failure(ros2: Ros2):
+def test_what_is_closed_as_callbacks_are_awaited_is_no_failure(ros2: Ros2Transport):
     node = ros2.session.node
     closed = ClosedMeanwhile(node)
     node.add_waitable(closed)
     wait_for(lambda: ros2.advertise("brief", TopicType(TEXT)).close() or closed.met.is_set(), "it")
     with closing(ros2.offer("~again", lambda: None)):
-        other = Ros2()
-        other.join("other", [])
+        other = Ros2Transport(Session("other", []))
         other.call("/tests/again")
-        other.end("")
+        other.close()
     node.remove_waitable(closed)
     assert not supervision.PROCESS.failures

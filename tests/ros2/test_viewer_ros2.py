@@ -24,7 +24,7 @@ from waiting import wait_for
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import specs
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 NAME = "somebody"
 
@@ -131,7 +131,7 @@ def _map() -> OccupancyGrid:
 
 
 @pytest.fixture
-def viewer(graph: dict[str, str], ros2: Ros2) -> Iterator[RemoteRuntime]:
+def viewer(graph: dict[str, str], ros2: Ros2Transport) -> Iterator[RemoteRuntime]:
     with closing(Somebody()), closing(RemoteRuntime(ros2)) as remote:
         yield remote
 

@@ -1,4 +1,4 @@
-"""A process on a middleware: what it publishes, takes and offers; no ROS is needed for it."""
+"""A process on a transport: what it publishes, takes and offers; no ROS is needed for it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hub import Hub, HubMiddleware
+from hub import Hub, HubTransport
 from made_videos import numbered, write_video
 from waiting import wait_for
 
@@ -54,17 +54,17 @@ class Peer:
     """Another node of the graph."""
 
     def __init__(self, hub: Hub) -> None:
-        self.middleware = HubMiddleware(hub, name="peer")
+        self.transport = HubTransport(hub, name="peer")
         self.refused: list[str] = []
 
     def hear(self, topic: str, kind: type) -> list[Any]:
         """What comes on a topic, from now on."""
         heard: list[Any] = []
-        self.middleware.subscribe(topic, kind, heard.append, self.refused.append)
+        self.transport.subscribe(topic, kind, heard.append, self.refused.append)
         return heard
 
     def advertise(self, topic: str, kind: type) -> Any:
-        return self.middleware.advertise(topic, TopicType(type_name(kind)))
+        return self.transport.advertise(topic, TopicType(type_name(kind)))
 
 
 @pytest.fixture
@@ -76,14 +76,14 @@ def hub() -> Hub:
 def peer(hub: Hub) -> Iterator[Peer]:
     made = Peer(hub)
     yield made
-    made.middleware.end("the test is over")
+    made.transport.close()
 
 
 def test_nothing_is_sent_that_nobody_asked_for(hub: Hub, peer: Peer) -> None:
     with hub.running("filters"):
         images = peer.advertise("/controlled_stream", Image)
         wait_for(lambda: images.connections, "the node")
-        assert peer.middleware.look().types["/processed_image/compressed"]
+        assert peer.transport.listing().types["/processed_image/compressed"]
         heard = peer.hear("/processed_image", Image)
         images.publish(IMAGE)
         wait_for(lambda: heard, "the image")
@@ -128,7 +128,7 @@ def test_a_camera_display_finds_the_calibration_beside_the_image(
             return bool(infos and all(heard))
 
         wait_for(comes, "the image under all its names, and its calibration")
-        with closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer:
+        with closing(RemoteRuntime(HubTransport(hub, name="viewer"))) as viewer:
             wait_for(lambda: "/processed_image" in viewer.graph.topics, "the topic")
             assert "/processed_image/image" not in viewer.graph.topics
     own, beside, _ = (messages[0] for messages in heard)
@@ -149,9 +149,9 @@ def test_jpegs_are_as_good_as_asked(hub: Hub, peer: Peer) -> None:
             images.close()
     assert 3 * sizes[0] < sizes[1]
     for wrong in (0, 101, 50.5, "good"):
-        middleware = HubMiddleware(hub, {"jpeg_quality": wrong})
+        host = hub.host({"jpeg_quality": wrong})
         with pytest.raises(SystemExit) as ended:
-            run("filters", middleware)
+            run("filters", host)
         assert ended.value.code == 2
 
 
@@ -159,7 +159,7 @@ def test_topics_of_unsupported_types_are_listed(hub: Hub, peer: Peer) -> None:
     unsupported = {"/odd": "odd_msgs/msg/<Odd>", "/chatter": "std_msgs/msg/String"}
     for topic, kind in {**unsupported, "/set": "dynamic_reconfigure/msg/C"}.items():
         hub.topic(topic, kind).publishers.append("/talker")
-    with closing(RemoteRuntime(peer.middleware)) as viewer:
+    with closing(RemoteRuntime(peer.transport)) as viewer:
         report = wait_for(viewer.report, "a report")
         assert report.unknown == unsupported
         table = topic_table(viewer.graph, report)
@@ -177,12 +177,12 @@ def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer
         odometry.publish(pose)
         wait_for(lambda: paths and len(paths[-1].stamps_ns) == 1, "a pose on the path")
         wait_for(lambda: "/path/clear" in hub.services, "the service")
-        peer.middleware.call("/path/clear")
+        peer.transport.call("/path/clear")
         wait_for(lambda: len(paths[-1].stamps_ns) == 0, "an empty path")
         _, parameters = hub.parameters["/path"]
         assert parameters.current.min_distance == 0
     with pytest.raises(RosVisualiseError, match="/path/nothing"):
-        peer.middleware.call("/path/nothing")
+        peer.transport.call("/path/nothing")
 
 
 def test_what_nodes_do_is_reported_as_diagnostics(hub: Hub, peer: Peer) -> None:
@@ -200,7 +200,7 @@ def test_messages_that_a_middleware_skips_count_as_dropped(
     def skip(subscriber: Any, count: int) -> None:
         subscriber.inbox.dropped += count
 
-    with hub.running("fps_control"), closing(RemoteRuntime(peer.middleware)) as viewer:
+    with hub.running("fps_control"), closing(RemoteRuntime(peer.transport)) as viewer:
         images = peer.advertise("/controlled_stream", Image)
         diagnostics = peer.hear("/diagnostics", DiagnosticArray)
         wait_for(lambda: _has_parameters(viewer, "fps_control"), "the node's parameters")
@@ -291,13 +291,13 @@ def test_velocities_drive_a_robot(hub: Hub, peer: Peer) -> None:
 
 
 def test_wrong_usage_is_told_by_the_executables_status(hub: Hub, tmp_path: Path) -> None:
-    middleware = HubMiddleware(hub, {"path": str(tmp_path / "nothing.bag")})
+    host = hub.host({"path": str(tmp_path / "nothing.bag")})
     with pytest.raises(SystemExit) as ended:
-        run("player", middleware)
+        run("player", host)
     assert ended.value.code == 2
-    assert middleware.is_over()
+    assert host.is_over()
     with pytest.raises(OpenError):
-        middleware.find_file("package://nothing/x")
+        host.find_file("package://nothing/x")
 
 
 BROKEN = """
@@ -318,9 +318,9 @@ def test_a_node_that_cannot_begin_says_so_in_one_line(
     hub: Hub, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "broken.py").write_text(BROKEN)
-    middleware = HubMiddleware(hub, args=[f"{tmp_path}/broken.py:broken"])
+    host = hub.host(args=[f"{tmp_path}/broken.py:broken"])
     with pytest.raises(SystemExit) as ended:
-        run("node", middleware)
+        run("node", host)
     assert ended.value.code == 1
     [said] = caplog.records
     where = f"{tmp_path / 'broken.py'}, line 8"
@@ -335,10 +335,10 @@ def test_node_runs_what_its_argument_names(
     """As the executable of that name does."""
     wrong = {"view": "tv", "path": "/nowhere.bag"}
     for arguments in ([name], ["node", name]):
-        middleware = HubMiddleware(hub, wrong, args=arguments[1:])
+        host = hub.host(wrong, args=arguments[1:])
         with pytest.raises(SystemExit) as ended:
-            run(arguments[0], middleware)
-        assert (ended.value.code, middleware.name) == (2, f"/{name}")
+            run(arguments[0], host)
+        assert (ended.value.code, host.name) == (2, f"/{name}")
     [own, other] = caplog.messages
     assert own == other
 
@@ -363,7 +363,7 @@ def test_what_a_recording_tells_of_its_own_graph_is_not_played(
     with hub.running("player", path=str(path), wait_for="/said"):
         heard = {topic: peer.hear(topic, Text) for topic in topics}
         wait_for(lambda: heard["/said"], "the recording")
-        assert set(topics) & set(peer.middleware.look().types) == set(topics)
+        assert set(topics) & set(peer.transport.listing().types) == set(topics)
     assert not any(heard[topic] for topic in topics[1:])
 
 
@@ -387,7 +387,7 @@ def test_a_film_that_has_ended_is_reported_and_can_be_played_again(
     given = {"path": str(video), "stay": True, "paused": True}
     with (
         hub.running("streamer", **given),
-        closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer,
+        closing(RemoteRuntime(HubTransport(hub, name="viewer"))) as viewer,
     ):
         for lap in (1, 2):
             before = len(images)
@@ -413,9 +413,9 @@ def test_a_source_that_breaks_does_not_stay(hub: Hub, tmp_path: Path) -> None:
 def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
     hub: Hub, tmp_path: Path
 ) -> None:
-    looker = HubMiddleware(hub, name="uav1/viewer")
+    looker = HubTransport(hub, name="uav1/viewer")
     for place in ("", "uav1/", "uav2/"):
-        other = HubMiddleware(hub, name=f"{place}cam")
+        other = HubTransport(hub, name=f"{place}cam")
         other.advertise(f"/{place}image_raw", TopicType(type_name(Image)))
     video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
     streamer = hub.running("streamer", path=str(video), loop=True)
@@ -429,7 +429,7 @@ def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
 
 def test_static_frames_of_two_nodes_in_one_process_are_both_there_for_who_comes_late(hub):
     """A latched topic of a process holds its last message alone, whoever of it has published."""
-    process, frames = HubMiddleware(hub, name="process"), StaticFrames()
+    process, frames = HubTransport(hub, name="process"), StaticFrames()
     for child in ("base", "tag"):
         published = process.advertise("/tf_static", TopicType(type_name(Transforms), qos=LATCHED))
         frame = TransformStamped(child, np.zeros(3), np.array([0.0, 0, 0, 1]), Header(0, "map"))
@@ -441,22 +441,22 @@ def test_static_frames_of_two_nodes_in_one_process_are_both_there_for_who_comes_
 def test_who_is_asked_to_end_while_it_opens_something_ends(
     hub: Hub, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    middleware, opening = HubMiddleware(hub, {"path": "large.bag"}), Event()
+    host, opening = hub.host({"path": "large.bag"}), Event()
 
     def open_long(_: str) -> None:
-        middleware.end("asked to")
+        host.stop()
         opening.wait(60)
 
     monkeypatch.setattr("ros_visualise.running.executables.player.open_recording", open_long)
     with pytest.raises(SystemExit) as ended:
-        run("player", middleware)
+        run("player", host)
     assert ended.value.code == 0
     opening.set()
 
 
 @pytest.mark.parametrize("calibrated", [True, False])
 def test_what_comes_while_an_input_subscribes_is_taken(hub: Hub, calibrated: bool) -> None:
-    class Eager(HubMiddleware):
+    class Eager(HubTransport):
         """Has something for whoever subscribes before that is done."""
 
         def subscribe(self, topic: str, kind: type, take: Any, refuse: Any) -> Any:
@@ -486,7 +486,7 @@ def test_at_rate_0_a_slow_subscriber_gets_every_image(
         taken.append(image.header.stamp_ns)
 
     kind = CompressedImage if topic.endswith("compressed") else Image
-    peer.middleware.subscribe(topic, kind, take, peer.refused.append)
+    peer.transport.subscribe(topic, kind, take, peer.refused.append)
     with hub.running("streamer", path=str(video), rate=0.0):
         wait_for(lambda: len(taken) == 50, "all images")
     assert len(set(taken)) == 50
@@ -506,25 +506,25 @@ def test_at_rate_0_a_slow_subscriber_gets_every_other_message(
         sleep(0.01)
         taken.append(odometry.header.stamp_ns)
 
-    peer.middleware.subscribe("/odom", Odometry, take, peer.refused.append)
+    peer.transport.subscribe("/odom", Odometry, take, peer.refused.append)
     with hub.running("player", path=str(path), rate=0.0):
         wait_for(lambda: len(taken) == 50, "all messages")
     assert sorted(taken) == taken
 
 
 def test_discovery_goes_on_after_what_a_middleware_must_not_raise(hub: Hub) -> None:
-    class Odd(HubMiddleware):
+    class Odd(HubTransport):
         odd = 0
 
-        def look(self) -> Any:
+        def listing(self) -> Any:
             if self.odd:
                 self.odd -= 1
                 raise KeyError("a reply that nobody expects")
-            return super().look()
+            return super().listing()
 
-    middleware = Odd(hub, name="viewer")
-    remote = RemoteRuntime(middleware)
-    middleware.odd = 3
+    transport = Odd(hub, name="viewer")
+    remote = RemoteRuntime(transport)
+    transport.odd = 3
     with hub.running("filters", ends_with=1):
         wait_for(lambda: "filters" in remote.parameters, "the node")
     remote.close()
@@ -534,7 +534,7 @@ def test_discovery_goes_on_after_what_a_middleware_must_not_raise(hub: Hub) -> N
     PROCESS.forget()
 
 
-class Unwilling(HubMiddleware):
+class Unwilling(HubTransport):
     """A middleware that has no messages of one type."""
 
     def subscribe(self, topic: str, kind: type, *others: Any) -> Any:
@@ -570,9 +570,9 @@ def test_a_viewer_follows_few_of_the_nodes_that_have_gone(
 ) -> None:
     monkeypatch.setattr("ros_visualise.runtime.remote.runtime._LOOK_S", 0.01)
     monkeypatch.setattr("ros_visualise.runtime.remote.runtime._REMEMBERED", 3)
-    with closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer:
+    with closing(RemoteRuntime(HubTransport(hub, name="viewer"))) as viewer:
         for number in range(10):
-            node = HubMiddleware(hub, name=f"passing{number}")
+            node = HubTransport(hub, name=f"passing{number}")
             with closing(node.serve_parameters(Parameters(FiltersParams()), "")):
                 wait_for(lambda name=f"passing{number}": name in viewer.parameters, "the node")
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from contract import *  # noqa: F403  # the tests themselves
 from contract import FRAMES, NODES, Running, wait_for_pipeline
-from hub import Hub, HubMiddleware
+from hub import Hub, HubTransport
 from made_videos import numbered
 
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
 
@@ -37,8 +37,8 @@ def playing(request: pytest.FixtureRequest, video: Path) -> Iterator[Running]:
         else:
             own = {"streamer__path": str(video), "streamer__loop": True}
             stack.enter_context(hub.running("pipeline", source="streamer", **own))
-        middleware: Middleware = HubMiddleware(hub, name="tests")
-        remote = RemoteRuntime(middleware)
+        transport: Transport = HubTransport(hub, name="tests")
+        remote = RemoteRuntime(transport)
         stack.callback(remote.close)
         wait_for_pipeline(remote, prefix)
         yield Running(remote, images, prefix)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from contract_of_nodes import *  # noqa: F403  # the tests themselves
 from contract_of_nodes import GraphWorld, World
-from hub import Hub, HubMiddleware
+from hub import Hub, HubTransport
 
 from ros_visualise.data import CameraInfo, Image
 from ros_visualise.graph.pipelines import alone
@@ -45,6 +45,6 @@ def world(request: pytest.FixtureRequest, own: Path) -> Iterator[World]:
         made.runtime.stop()
         return
     hub = Hub()
-    with hub.running("node", f"{own}:locator"), closing(GraphWorld(HubMiddleware(hub))) as graph:
+    with hub.running("node", f"{own}:locator"), closing(GraphWorld(HubTransport(hub))) as graph:
         graph.wait()
         yield graph

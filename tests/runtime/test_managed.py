@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hub import Hub, HubMiddleware
+from hub import Hub, HubTransport
 from made_videos import numbered, write_video
 from waiting import wait_for
 
@@ -45,12 +45,12 @@ class Peer:
     """Another node, with images for the pipeline and an ear for what becomes of them."""
 
     def __init__(self, hub: Hub) -> None:
-        self.middleware = HubMiddleware(hub, name="peer")
-        self.images = self.middleware.advertise("/image_raw", TopicType(type_name(Image)))
+        self.transport = HubTransport(hub, name="peer")
+        self.images = self.transport.advertise("/image_raw", TopicType(type_name(Image)))
         self.heard: list[Image] = []
 
     def hear(self, topic: str) -> None:
-        self.middleware.subscribe(topic, Image, self.heard.append, pytest.fail)
+        self.transport.subscribe(topic, Image, self.heard.append, pytest.fail)
 
     def counts(self) -> list[int]:
         return [int(one.pixels[0, 0]) for one in self.heard]
@@ -87,7 +87,7 @@ def counter(tmp_path: Path) -> str:
 def test_it_takes_and_publishes_messages_only_while_it_is_active(hub: Hub, counter: str) -> None:
     peer = Peer(hub)
     with managed(hub, nodes=counter) as node:
-        assert not {"/counter"} & set(dict(peer.middleware.look().publishers))
+        assert not {"/counter"} & set(dict(peer.transport.listing().publishers))
         node.configure()
         peer.hear("/counter")
         assert not peer.images.connections
@@ -102,7 +102,7 @@ def test_it_takes_and_publishes_messages_only_while_it_is_active(hub: Hub, count
         assert peer.counts()[0] > last  # what it knows stays
         node.deactivate()
         node.cleanup()
-        assert "/counter" not in {t for t, nodes in peer.middleware.look().publishers if nodes}
+        assert "/counter" not in {t for t, nodes in peer.transport.listing().publishers if nodes}
         assert "/pipeline/counter" not in hub.parameters
         node.configure()
         node.activate()
@@ -156,7 +156,7 @@ def test_a_manager_that_is_left_is_refused(hub: Hub) -> None:
 
 
 def test_managed_is_true_or_false(hub: Hub) -> None:
-    middleware = HubMiddleware(hub, {"managed": "perhaps"})
+    host = hub.host({"managed": "perhaps"})
     with pytest.raises(SystemExit) as ended:
-        run("pipeline", middleware)
+        run("pipeline", host)
     assert ended.value.code == UsageError.exit_status

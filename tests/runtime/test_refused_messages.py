@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hub import Hub, HubMiddleware
+from hub import Hub, HubTransport
 from waiting import wait_for
 
 from ros_visualise.core.errors import DamagedMessage
@@ -232,7 +232,7 @@ def test_a_node_of_a_graph_goes_on_and_ends_with_status_1(
 ) -> None:
     (tmp_path / "talker.py").write_text(TALKER)
     hub, heard = Hub(), []
-    peer = HubMiddleware(hub, name="peer")
+    peer = HubTransport(hub, name="peer")
     with hub.running("node", f"{tmp_path}/talker.py:talker", ends_with=1):
         images = peer.advertise("/image", TopicType(type_name(Image)))
         wait_for(lambda: images.connections, "the node")

@@ -1,20 +1,28 @@
 """The seam between our nodes and a middleware, such as a ROS graph: all that is asked of one.
 
-``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
-looks at nodes elsewhere, by these methods alone. A middleware lives in a folder of its own beside
-this file, and what it needs is imported there alone.
+A middleware is two things, each in a class of its own:
 
-What the library of a middleware raises stays in that folder: one place there makes of it
+- `Host`       how a process begins on it: its name, arguments, options, files, log and end
+- `Transport`  what joins processes: topics, actions, live parameters, time, and who is there
+
+``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
+shows nodes elsewhere, by the transport alone. Where the command line starts a process there is no
+host: a new middleware is a transport. It has a folder of its own beside this file, which alone
+imports its library.
+
+What the library raises stays in that folder: its ``errors.py`` has one context manager,
+``translated``, within which the library is called, and which raises instead
 
 - UsageError         a name or a type that the middleware cannot have
-- OpenError          a file or a package that is missing
+- OpenError          a file or a package that is missing, an address that cannot be used
 - DamagedMessage     a message, or the type of a recording, that it cannot hold
 - ParameterError     a value that the node refuses
-- Unreachable        nobody answers at the moment; asking again may help
+- Unreachable        no answer at the moment, or this process has left; asking again may help
 - RosVisualiseError  the answer is an error; the base of all these
 
-Anything else that a method raises is a bug. What is called from here, as ``take``, may raise
-anything: that is noted (see `ros_visualise.core.supervision`) and costs that one message or call.
+Methods name those that they raise; any other error is a bug. What is called from here, as ``take``,
+may raise anything: that is noted (see `ros_visualise.core.supervision`) and costs that one message
+or call. ``tests/contract_of_faults.py`` holds every transport to this.
 """
 
 from __future__ import annotations
@@ -30,7 +38,7 @@ from ros_visualise.nodes import NodeType, SourceType
 
 
 class Handle(Protocol):
-    """Something that is offered or listened to until it is closed."""
+    """Something that is offered or subscribed to until it is closed."""
 
     def close(self) -> None:
         """End it; more than once does no harm."""
@@ -41,11 +49,11 @@ class Publisher(Handle, Protocol):
 
     @property
     def name(self) -> str:
-        """The topic's full name on the graph."""
+        """The topic's full name."""
 
     @property
     def connections(self) -> int:
-        """How many subscribers there are."""
+        """The number of subscribers; 0 after `close`."""
 
     @property
     def dropped(self) -> int:
@@ -54,7 +62,7 @@ class Publisher(Handle, Protocol):
     def publish(self, message: Any) -> None:
         """Send a message: one of `ros_visualise.data`, or a recorded one as it stands.
 
-        What it holds must not change any more.
+        Its arrays must not change any more. After `close` it goes to nobody.
 
         Raises:
             DamagedMessage: it cannot be sent, as one with a stamp before 1970.
@@ -68,7 +76,7 @@ class Publisher(Handle, Protocol):
 
 
 class Subscriber(Handle, Protocol):
-    """One topic that this process listens to."""
+    """One topic that this process subscribes to."""
 
     @property
     def dropped(self) -> int:
@@ -76,7 +84,7 @@ class Subscriber(Handle, Protocol):
 
 
 class Listing(NamedTuple):
-    """What a graph holds at one moment, by full names.
+    """The nodes and topics of a graph at one moment, by full names.
 
     Attributes:
         publishers: topic and the nodes that publish it.
@@ -95,7 +103,7 @@ class Listing(NamedTuple):
 
 
 class ParametersListener(Protocol):
-    """Who is told of the live parameters of a node elsewhere."""
+    """Receives the live parameters of a node elsewhere."""
 
     def declared(self, params: type, node: NodeType | SourceType | None) -> None:
         """The node has these parameters.
@@ -105,7 +113,7 @@ class ParametersListener(Protocol):
             node: our own node, if it is one: see `ros_visualise.runtime.playing.offered`.
         """
 
-    def told(self, values: Mapping[str, Any]) -> None:
+    def updated(self, values: Mapping[str, Any]) -> None:
         """The node has these values now; comes after `declared`."""
 
 
@@ -113,8 +121,8 @@ class ParametersClient(Handle, Protocol):
     """The live parameters of a node elsewhere on the graph."""
 
     @property
-    def is_there(self) -> bool:
-        """Whether the node is connected."""
+    def connected(self) -> bool:
+        """True while the node is on the graph."""
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Have the node take over all values or none; its values after that.
@@ -126,7 +134,7 @@ class ParametersClient(Handle, Protocol):
 
 
 class Managed(Protocol):
-    """A node that another one takes through the states of ROS 2's managed nodes.
+    """A node whose states another one drives: unconfigured, inactive, active.
 
     The calls come one at a time, in the order that the states allow. Each returns when it is done.
 
@@ -147,19 +155,16 @@ class Managed(Protocol):
         """Close all that `configure` has opened, if anything is open; called at the end, too."""
 
 
-class Middleware(Protocol):
-    """What carries messages between processes.
-
-    Names may be relative to the node's namespace, ``odom``, or to its own name, ``~clear``; they
-    are remapped as the node was told to. All methods may be called from any thread.
+class Host(Protocol):
+    """How a process of ours begins as a node of a graph, and ends. Safe to call from any thread.
 
     Attributes:
-        flag: how a person gives a private parameter: its name and its value go in.
+        flag: how a person gives an option: its name and its value go in.
     """
 
     flag: str
 
-    def begin(self, name: str) -> None:
+    def begin(self, name: str) -> Transport:
         """Become a node of the graph, and send what this package logs to the graph's log.
 
         From then on Ctrl-C and SIGTERM interrupt nothing: they are noted for `is_over`, see
@@ -167,21 +172,24 @@ class Middleware(Protocol):
 
         Args:
             name: of the node, unless the command line gives it another one.
+
+        Raises:
+            UsageError: the command line or the name is wrong.
         """
 
-    def end(self, reason: str) -> None:
-        """Leave the graph; what is still offered or listened to ends, too."""
+    def end(self) -> None:
+        """Leave the graph and close the transport; more than once does no harm."""
 
     def is_over(self) -> bool:
-        """Whether this node has to end: it was asked to, or the graph wants it to."""
+        """True if this node has to end: it was asked to, or the graph wants it to."""
 
     def arguments(self) -> list[str]:
-        """What stands on the command line beside remappings and parameters; before `begin`, too."""
+        """The command line without remappings and parameters; before `begin`, too."""
 
     def option(self, name: str, default: Any) -> Any:
-        """A private parameter that is read once, of the type that it was written as.
+        """A parameter of this process that is read once, of the type that it was written as.
 
-        Who does not know its type before makes do with text: ``8080`` may be an int or a str.
+        Text may come as a number: ``8080`` may be an int or a str.
         """
 
     def starting_values(
@@ -202,11 +210,31 @@ class Middleware(Protocol):
         """The path of ``package://PACKAGE/FILE``; other texts as they are.
 
         Raises:
-            OpenError: there is no such package.
+            OpenError: no such package.
         """
 
+    def manage(self, managed: Managed) -> Handle:
+        """Let others drive this node through its states, from the unconfigured one on.
+
+        Raises:
+            UsageError: the middleware has no managed nodes.
+        """
+
+
+class Transport(Handle, Protocol):
+    """Topics, actions, parameters and time, between this node and others.
+
+    Names may be relative to the node's namespace, ``odom``, or to its own name, ``~clear``; they
+    are remapped as the host was started. All methods may be called from any thread. After `close`,
+    which ends all that is offered and subscribed to, they do nothing or raise Unreachable.
+    """
+
     def resolve(self, name: str) -> str:
-        """The full name on the graph of a topic or a service; for ``~`` that of the node itself."""
+        """The full name of a topic or an action; for ``~`` that of the node itself.
+
+        Raises:
+            UsageError: the middleware cannot have this name.
+        """
 
     def advertise(self, topic: str, type: TopicType) -> Publisher:
         """Publish a topic, with the type's quality of service.
@@ -218,7 +246,7 @@ class Middleware(Protocol):
                 of both.
 
         Raises:
-            UsageError: the middleware has no such type of messages.
+            UsageError: the middleware cannot have this name, or has no such type.
             DamagedMessage: it cannot hold this type, which comes from a recording.
         """
 
@@ -227,59 +255,52 @@ class Middleware(Protocol):
         topic: str,
         kind: type,
         take: Callable[[Any], None],
-        refuse: Callable[[str], None],
+        reject: Callable[[str], None],
     ) -> Subscriber:
-        """Listen to a topic, whatever quality of service its publishers offer.
+        """Subscribe to a topic, whatever quality of service its publishers offer.
 
-        What publishers keep for those who come late comes first.
-
-        ``take`` and ``refuse`` are called one after the other on a thread that this subscription
-        has for itself. They may wait there, also for a message of another subscription; the
-        publisher may have to wait meanwhile, or the middleware drops the oldest messages.
+        Latched messages come first. ``take`` and ``reject`` are called one after the other on a
+        thread that this subscription has for itself. They may wait there, also for a message of
+        another subscription; the publisher may have to wait meanwhile, or the middleware drops the
+        oldest messages.
 
         Args:
             topic: its name; its publishers may come later.
             kind: the class of ours that its messages become, by
                 `ros_visualise.messages.from_message`.
             take: gets each message.
-            refuse: is told why a message is left out that contradicts itself.
+            reject: gets the reason for each message that is dropped as it contradicts itself.
 
         Raises:
-            UsageError: the middleware has no such type of messages.
+            UsageError: the middleware cannot have this name, or has no such type.
         """
 
-    def offer(self, service: str, act: Callable[[], str | None]) -> Handle:
-        """Offer a std_srvs/Trigger.
+    def offer(self, action: str, act: Callable[[], str | None]) -> Handle:
+        """Offer an action, which others `call`.
 
         Args:
-            service: its name.
+            action: its name.
             act: is run, which may take long, and by several threads at once. What it returns is the
-                answer's message; a `RosVisualiseError` becomes an answer without success.
+                answer's text; `ros_visualise.runtime.bridge.answers.answer` runs it.
         """
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
-        """Offer a sensor_msgs/SetCameraInfo, as `offer`; ``take`` gets what is to be set."""
+        """Offer to store a camera's calibration, as `offer`; ``take`` gets the calibration."""
 
-    def manage(self, managed: Managed) -> Handle:
-        """Have this node taken through its states by others, from the unconfigured one on.
-
-        Raises:
-            UsageError: the middleware has no managed nodes.
-        """
-
-    def call(self, service: str) -> None:
-        """Call a std_srvs/Trigger, by its full name, and wait for the answer.
+    def call(self, action: str) -> None:
+        """Call an action, by its full name, and wait for the answer.
 
         Raises:
-            RosVisualiseError: it cannot be asked, or has answered that it did not.
+            Unreachable: it is not offered, or no answer comes.
+            RosVisualiseError: the answer is that it failed, and why.
         """
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Handle:
         """Offer a node's live parameters to the graph.
 
         They are declared by ``ros_visualise.core.params.specs(parameters.current)``. A request is
-        applied by ``parameters.update``, and refused if that raises; what changes here, the graph
-        is told, see ``parameters.on_change``, whose listeners must not wait.
+        applied by ``parameters.update``, and refused if that raises; changes made here are
+        published, see ``parameters.on_change``, whose listeners must not wait.
 
         Args:
             parameters: what is offered.
@@ -291,18 +312,18 @@ class Middleware(Protocol):
 
         Args:
             node: the name under which it has them, of `Listing.parameters`.
-            listener: is told of them on threads of the middleware's.
+            listener: is called on threads of the middleware's.
         """
 
-    def look(self) -> Listing:
-        """What the graph holds now; asked twice a second, so it should not wait for other nodes.
+    def listing(self) -> Listing:
+        """The graph as it is now; asked twice a second, so it should not wait for other nodes.
 
         Raises:
-            Unreachable: nobody can be asked at the moment.
+            Unreachable: the graph cannot be asked at the moment.
         """
 
     def clock(self) -> Clock:
         """The graph's time: simulated where that is used, else the time of day."""
 
     def publish_clock(self, now_ns: Callable[[], int]) -> Handle:
-        """Tell the graph the time, from now on, a hundred times a second."""
+        """Publish the graph's time, from now on, a hundred times a second."""

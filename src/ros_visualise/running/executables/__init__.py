@@ -43,10 +43,10 @@ def run(name: str) -> None:
         check_installation()
         if os.environ.get("ROS_VERSION") == "2":
             import_module("ros_visualise.runtime.ros2.installed").check_installed()
-            middleware = import_module("ros_visualise.runtime.ros2.middleware").Ros2()
+            host = import_module("ros_visualise.runtime.ros2.host").Ros2Host()
         else:
-            middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()
-        import_module("ros_visualise.running.executables.by_name").run(name, middleware)
+            host = import_module("ros_visualise.runtime.ros1.host").Ros1Host()
+        import_module("ros_visualise.running.executables.by_name").run(name, host)
     except RosVisualiseError as error:
         say(f"{name}: {error}")
         sys.exit(error.exit_status)

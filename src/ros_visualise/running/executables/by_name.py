@@ -1,4 +1,4 @@
-"""The executables, each by its name, on any middleware."""
+"""The executables, each by its name, on any host."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ros_visualise.running.executables.options import (
 )
 from ros_visualise.running.executables.player import run_player
 from ros_visualise.running.executables.running import offer_saving, run_graph
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Host, Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
 from ros_visualise.ui import open_view
@@ -31,11 +31,11 @@ from ros_visualise.ui.watching import watch
 
 log = logging.getLogger(__name__)
 
-Work = Callable[[Middleware], int]
-"""What an executable does until it ends; gives its exit status."""
+Work = Callable[[Host, Transport], int]
+"""The work of an executable until it ends; gives its exit status."""
 
 
-def run(name: str, middleware: Middleware) -> None:
+def run(name: str, host: Host) -> None:
     """Run an executable by its name; ``node`` runs what its argument names.
 
     Raises:
@@ -43,31 +43,32 @@ def run(name: str, middleware: Middleware) -> None:
         OpenError: it cannot be loaded.
     """
     if name == "node":
-        name = _given(middleware.arguments())
+        name = _given(host.arguments())
     if name in _OTHERS:
-        _run(name, middleware, _OTHERS[name])
+        _run(name, host, _OTHERS[name])
     else:
         declared = choose(name)  # fails before it takes the name of one that runs
-        _run(declared.name, middleware, _alone(declared))
+        _run(declared.name, host, _alone(declared))
 
 
-def _run(name: str, middleware: Middleware, work: Work) -> None:
-    middleware.begin(name)
+def _run(name: str, host: Host, work: Work) -> None:
+    transport = host.begin(name)
     try:
-        choose_memory(middleware)
-        status = work(middleware)
+        choose_memory(host)
+        status = work(host, transport)
     except RosVisualiseError as error:
         log.critical("%s", error)
         status = error.exit_status
     except KeyboardInterrupt:  # asked to end while it was opening something
         status = 0
     finally:
-        middleware.end("done")
+        host.end()
     sys.exit(status_of(status))
 
 
 def _alone(declared: NodeType | SourceType) -> Work:
-    return lambda middleware: run_graph(middleware, alone(declared), {declared.name: ""}, OPTIONS)
+    graph, namespaces = alone(declared), {declared.name: ""}
+    return lambda host, transport: run_graph(host, transport, graph, namespaces, OPTIONS)
 
 
 def _given(arguments: Sequence[str]) -> str:
@@ -76,32 +77,32 @@ def _given(arguments: Sequence[str]) -> str:
     return arguments[0]
 
 
-def _run_pipeline(middleware: Middleware) -> int:
+def _run_pipeline(host: Host, transport: Transport) -> int:
     """Run several nodes in one process; between them images pass by reference.
 
     With ``~managed`` it does nothing before a manager of ROS 2's managed nodes configures it.
     """
-    names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
-    source = str(middleware.option("source", "none"))
+    names = str(host.option("nodes", " ".join(IMAGE_NODES))).split()
+    source = str(host.option("source", "none"))
     through = [choose_node(name) for name in names]
     graph = build(None if source == "none" else source, "/image_raw", through=through)
     namespaces = {node.name: node.name for node in graph.members}
-    if switch(middleware, "managed", False):
-        return run_managed(middleware, graph, namespaces)
-    return run_graph(middleware, graph, namespaces)
+    if switch(host, "managed", False):
+        return run_managed(host, transport, graph, namespaces)
+    return run_graph(host, transport, graph, namespaces)
 
 
-def _run_viewer(middleware: Middleware) -> int:
+def _run_viewer(host: Host, transport: Transport) -> int:
     """Show what nodes elsewhere on the graph publish, and their parameters."""
-    name, options = choose_view(middleware, "web")
-    runtime = RemoteRuntime(middleware, choose_image_transport(middleware))
+    name, options = choose_view(host, "web")
+    runtime = RemoteRuntime(transport, choose_image_transport(host))
     parameters = partial(live_parameters, runtime)
     try:
-        with closing(offer_saving(middleware, parameters, options.record_dir)):
+        with closing(offer_saving(transport, parameters, options.record_dir)):
             watch(
                 runtime,
                 lambda: open_view(name, options),
-                middleware.is_over,
+                host.is_over,
                 reopens=name == "windows",
             )
     finally:

@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from ros_visualise.core.errors import Unreachable
 from ros_visualise.graph import Graph
 from ros_visualise.running.executables.running import Run, announce_time, publish_time, running
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Host, Transport
 
 log = logging.getLogger(__name__)
 
@@ -22,23 +22,26 @@ _SPIN_S = 0.1
 _ENDS = "this node is shutting down"
 
 
-def run_managed(middleware: Middleware, graph: Graph, namespaces: Mapping[str, str]) -> int:
+def run_managed(
+    host: Host, transport: Transport, graph: Graph, namespaces: Mapping[str, str]
+) -> int:
     """Run a graph as its manager asks, until this process has to end; the exit status.
 
     Args:
-        middleware, graph, namespaces: as of `ros_visualise.running.executables.running.run_graph`.
+        host, transport, graph, namespaces: as of `ros_visualise.running.executables.running.run_graph`.
 
     Raises:
         UsageError: the middleware has no managed nodes.
     """
     if graph.makes_time:
-        announce_time(middleware)
+        announce_time(host, transport)
     surround = (), publish_time
-    opening = partial(running, middleware, graph, namespaces, *surround, stays=True, active=False)
+    where = host, transport, graph, namespaces
+    opening = partial(running, *where, *surround, stays=True, active=False)
     managed = ManagedGraph(opening)
-    with closing(middleware.manage(managed)), closing(managed):
+    with closing(host.manage(managed)), closing(managed):
         log.info("unconfigured: waiting for a lifecycle manager")
-        while not (middleware.is_over() or managed.is_over):
+        while not (host.is_over() or managed.is_over):
             managed.follow(_SPIN_S)
     return int(managed.failed)
 

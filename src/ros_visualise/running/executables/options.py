@@ -9,7 +9,7 @@ from typing import Any
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.core.paths import set_folder
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Host
 from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
@@ -22,98 +22,98 @@ OPTIONS = (
 """Those that every executable reads."""
 
 
-def choose_memory(middleware: Middleware) -> None:
+def choose_memory(host: Host) -> None:
     """Set the limit that ``~max_memory`` gives.
 
     Raises:
         UsageError: it is no amount of memory.
     """
-    set_max_memory(parse_memory(str(middleware.option("max_memory", DEFAULT_MEMORY))))
+    set_max_memory(parse_memory(str(host.option("max_memory", DEFAULT_MEMORY))))
 
 
-def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]:
+def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
     """The name of the view that ``~view`` gives, and how it is opened; and where files may go.
 
     Raises:
         UsageError: an option is of the wrong type.
     """
-    name = str(middleware.option("view", default))
-    folder = Path(middleware.find_file(str(middleware.option("record_dir", "."))))
-    options = ViewOptions(record_dir=folder, flag=middleware.flag)
+    name = str(host.option("view", default))
+    folder = Path(host.find_file(str(host.option("record_dir", "."))))
+    options = ViewOptions(record_dir=folder, flag=host.flag)
     if name == "web":
-        host, port = str(middleware.option("host", "127.0.0.1")), _number(middleware, "port", 8080)
-        origins = named_in(middleware, "allow_origin", "none")
-        token = switch(middleware, "token", True)
-        options = replace(options, host=host, port=int(port), origins=origins, token=token)
+        address, port = str(host.option("host", "127.0.0.1")), _number(host, "port", 8080)
+        origins = named_in(host, "allow_origin", "none")
+        token = switch(host, "token", True)
+        options = replace(options, host=address, port=int(port), origins=origins, token=token)
     elif name == "windows":
-        options = replace(options, place=str(middleware.option("window", "")))
-    set_folder(options.record_dir, bool(middleware.option("overwrite", False)))
+        options = replace(options, place=str(host.option("window", "")))
+    set_folder(options.record_dir, bool(host.option("overwrite", False)))
     return name, options
 
 
-def choose_image_transport(middleware: Middleware) -> bool:
+def choose_image_transport(host: Host) -> bool:
     """Whether images come compressed.
 
     Raises:
         UsageError: ``~image_transport`` is none that there is.
     """
-    transport = middleware.option("image_transport", "raw")
+    transport = host.option("image_transport", "raw")
     if transport not in ("raw", "compressed"):
         raise UsageError(f'invalid image_transport "{transport}"; use raw or compressed')
     return bool(transport == "compressed")
 
 
-def choose_jpeg_quality(middleware: Middleware) -> int:
+def choose_jpeg_quality(host: Host) -> int:
     """The quality of the JPEGs that are published, in percent.
 
     Raises:
         UsageError: ``~jpeg_quality`` is none from 1 to 100.
     """
-    quality = _number(middleware, "jpeg_quality", JPEG_QUALITY)
+    quality = _number(host, "jpeg_quality", JPEG_QUALITY)
     if quality not in range(1, 101):
         raise UsageError(f"jpeg_quality={quality:g}: must be a whole number from 1 to 100")
     return int(quality)
 
 
-def choose_params(middleware: Middleware) -> dict[str, Any]:
+def choose_params(host: Host) -> dict[str, Any]:
     """What the file holds that ``~params`` names; see `ros_visualise.runtime.saving.of_node`.
 
     Raises:
         OpenError: it cannot be read, or holds something else.
     """
-    path = middleware.option("params", "none")
-    return {} if path == "none" else load(Path(middleware.find_file(str(path))))
+    path = host.option("params", "none")
+    return {} if path == "none" else load(Path(host.find_file(str(path))))
 
 
-def seconds(middleware: Middleware, option: str) -> float:
+def seconds(host: Host, option: str) -> float:
     """An option that is a time in seconds; 0 where it is not given.
 
     Raises:
         UsageError: it is no number.
     """
-    return _number(middleware, option, 0.0)
+    return _number(host, option, 0.0)
 
 
-def switch(middleware: Middleware, option: str, default: bool) -> bool:
+def switch(host: Host, option: str, default: bool) -> bool:
     """An option that is true or false.
 
     Raises:
         UsageError: it is neither.
     """
-    given = middleware.option(option, default)
+    given = host.option(option, default)
     if not isinstance(given, bool):
         raise UsageError(f"{option}={given}: give true or false")
     return given
 
 
-def named_in(middleware: Middleware, option: str, default: str) -> list[str]:
+def named_in(host: Host, option: str, default: str) -> list[str]:
     """What an option names, separated by spaces; nothing where it has its default."""
-    named = str(middleware.option(option, default))
+    named = str(host.option(option, default))
     return [] if named == default else named.split()
 
 
-def _number(middleware: Middleware, option: str, default: float) -> float:
-    given = middleware.option(option, default)
+def _number(host: Host, option: str, default: float) -> float:
+    given = host.option(option, default)
     try:
         return float(given)
     except (TypeError, ValueError):

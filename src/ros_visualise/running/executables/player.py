@@ -16,7 +16,7 @@ from ros_visualise.nodes.player import player
 from ros_visualise.running.executables.options import OPTIONS, named_in
 from ros_visualise.running.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.runtime.bridge.process import Process
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Host, Transport
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
@@ -31,26 +31,26 @@ _LOOK_S = 0.1
 _PATIENCE_S = 20.0
 
 
-def run_player(middleware: Middleware) -> int:
+def run_player(host: Host, transport: Transport) -> int:
     """Play a recording, with its time on ``/clock``; the exit status."""
-    path = middleware.find_file(str(middleware.option("path", "")))
+    path = host.find_file(str(host.option("path", "")))
     if not path:
-        raise OpenError(f"give the recording: {middleware.flag.format('path', 'FILE')}")
-    announce_time(middleware)
-    recording = opened(middleware, partial(open_recording, path))
-    topics = named_in(middleware, "topics", "all")
+        raise OpenError(f"give the recording: {host.flag.format('path', 'FILE')}")
+    announce_time(host, transport)
+    recording = opened(host, partial(open_recording, path))
+    topics = named_in(host, "topics", "all")
     declared = player(recording, topics, without=_NOT_PLAYED)
     outputs = {topic: topic for topic in declared.outputs}
-    wanted = str(middleware.option("image", "none"))
+    wanted = str(host.option("image", "none"))
     if image := _chosen_image(recording, declared, wanted):
         outputs[image] = "/image_raw"
     graph = Graph(place_source(declared, outputs), ())
     options = (*OPTIONS, "path", "topics", "image", "wait_for")
-    awaited = named_in(middleware, "wait_for", "none")
+    awaited = named_in(host, "wait_for", "none")
     if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
         awaited = [topic for topic in awaited if topic.removeprefix("/") != "image_raw"]
     conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)), awaited)
-    return run_graph(middleware, graph, {"player": ""}, options, conduct)
+    return run_graph(host, transport, graph, {"player": ""}, options, conduct)
 
 
 def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> str | None:
@@ -66,17 +66,19 @@ def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> st
 
 @contextmanager
 def _conduct(
-    played: PlayedTime, awaited: Sequence[str], middleware: Middleware, process: Process
+    played: PlayedTime, awaited: Sequence[str], host: Host, transport: Transport, process: Process
 ) -> Iterator[None]:
     """Publish the recording's time, and begin when those who are to see it all are there."""
-    with publish_time(middleware, process, lambda playback: played.stamp_ns(playback.time_ns())):
-        _wait_for_subscribers(middleware, process, awaited)
+    with publish_time(
+        host, transport, process, lambda playback: played.stamp_ns(playback.time_ns())
+    ):
+        _wait_for_subscribers(host, process, awaited)
         yield
 
 
-def _wait_for_subscribers(middleware: Middleware, process: Process, topics: Sequence[str]) -> None:
+def _wait_for_subscribers(host: Host, process: Process, topics: Sequence[str]) -> None:
     end_s = time.monotonic() + _PATIENCE_S
-    while not (middleware.is_over() or all(process.subscribers(topic) for topic in topics)):
+    while not (host.is_over() or all(process.subscribers(topic) for topic in topics)):
         if time.monotonic() > end_s:
             log.warning("no subscribers on %s; starting anyway", " and ".join(topics))
             return

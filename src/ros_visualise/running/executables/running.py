@@ -27,7 +27,7 @@ from ros_visualise.running.executables.options import (
     seconds,
 )
 from ros_visualise.runtime.bridge.process import Process
-from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.runtime.middleware import Handle, Host, Transport
 from ros_visualise.runtime.playing import PlayingParams, playing_params
 from ros_visualise.runtime.saving import of_node, save_anew
 from ros_visualise.sources.calibration import locate
@@ -37,7 +37,7 @@ from ros_visualise.vision.compression import JPEG_QUALITY
 
 log = logging.getLogger(__name__)
 
-Conduct = Callable[[Middleware, Process], AbstractContextManager[None]]
+Conduct = Callable[[Host, Transport, Process], AbstractContextManager[None]]
 """Surrounds the running of a process."""
 
 _SPIN_S = 0.1
@@ -47,33 +47,35 @@ _GATHER_S = 5.0  # for subscribers that were there before a source that plays as
 T = TypeVar("T")
 
 
-def announce_time(middleware: Middleware) -> None:
+def announce_time(host: Host, transport: Transport) -> None:
     """Be listed as publisher of ``/clock`` from now on, unless ``~clock`` is false.
 
     What makes the time may open slowly; others are to know meanwhile that there will be one.
     """
-    if middleware.option("clock", True):
-        middleware.advertise("/clock", TopicType("rosgraph_msgs/msg/Clock"))
+    if host.option("clock", True):
+        transport.advertise("/clock", TopicType("rosgraph_msgs/msg/Clock"))
 
 
 @contextmanager
 def publish_time(
-    middleware: Middleware,
+    host: Host,
+    transport: Transport,
     process: Process,
     now_ns: Callable[[Playback], int] = Playback.stamp_ns,
 ) -> Iterator[None]:
     """Publish the time that a source makes, unless ``~clock`` is false."""
     playback = process.runtime.playback
-    makes_time = process.runtime.graph.makes_time and middleware.option("clock", True)
+    makes_time = process.runtime.graph.makes_time and host.option("clock", True)
     if playback is None or not makes_time:
         yield
     else:
-        with closing(middleware.publish_clock(lambda: now_ns(playback))):
+        with closing(transport.publish_clock(lambda: now_ns(playback))):
             yield
 
 
 def run_graph(
-    middleware: Middleware,
+    host: Host,
+    transport: Transport,
     graph: Graph,
     namespaces: Mapping[str, str],
     options: Iterable[str] = (),
@@ -82,16 +84,17 @@ def run_graph(
     """Run a graph until it ends; the exit status.
 
     Args:
-        middleware: what it is joined to.
+        host: begins and ends this process.
+        transport: joins the graph to others.
         graph: its topics are relative to the namespace.
         namespaces: node name -> where its parameters are below this process's private namespace.
         options: private parameters that may stand beside those of the nodes.
         conduct: surrounds its running.
     """
     if graph.makes_time:
-        announce_time(middleware)
-    stays = bool(middleware.option("stay", False))
-    with running(middleware, graph, namespaces, options, conduct, stays) as run:
+        announce_time(host, transport)
+    stays = bool(host.option("stay", False))
+    with running(host, transport, graph, namespaces, options, conduct, stays) as run:
         while not run.is_over:
             run.spin(_SPIN_S)
     return int(run.process.failed)
@@ -101,21 +104,21 @@ class Run:
     """A graph that runs in this process, and its view.
 
     Args:
-        middleware: what it is joined to.
+        host: begins and ends this process.
         process: the graph.
         view: looks at it.
         stays: go on at the end of the source, unless something has failed.
     """
 
-    def __init__(self, middleware: Middleware, process: Process, view: View, stays: bool) -> None:
+    def __init__(self, host: Host, process: Process, view: View, stays: bool) -> None:
         self.process = process
-        self._middleware, self._view, self._stays = middleware, view, stays
+        self._host, self._view, self._stays = host, view, stays
 
     @property
     def is_over(self) -> bool:
         """Whether the graph, the view or this process has come to its end."""
         runtime = self.process.runtime
-        if self._middleware.is_over() or self._view.closed:
+        if self._host.is_over() or self._view.closed:
             return True
         return runtime.wait(0) and (runtime.failed or not self._stays)
 
@@ -127,7 +130,8 @@ class Run:
 
 @contextmanager
 def running(
-    middleware: Middleware,
+    host: Host,
+    transport: Transport,
     graph: Graph,
     namespaces: Mapping[str, str],
     options: Iterable[str],
@@ -138,7 +142,7 @@ def running(
     """A graph with all that is around it, as `run_graph` has it, until the end of the block.
 
     Args:
-        middleware, graph, namespaces, options, conduct: as of `run_graph`.
+        host, transport, graph, namespaces, options, conduct: as of `run_graph`.
         stays: as of `Run`.
         active: as of `Process.start`.
 
@@ -146,41 +150,39 @@ def running(
         RosVisualiseError: the graph cannot be opened as the options ask for it.
         KeyboardInterrupt: this process has to end meanwhile.
     """
-    name, shown = choose_view(middleware, "none")
+    name, shown = choose_view(host, "none")
     with closing(_open_view(name, shown)) as view:
-        graph = _configured(middleware, graph, namespaces, options)
-        playback = _playback(middleware, graph, stays or view.stays)
+        graph = _configured(host, transport, graph, namespaces, options)
+        playback = _playback(host, transport, graph, stays or view.stays)
         takes_images = Image in graph.inputs.values()
-        compressed = takes_images and choose_image_transport(middleware)
+        compressed = takes_images and choose_image_transport(host)
         makes_images = any(topic.type is Image for topic in graph.topics.values())
-        quality = choose_jpeg_quality(middleware) if makes_images else JPEG_QUALITY
-        made = partial(Process, middleware, graph, playback, namespaces, compressed, quality)
-        process = opened(middleware, made)
+        quality = choose_jpeg_quality(host) if makes_images else JPEG_QUALITY
+        made = partial(Process, transport, graph, playback, namespaces, compressed, quality)
+        process = opened(host, made)
         try:
             view.open(process.runtime)
-            with conduct(middleware, process):
-                _await_subscribers(middleware, process)
+            with conduct(host, transport, process):
+                _await_subscribers(host, process)
                 process.start(active)
-                with closing(
-                    offer_saving(middleware, lambda: process.parameters, shown.record_dir)
-                ):
-                    yield Run(middleware, process, view, stays)
+                with closing(offer_saving(transport, lambda: process.parameters, shown.record_dir)):
+                    yield Run(host, process, view, stays)
         finally:
             view.close()
             process.stop()
 
 
-def _await_subscribers(middleware: Middleware, process: Process) -> None:
+def _await_subscribers(host: Host, process: Process) -> None:
     """Give subscribers that are on the graph already a while to connect."""
     end_s = time.monotonic() + _GATHER_S
-    while not middleware.is_over() and (missing := process.unconnected()):
+    while not host.is_over() and (missing := process.unconnected()):
         if time.monotonic() > end_s:
             log.warning("not all subscribers of %s connected; starting anyway", ", ".join(missing))
             return
         time.sleep(_LOOK_S)
 
 
-def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
+def opened(host: Host, open_it: Callable[[], T]) -> T:
     """What a call gives that may take long, as a simulation does before it can begin.
 
     Raises:
@@ -196,30 +198,34 @@ def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
 
     supervision.start("opening", run)
     while not wait([opening], _LOOK_S).done:
-        if middleware.is_over():
+        if host.is_over():
             raise KeyboardInterrupt
     return opening.result()
 
 
 def _configured(
-    middleware: Middleware, graph: Graph, namespaces: Mapping[str, str], options: Iterable[str]
+    host: Host,
+    transport: Transport,
+    graph: Graph,
+    namespaces: Mapping[str, str],
+    options: Iterable[str],
 ) -> Graph:
     """The graph with the parameters that launch files and command line gave to its nodes."""
-    graph = _extended(middleware, graph, namespaces)
+    graph = _extended(host, graph, namespaces)
     source = graph.source
-    loaded = choose_params(middleware)
+    loaded = choose_params(host)
 
     def configured(member: M) -> M:
         kind = playing_params(source.type) if member is source else type(member.params)
-        values = middleware.starting_values(kind, namespaces[member.name], options)
-        values |= of_node(loaded, f"{middleware.resolve('~')}/{namespaces[member.name]}")
+        values = host.starting_values(kind, namespaces[member.name], options)
+        values |= of_node(loaded, f"{transport.resolve('~')}/{namespaces[member.name]}")
         values = _without_none(values, kind())
         if hasattr(kind, "camera_info_url"):
             url = str(values.get("camera_info_url", ""))
-            values["camera_info_url"] = locate(url, middleware.resolve("~"))
+            values["camera_info_url"] = locate(url, transport.resolve("~"))
         for name, value in values.items():
             if isinstance(value, str):
-                values[name] = middleware.find_file(value)
+                values[name] = host.find_file(value)
         return replace(member, params=update(kind(), values))
 
     return graph.changed(configured)
@@ -234,56 +240,56 @@ def _without_none(values: Mapping[str, Any], defaults: object) -> dict[str, Any]
     }
 
 
-def _extended(middleware: Middleware, graph: Graph, namespaces: Mapping[str, str]) -> Graph:
+def _extended(host: Host, graph: Graph, namespaces: Mapping[str, str]) -> Graph:
     """The graph with the parameters that its source has by one of them, such as its device."""
     source = graph.source
     if source is None or source.type.extend is None:
         return graph
     decisive, _ = source.type.extend
     name = f"{namespaces[source.name]}/{decisive}".lstrip("/")
-    value = middleware.option(name, getattr(source.params, decisive))
+    value = host.option(name, getattr(source.params, decisive))
     return graph.configured({source.name: {decisive: value}})
 
 
-def _playback(middleware: Middleware, graph: Graph, stays: bool) -> Playback | None:
+def _playback(host: Host, transport: Transport, graph: Graph, stays: bool) -> Playback | None:
     """How the source is played; while somebody looks or can command it, it stays at its end."""
     if graph.source is None:
         return None
     source, params = graph.source.type, graph.source.params
-    duration_s = seconds(middleware, "duration")
+    duration_s = seconds(host, "duration")
     is_played = isinstance(params, PlayingParams)
     return Playback(
         rate=params.rate if is_played else 1.0,
         loop=is_played and params.loop,
-        start_s=seconds(middleware, "start"),
+        start_s=seconds(host, "start"),
         duration_s=duration_s or None,
         hold=(stays or bool(source.inputs)) and not duration_s,
         live_stamps=not source.makes_time,
-        clock=_clock(middleware, source.makes_time),
+        clock=_clock(host, transport, source.makes_time),
     )
 
 
-def _clock(middleware: Middleware, makes_time: bool) -> Clock:
+def _clock(host: Host, transport: Transport, makes_time: bool) -> Clock:
     """What drives a source: where it makes the graph's time, the time of day; else that time."""
-    if makes_time and middleware.option("clock", True):
+    if makes_time and host.option("clock", True):
         return WallClock()
-    clock = middleware.clock()
-    while makes_time and not (clock.now_ns() or middleware.is_over()):
+    clock = transport.clock()
+    while makes_time and not (clock.now_ns() or host.is_over()):
         time.sleep(_SPIN_S)  # it would begin at zero
     return clock
 
 
 def offer_saving(
-    middleware: Middleware, parameters: Callable[[], Mapping[str, Parameters[Any]]], folder: Path
+    transport: Transport, parameters: Callable[[], Mapping[str, Parameters[Any]]], folder: Path
 ) -> Handle:
     """The service ``~save_parameters``, which answers with the file that it has written.
 
     Args:
-        middleware: what it is offered on.
+        transport: what it is offered on.
         parameters: gives what there is to save then.
         folder: of the files.
     """
-    return middleware.offer("~save_parameters", lambda: str(save_anew(parameters(), folder)))
+    return transport.offer("~save_parameters", lambda: str(save_anew(parameters(), folder)))
 
 
 def _open_view(name: str, options: ViewOptions) -> View:

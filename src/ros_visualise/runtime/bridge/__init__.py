@@ -1,1 +1,1 @@
-"""A graph of nodes in this process, joined to the topics of a middleware around it."""
+"""A graph of nodes in this process, joined to the topics of a transport around it."""

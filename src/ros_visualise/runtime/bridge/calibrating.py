@@ -8,7 +8,7 @@ from ros_visualise.core.errors import UsageError
 from ros_visualise.data import CameraInfo, Image
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.runtime.middleware import Handle, Transport
 from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import camera_name, check, path_of, save, to_yaml
 
@@ -17,27 +17,27 @@ log = logging.getLogger(__name__)
 _PATIENCE_S = 2.0  # with a camera whose first image has not come
 
 
-def offer_calibration(middleware: Middleware, runtime: LocalRuntime) -> list[Handle]:
+def offer_calibration(transport: Transport, runtime: LocalRuntime) -> list[Handle]:
     """The service beside the images of a source that has a ``camera_info_url``, if there is one."""
     source = runtime.graph.source
     if source is None or not hasattr(source.params, "camera_info_url"):
         return []
     topic = next(name for name, made in source.topics.items() if made.type is Image)
     service = f"{info_topic(topic).rpartition('/')[0]}/set_camera_info"
-    return [middleware.offer_calibration(service, Calibrator(middleware, runtime, topic).set)]
+    return [transport.offer_calibration(service, Calibrator(transport, runtime, topic).set)]
 
 
 class Calibrator:
     """Takes calibrations for the images of a topic, and keeps them where the source looks.
 
     Args:
-        middleware: what they come by.
+        transport: what they come by.
         runtime: runs the source.
         topic: of the source's images.
     """
 
-    def __init__(self, middleware: Middleware, runtime: LocalRuntime, topic: str) -> None:
-        self._name = camera_name(middleware.resolve("~"))
+    def __init__(self, transport: Transport, runtime: LocalRuntime, topic: str) -> None:
+        self._name = camera_name(transport.resolve("~"))
         self._runtime = runtime
         self._topic = topic
 

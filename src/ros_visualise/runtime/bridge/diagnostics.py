@@ -10,7 +10,7 @@ from ros_visualise.core.rate import Clock
 from ros_visualise.data import DiagnosticArray, Header
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.report import NodeReport, figures_of
 from ros_visualise.runtime.statuses import Statuses
 
@@ -36,10 +36,10 @@ class NodeStatus:
 class Diagnostics:
     """Publishes one status for each node: what it was asked for, what it achieved, what it lost."""
 
-    def __init__(self, middleware: Middleware) -> None:
+    def __init__(self, transport: Transport) -> None:
         diagnostics = TopicType(type_name(DiagnosticArray))
-        self._publisher = middleware.advertise("/diagnostics", diagnostics)
-        self._clock: Clock = middleware.clock()
+        self._publisher = transport.advertise("/diagnostics", diagnostics)
+        self._clock: Clock = transport.clock()
         self._statuses = Statuses()
 
     def publish(self, nodes: Mapping[str, NodeStatus]) -> None:

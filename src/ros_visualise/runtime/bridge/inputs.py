@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import CameraInfo, CompressedImage, Image
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.runtime.middleware import Handle, Middleware, Subscriber
+from ros_visualise.runtime.middleware import Handle, Subscriber, Transport
 from ros_visualise.vision.compression import decompress
 
 log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ class Input:
     """Feeds a topic of this process with what comes on the graph, from `open` to `close`.
 
     Args:
-        middleware: what it comes by.
+        transport: what it comes by.
         name: the topic as the node calls it.
         kind: the class of its messages.
         feed: takes them.
@@ -39,10 +39,10 @@ class Input:
         refused: messages that were left out, since they contradict themselves.
     """
 
-    def __init__(self, middleware: Middleware, name: str, kind: type, feed: Feed) -> None:
+    def __init__(self, transport: Transport, name: str, kind: type, feed: Feed) -> None:
         self.refused = 0
-        self._name = middleware.resolve(name)
-        self._middleware = middleware
+        self._name = transport.resolve(name)
+        self._transport = transport
         self._topic, self._kind, self._feed = name, kind, feed
         self._said_s: dict[str, float] = {}
         self._subscriber: Subscriber | None = None
@@ -50,7 +50,7 @@ class Input:
 
     def open(self) -> None:
         """Subscribe; messages may come before this returns."""
-        self._subscriber = self._middleware.subscribe(
+        self._subscriber = self._transport.subscribe(
             self._topic, self._kind, self._take, self._refuse
         )
 
@@ -88,7 +88,7 @@ class ImageInput(Input):
     A calibration belongs to a camera, not to a moment: an image gets the newest one of its size.
 
     Args:
-        middleware: what they come by.
+        transport: what they come by.
         name: the topic as the node calls it.
         resolved: its name on the graph.
         feed: takes them.
@@ -99,7 +99,7 @@ class ImageInput(Input):
 
     def __init__(
         self,
-        middleware: Middleware,
+        transport: Transport,
         name: str,
         resolved: str,
         feed: Feed,
@@ -108,7 +108,7 @@ class ImageInput(Input):
         calibrated: bool = False,
     ) -> None:
         topic = f"{resolved}/compressed" if compressed else name
-        super().__init__(middleware, topic, CompressedImage if compressed else Image, feed)
+        super().__init__(transport, topic, CompressedImage if compressed else Image, feed)
         self._calibrated = calibrated
         self._awaits_info = calibrated
         self._got_info = threading.Event()
@@ -128,7 +128,7 @@ class ImageInput(Input):
 
     def _follow_info(self, wanted: bool) -> None:
         if wanted and self._info_subscriber is None:
-            self._info_subscriber = self._middleware.subscribe(
+            self._info_subscriber = self._transport.subscribe(
                 self._info_name, CameraInfo, self._take_info, self._refuse
             )
         elif not wanted and self._info_subscriber is not None:

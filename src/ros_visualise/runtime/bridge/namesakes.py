@@ -8,7 +8,7 @@ from typing import Any
 
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Middleware, Publisher
+from ros_visualise.runtime.middleware import Publisher, Transport
 
 
 def image_names(topic: str) -> tuple[str, ...]:
@@ -22,9 +22,9 @@ def image_names(topic: str) -> tuple[str, ...]:
     return (topic, f"{topic}/image") if room == topic else (topic,)
 
 
-def advertise(middleware: Middleware, topics: Sequence[str], type: TopicType) -> Publisher:
-    """Publish the same messages on several topics; see `Middleware.advertise`."""
-    made = [middleware.advertise(topic, type) for topic in topics]
+def advertise(transport: Transport, topics: Sequence[str], type: TopicType) -> Publisher:
+    """Publish the same messages on several topics; see `Transport.advertise`."""
+    made = [transport.advertise(topic, type) for topic in topics]
     return made[0] if len(made) == 1 else _Namesakes(made)
 
 

@@ -18,7 +18,7 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
 from ros_visualise.runtime.bridge.namesakes import advertise, image_names
-from ros_visualise.runtime.middleware import Middleware, Publisher
+from ros_visualise.runtime.middleware import Publisher, Transport
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.refusals import Refusals
 from ros_visualise.vision.compression import compress
@@ -69,12 +69,12 @@ class Output:
 
     @property
     def dropped(self) -> int:
-        """Messages that subscribers had no time for, or that the middleware cannot hold."""
+        """Messages that subscribers had no time for, or that the transport cannot hold."""
         return self._publisher.dropped + self._refusals.count
 
     @property
     def refused(self) -> int:
-        """Messages that the middleware cannot hold."""
+        """Messages that the transport cannot hold."""
         return self._refusals.count
 
     def put(self, packet: Packet) -> None:
@@ -86,7 +86,7 @@ class Output:
         self._send(self._publisher, packet.message)
 
     def _send(self, publisher: Publisher, message: Any) -> bool:
-        """Publish a message, unless the middleware cannot hold it; whether it could."""
+        """Publish a message, unless the transport cannot hold it; whether it could."""
         try:
             publisher.publish(message)
         except DamagedMessage as error:
@@ -150,7 +150,7 @@ class ImageOutput(Output):
     """Publishes images with their calibration, and JPEG or PNG of them.
 
     Args:
-        middleware: what they are published on.
+        transport: what they are published on.
         name: the topic as the node calls it.
         resolved: its name on the graph.
         is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
@@ -160,7 +160,7 @@ class ImageOutput(Output):
 
     def __init__(
         self,
-        middleware: Middleware,
+        transport: Transport,
         name: str,
         resolved: str,
         is_camera: bool,
@@ -169,11 +169,11 @@ class ImageOutput(Output):
     ) -> None:
         self._jpeg_quality = jpeg_quality
         names = [name, *image_names(resolved)[1:]]
-        images = advertise(middleware, names, TopicType(type_name(Image)))
+        images = advertise(transport, names, TopicType(type_name(Image)))
         super().__init__(images, in_haste=in_haste)
-        self._info = middleware.advertise(info_topic(resolved), CAMERA_INFO)
+        self._info = transport.advertise(info_topic(resolved), CAMERA_INFO)
         compressed = [f"{one}/compressed" for one in image_names(resolved)]
-        self._compressed = advertise(middleware, compressed, TopicType(type_name(CompressedImage)))
+        self._compressed = advertise(transport, compressed, TopicType(type_name(CompressedImage)))
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
         start(f"{resolved}/compressed", self._compress_all)

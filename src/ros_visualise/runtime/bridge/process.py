@@ -28,7 +28,7 @@ from ros_visualise.runtime.bridge.outputs import (
 )
 from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.runtime.middleware import Handle, Transport
 from ros_visualise.runtime.playing import PlaybackFollower
 from ros_visualise.runtime.report import ENDED, RATES, NodeReport
 from ros_visualise.sources.playback import Playback
@@ -43,14 +43,14 @@ _STALL_S = 0.1  # for so long all subscribers together may hold up a node
 
 
 class Process:
-    """Runs a graph and joins it to a middleware: topics, parameters, services, diagnostics.
+    """Runs a graph and joins it to a transport: topics, parameters, services, diagnostics.
 
     Between its nodes messages pass by reference; outside a topic costs nothing until somebody
     subscribes. While it is not active, nothing is taken from the graph, published there, or given
     by its source.
 
     Args:
-        middleware: what the graph is joined to.
+        transport: what the graph is joined to.
         graph: what to run; its topics are relative to the namespace and may be remapped.
         playback: how its source is played; None where it has no source.
         namespaces: node name -> where its parameters are below this node's private namespace.
@@ -64,7 +64,7 @@ class Process:
 
     def __init__(
         self,
-        middleware: Middleware,
+        transport: Transport,
         graph: Graph,
         playback: Playback | None,
         namespaces: Mapping[str, str],
@@ -72,11 +72,11 @@ class Process:
         jpeg_quality: int = JPEG_QUALITY,
     ) -> None:
         self._jpeg_quality = jpeg_quality
-        self._middleware = middleware
+        self._transport = transport
         self._namespaces = namespaces
         names = [_outside(name) for name in (*graph.inputs, *graph.topics)]
-        self._declared = {middleware.resolve(name): name for name in names}
-        self.runtime = LocalRuntime(_resolved(graph, middleware), playback)
+        self._declared = {transport.resolve(name): name for name in names}
+        self.runtime = LocalRuntime(_resolved(graph, transport), playback)
         self._graph = self.runtime.graph
         self._frames = StaticFrames()
         self._outputs = {name: self._open_output(name) for name in self._graph.topics}
@@ -87,7 +87,7 @@ class Process:
             playback.suspend(True)
             parameters = self.runtime.parameters[self._graph.source.name]
             self._player = PlaybackFollower(playback, parameters)
-        self._diagnostics = Diagnostics(middleware)
+        self._diagnostics = Diagnostics(transport)
         self._diagnosed_s = time.monotonic()
         self._compressed = compressed
         self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
@@ -103,11 +103,11 @@ class Process:
             self.activate()
         self.runtime.start()
         self._offered = [
-            self._middleware.serve_parameters(parameters, self._namespaces[name])
+            self._transport.serve_parameters(parameters, self._namespaces[name])
             for name, parameters in self.runtime.parameters.items()
         ]
-        self._offered += offer_actions(self._middleware, self.runtime, self._namespaces)
-        self._offered += offer_calibration(self._middleware, self.runtime)
+        self._offered += offer_actions(self._transport, self.runtime, self._namespaces)
+        self._offered += offer_calibration(self._transport, self.runtime)
 
     def activate(self) -> None:
         """Take and publish messages from now on."""
@@ -157,7 +157,7 @@ class Process:
         """
         if not self._is_in_haste():
             return []
-        there = {topic: len(set(nodes)) for topic, nodes in self._middleware.look().subscribers}
+        there = {topic: len(set(nodes)) for topic, nodes in self._transport.listing().subscribers}
         publishers = [one for output in self._outputs.values() for one in output.publishers]
         return [one.name for one in publishers if one.connections < there.get(one.name, 0)]
 
@@ -175,7 +175,7 @@ class Process:
     @property
     def parameters(self) -> dict[str, Parameters[Any]]:
         """The live parameters of its nodes, by what launch files and ``params:=`` call those."""
-        own = self._middleware.resolve("~").rpartition("/")[2]
+        own = self._transport.resolve("~").rpartition("/")[2]
         there = self.runtime.parameters.items()
         return {self._namespaces[name] or own: parameters for name, parameters in there}
 
@@ -208,11 +208,11 @@ class Process:
             output = self._as_recorded(name, topic.ros)
         elif topic.type is Image:
             declared, haste, quality = self._declared[name], self._is_in_haste, self._jpeg_quality
-            output = ImageOutput(self._middleware, declared, name, is_camera, haste, quality)
+            output = ImageOutput(self._transport, declared, name, is_camera, haste, quality)
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
             declared = self._declared[name]
-            advertised = self._middleware.advertise(_with_others(declared, topic.type), made)
+            advertised = self._transport.advertise(_with_others(declared, topic.type), made)
             is_static = topic.type is Transforms and made.qos.transient_local
             output = (
                 StaticTransformsOutput(advertised, self._frames)
@@ -224,7 +224,7 @@ class Process:
     def _as_recorded(self, name: str, recorded: TopicType) -> Output:
         adds_up = recorded.data_class is Transforms and name.endswith("tf_static")
         qos = LATCHED if adds_up else recorded.qos
-        publisher = self._middleware.advertise(self._declared[name], replace(recorded, qos=qos))
+        publisher = self._transport.advertise(self._declared[name], replace(recorded, qos=qos))
         if adds_up:
             return StaticTransformsOutput(publisher, self._frames)
         return Output(publisher, qos.transient_local, self._is_in_haste)
@@ -246,9 +246,9 @@ class Process:
             takers = [one for one in self._graph.nodes if name in one.inputs.values()]
             calibrated = any(node.type.calibrated for node in takers)
             return ImageInput(
-                self._middleware, declared, name, feed, self._compressed, wait, calibrated
+                self._transport, declared, name, feed, self._compressed, wait, calibrated
             )
-        return Input(self._middleware, declared, kind, feed)
+        return Input(self._transport, declared, kind, feed)
 
     def _wait_for_room(self, name: str) -> None:
         """Wait until the nodes have begun with the last image and could publish what they make."""
@@ -271,7 +271,7 @@ class Process:
     def _statuses(self) -> dict[str, NodeStatus]:
         """What is told of every node, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
-        own = self._middleware.resolve("~")
+        own = self._transport.resolve("~")
         statuses = {}
         for node in self._graph.members:
             outputs = {
@@ -299,7 +299,7 @@ class Process:
 
 
 def _outside(topic: str) -> str:
-    """A topic's name for the middleware: relative to the namespace, so that several robots fit.
+    """A topic's name for the transport: relative to the namespace, so that several robots fit.
 
     But ``/tf`` is the same for all: whatever their namespace, all robots have one tree of frames.
     """
@@ -313,11 +313,11 @@ def _with_others(topic: str, kind: type) -> str:
     return f"/{name}" if kind is Transforms and name in ("tf", "tf_static") else topic
 
 
-def _resolved(graph: Graph, middleware: Middleware) -> Graph:
+def _resolved(graph: Graph, transport: Transport) -> Graph:
     """The graph on the names that its topics have around it."""
 
     def resolve(topics: Mapping[str, str]) -> dict[str, str]:
-        return {port: middleware.resolve(_outside(name)) for port, name in topics.items()}
+        return {port: transport.resolve(_outside(name)) for port, name in topics.items()}
 
     def on_resolved(member: M) -> M:
         return replace(member, inputs=resolve(member.inputs), outputs=resolve(member.outputs))

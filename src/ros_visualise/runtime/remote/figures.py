@@ -9,7 +9,7 @@ from typing import Any
 
 from ros_visualise.data import DiagnosticArray
 from ros_visualise.runtime.bridge.diagnostics import GATE
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.report import ENDED, RATES, NodeReport
 
 log = logging.getLogger(__name__)
@@ -20,9 +20,9 @@ _FRESH_S = 5.0
 class Figures:
     """The newest figures of every node that reports some."""
 
-    def __init__(self, middleware: Middleware) -> None:
+    def __init__(self, transport: Transport) -> None:
         self._newest: dict[str, tuple[float, Mapping[str, str]]] = {}
-        self._subscriber = middleware.subscribe(
+        self._subscriber = transport.subscribe(
             "/diagnostics", DiagnosticArray, self._take, lambda why: log.debug("%s", why)
         )
 

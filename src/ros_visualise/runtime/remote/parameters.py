@@ -14,7 +14,7 @@ from ros_visualise.core import params, supervision
 from ros_visualise.core.errors import OpenError, ParameterError, Unreachable
 from ros_visualise.core.params import Parameters, specs
 from ros_visualise.nodes import NodeType, NoParams, SourceType
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 
 log = logging.getLogger(__name__)
 
@@ -31,14 +31,14 @@ class RemoteParameters(Parameters[Any]):
     comes back after its end, so do they.
 
     Args:
-        middleware: what the node is reached by.
+        transport: what the node is reached by.
         node: the name under which it has them, such as ``/edge_detector``.
 
     Attributes:
         node: our own node, if it is one.
     """
 
-    def __init__(self, middleware: Middleware, node: str) -> None:
+    def __init__(self, transport: Transport, node: str) -> None:
         super().__init__(NoParams())
         self.node: NodeType | SourceType | None = None
         self._name = node.removeprefix("/")
@@ -51,7 +51,7 @@ class RemoteParameters(Parameters[Any]):
         self._calls = threading.Lock()
         self._calling: threading.Thread | None = None
         self._refused: set[str] = set()
-        self._client = middleware.follow_parameters(node, self)
+        self._client = transport.follow_parameters(node, self)
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until the node has told of its parameters; whether it has."""
@@ -60,7 +60,7 @@ class RemoteParameters(Parameters[Any]):
     @property
     def is_there(self) -> bool:
         """Whether the node is connected."""
-        return self._client.is_there
+        return self._client.connected
 
     def follow(self) -> None:
         """Say, once, that the node has gone or is back; to be called while the graph is there.
@@ -103,7 +103,7 @@ class RemoteParameters(Parameters[Any]):
             self.node = node
             self.current = params()
 
-    def told(self, values: Mapping[str, Any]) -> None:
+    def updated(self, values: Mapping[str, Any]) -> None:
         """The node has these values now."""
         with self._lock:
             self._apply(values)

@@ -12,7 +12,7 @@ from ros_visualise.core.rate import Clock, Steady, WallClock
 from ros_visualise.data import Image
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
 from ros_visualise.runtime.entrance import Entrance, Numbering
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.report import TopicReport
@@ -23,14 +23,14 @@ class Relay:
     """Hands the messages of a topic to whoever listens.
 
     Args:
-        middleware: what they come by.
+        transport: what they come by.
         name: the topic.
         kind: the class of its messages.
         numbering: shared by all that is received.
     """
 
-    def __init__(self, middleware: Middleware, name: str, kind: type, numbering: Numbering) -> None:
-        self._middleware = middleware
+    def __init__(self, transport: Transport, name: str, kind: type, numbering: Numbering) -> None:
+        self._transport = transport
         self._name = name
         self._kind = kind
         self._topic = Topic(name, on_demand=True)
@@ -87,8 +87,8 @@ class Relay:
     def _made(self, compressed: bool) -> Input:
         if self._kind is Image:
             feed = self._entrance.publish
-            return ImageInput(self._middleware, self._name, self._name, feed, compressed)
-        return Input(self._middleware, self._name, self._kind, self._entrance.publish)
+            return ImageInput(self._transport, self._name, self._name, feed, compressed)
+        return Input(self._transport, self._name, self._kind, self._entrance.publish)
 
     def close(self) -> None:
         """Remove all listeners."""

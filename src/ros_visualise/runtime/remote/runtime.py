@@ -22,7 +22,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.runtime.entrance import Numbering
 from ros_visualise.runtime.memory import tend_memory
-from ros_visualise.runtime.middleware import Middleware, Publisher
+from ros_visualise.runtime.middleware import Publisher, Transport
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
 from ros_visualise.runtime.remote.discovery import Sight, survey
@@ -51,21 +51,21 @@ class RemoteRuntime:
     the last of those that have gone.
 
     Args:
-        middleware: what they are reached by.
+        transport: what they are reached by.
         compressed: whether images come compressed, where somebody publishes them so.
     """
 
     playback = None
 
-    def __init__(self, middleware: Middleware, compressed: bool = False) -> None:
-        self._middleware = middleware
-        self.name = middleware.resolve("~")
+    def __init__(self, transport: Transport, compressed: bool = False) -> None:
+        self._transport = transport
+        self.name = transport.resolve("~")
         self.graph = Graph(None, ())
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
         self._sight = Sight((), {}, {}, frozenset())
-        self._figures = Figures(middleware)
+        self._figures = Figures(transport)
         self._key: object = None
         self._seen_s: dict[str, float] = {}
         self._numbering = Numbering()
@@ -95,7 +95,7 @@ class RemoteRuntime:
         """Publish to whoever listens on the graph."""
         if topic not in self._publishers:
             kind = TopicType(type_name(type(message)))
-            self._publishers[topic] = self._middleware.advertise(topic, kind)
+            self._publishers[topic] = self._transport.advertise(topic, kind)
         self._publishers[topic].publish(message)
 
     def act(self, node: str, action: str) -> None:
@@ -104,7 +104,7 @@ class RemoteRuntime:
         Raises:
             RosVisualiseError: it cannot be asked, or did not do it.
         """
-        self._middleware.call(f"/{node}/{action}")
+        self._transport.call(f"/{node}/{action}")
 
     def report(self, window_s: float | None = None) -> RunReport:
         """The run report: our nodes' own figures, and the rates of what is received here."""
@@ -143,7 +143,7 @@ class RemoteRuntime:
                 by_arrival=True,
                 split=split,
             )
-            clock, dropped = self._middleware.clock(), self._dropped
+            clock, dropped = self._transport.clock(), self._dropped
             arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
         try:
             self._connect(recording, arrivals)
@@ -197,7 +197,7 @@ class RemoteRuntime:
     def _look(self) -> None:
         """See who is there; the graph changes only if something about it has."""
         try:
-            self._sight = survey(self._middleware.look(), self.name)
+            self._sight = survey(self._transport.listing(), self.name)
         except Unreachable as error:
             log.debug("the graph cannot be looked at: %s", error)
             return
@@ -219,7 +219,7 @@ class RemoteRuntime:
         for place in found:
             known = self._met.get(place.name)
             if place.has_parameters and not isinstance(known, RemoteParameters):
-                remote = RemoteParameters(self._middleware, place.path)
+                remote = RemoteParameters(self._transport, place.path)
                 remote.on_change(partial(self._parameters_changed, place.name))
                 self._met[place.name] = remote
                 self._seen_s[place.name] = time.monotonic()
@@ -265,7 +265,7 @@ class RemoteRuntime:
             if topic not in self._relays:
                 types = {**self._sight.told, **self._sight.types}
                 kind = types.get(topic, Image)
-                self._relays[topic] = Relay(self._middleware, topic, kind, self._numbering)
+                self._relays[topic] = Relay(self._transport, topic, kind, self._numbering)
             return self._relays[topic]
 
     def _comes_compressed(self, topic: str) -> bool:

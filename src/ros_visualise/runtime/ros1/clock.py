@@ -12,8 +12,8 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from ros_visualise.core import supervision
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
-from ros_visualise.runtime.ros1.errors import asking
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.errors import MASTER, translated
+from ros_visualise.runtime.ros1.topics import Publisher
 
 _PERIOD_S = 0.01
 
@@ -43,7 +43,7 @@ class ClockPublisher:
 
 def ros_clock() -> Clock:
     """Simulated time where ``/use_sim_time`` is set, else the time of day."""
-    with asking("the ROS master"):
+    with translated(MASTER):
         is_simulated = rospy.get_param("/use_sim_time", False)
     if not is_simulated:
         return WallClock()

@@ -16,7 +16,7 @@ from ros_visualise.core.params import specs
 from ros_visualise.core.supervision import attempt
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros1.declaration import Declaration, declare, our_own
-from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.errors import translated
 
 
 class ReconfigureClient:
@@ -59,7 +59,7 @@ class ReconfigureClient:
             raise Unreachable("its parameters are not known yet")
         config = declaration.encode(specs(declaration.params), values)
         try:
-            with asking(self._node):
+            with translated(self._node):
                 service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
                 answer = service(config)
         except Unreachable:
@@ -90,4 +90,4 @@ class ReconfigureClient:
         with self._lock:
             self._last = config
             if self._declaration is not None:
-                self._listener.told(self._declaration.decode(config))
+                self._listener.updated(self._declaration.decode(config))

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import rospy
-
 from ros_visualise.data import Text
 from ros_visualise.messages import to_message
-from ros_visualise.messages.misfits import refused
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.ros1.errors import sending
 from ros_visualise.runtime.ros1.raw import RawPublisher
 from ros_visualise.runtime.ros1.registration import set_param
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.topics import Publisher
 from ros_visualise.runtime.ros1.types import DEFINITIONS, TYPES, message_class
 
 
 def advertise(topic: str, type: TopicType) -> Publisher:
-    """A publisher for a topic; see `ros_visualise.runtime.middleware.Middleware.advertise`."""
+    """A publisher for a topic; see `ros_visualise.runtime.middleware.Transport.advertise`."""
     if type.definitions is not None:
         return RawPublisher(topic, type)
     if type.data_class is Text and type.qos.transient_local:
@@ -45,16 +43,8 @@ class MessagePublisher(Publisher):
         Raises:
             DamagedMessage: ROS cannot hold it.
         """
-        try:
-            super().publish(self._built(message))
-        except rospy.ROSSerializationException as error:
-            raise refused(message, error, DEFINITIONS.store) from error
-
-    def _built(self, message: Any) -> Any:
-        try:
-            return to_message(message, TYPES)
-        except Exception as error:  # its fields hold what they happen to hold
-            raise refused(message, error, DEFINITIONS.store) from error
+        with sending(message, DEFINITIONS):
+            super().publish(to_message(message, TYPES))
 
 
 class DescriptionPublisher(MessagePublisher):

@@ -8,7 +8,7 @@ from typing import Any
 import genpy
 
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.topics import Publisher
 from ros_visualise.sinks.encoding import Declaration, Encoder
 
 

@@ -16,7 +16,7 @@ from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, specs
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.ros1.description import describe, from_config, plain, to_config
-from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.registration import set_param
 
 log = logging.getLogger(__name__)
@@ -141,7 +141,7 @@ def starting_values(
     Raises:
         ParameterError: a value is of the wrong type or out of its range.
     """
-    with asking("the ROS master"):
+    with translated(MASTER):
         there = rospy.get_param(_private(namespace), {})
     given: Mapping[str, Any] = there if isinstance(there, dict) else {}
     where = f"~{namespace}/" if namespace else "~"

@@ -29,11 +29,10 @@ from rospy.impl.registration import (
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import Unreachable, UsageError
 from ros_visualise.core.printing import say
-from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.errors import MASTER, translated
 
 log = logging.getLogger(__name__)
 
-_MASTER = "the ROS master"
 _CHECK_S = 0.5
 _PATIENCE_S = 2.0
 _LESS_PATIENCE_S = 0.3  # with a master that has not answered before
@@ -61,7 +60,7 @@ def set_param(name: str, value: Any) -> None:
     """Set a parameter; without a master, as soon as there is one."""
     _params[name] = value
     try:
-        with asking(_MASTER):
+        with translated(MASTER):
             rospy.set_param(name, value)
     except Unreachable as error:
         log.debug("%s", error)
@@ -97,7 +96,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
     def reg_added(self, name: str, kind: str, direction: str) -> None:
         """A topic or service is there; with a type or an address."""
         try:
-            with asking(_MASTER):
+            with translated(MASTER):
                 self._register(name, kind, direction)
         except Unreachable as error:
             log.debug("%s is registered when the master is back: %s", name, error)
@@ -111,7 +110,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
         }
         method, address = leave[direction]
         try:
-            with asking(_MASTER):
+            with translated(MASTER):
                 getattr(self._master, method)(self._name, name, address)
         except Unreachable as error:
             log.debug("%s is not unregistered: %s", name, error)
@@ -125,7 +124,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
         """Notice that the master is gone, and register with the next one; until the end."""
         while not rospy.is_shutdown():
             try:
-                with asking(_MASTER):
+                with translated(MASTER):
                     self._look()
             except Unreachable:
                 self._missed += 1

@@ -9,7 +9,7 @@ from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.runtime.bridge.answers import answer
-from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.errors import translated
 
 
 class TriggerService:
@@ -39,7 +39,7 @@ def call(service: str) -> None:
         Unreachable: it does not answer.
         RosVisualiseError: it has answered that it did not.
     """
-    with asking(service):
+    with translated(service):
         answer = rospy.ServiceProxy(service, Trigger)()
     if not answer.success:
         raise RosVisualiseError(f"{service.rpartition('/')[0]}: {answer.message}")

@@ -18,7 +18,7 @@ from ros_visualise.core.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of
-from ros_visualise.runtime.ros2.errors import asking
+from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.parameters import MEMBERS
 from ros_visualise.runtime.ros2.services import result_of
@@ -72,7 +72,7 @@ class ParameterClient:
             raise Unreachable("its parameters are not known yet")
         sent = declaration.encode(values)
         asked = [Parameter(name, value=value) for name, value in sent.items()]
-        with asking("the node"):
+        with translated("the node"):
             answer = result_of(self._services.set(asked), _ANSWER_S)
         if answer is None:
             raise Unreachable("no answer")
@@ -110,7 +110,7 @@ class ParameterClient:
             self._values = values_of(names, got.values)
             self._declaration = declare(told.descriptors, self._values, self._prefix)
             self._listener.declared(self._declaration.params, self._declaration.node)
-            self._listener.told(self._declaration.decode(self._values))
+            self._listener.updated(self._declaration.decode(self._values))
         return True
 
     def _changed(self, event: ParameterEvent) -> None:
@@ -122,7 +122,7 @@ class ParameterClient:
         with self._lock:
             self._values |= values
             if self._declaration is not None and values:
-                self._listener.told(self._declaration.decode(self._values))
+                self._listener.updated(self._declaration.decode(self._values))
 
 
 class ParameterEvents:

@@ -36,7 +36,7 @@ _LARGE_DEPTH = 3
 
 
 def advertise(session: Session, topic: str, type: TopicType) -> Publisher | Unsent:
-    """A publisher for a topic; see `ros_visualise.runtime.middleware.Middleware.advertise`.
+    """A publisher for a topic; see `ros_visualise.runtime.middleware.Transport.advertise`.
 
     What is recorded may be of types that are not installed here: such a topic is left out.
     """

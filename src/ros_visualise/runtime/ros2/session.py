@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -14,23 +13,19 @@ from typing import Any, TypeVar
 from weakref import WeakSet
 
 import rclpy
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.context import Context
-from rclpy.exceptions import NameValidationException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from ros_visualise.core import supervision
-from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.runtime.middleware import Handle, Managed
 from ros_visualise.runtime.ros2.cyclone import configure
+from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.graph_node import GraphNode
 from ros_visualise.runtime.ros2.lifecycle import Lifecycle
 
-_PACKAGE = "package://"
 _ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
 _DIGIT_FIRST = re.compile(r"(?:^|(?<=/))(?=\d)")
 _THREADS = 4
@@ -57,13 +52,11 @@ class Session:
     def __init__(self, name: str, args: list[str]) -> None:
         configure()
         self._context = Context()
-        try:
+        with translated(name, UsageError, ""):
             rclpy.init(
                 args=args, context=self._context, signal_handler_options=SignalHandlerOptions.NO
             )
             self.node = GraphNode(name, context=self._context)
-        except (RuntimeError, NameValidationException) as error:
-            raise UsageError(_first_line(error)) from None
         self._executor = MultiThreadedExecutor(_THREADS, context=self._context)
         self._executor.add_node(self.node)
         self._open: WeakSet[Any] = WeakSet()
@@ -150,10 +143,8 @@ class Session:
         """
         if name == "~":
             return str(self.node.get_fully_qualified_name())
-        try:
+        with translated(name, UsageError, "invalid topic name {}: "):
             return str(self.node.resolve_topic_name(spelled(name)))
-        except (NameValidationException, RuntimeError) as error:
-            raise UsageError(f"ROS 2 takes no topic of this name: {_first_line(error)}") from None
 
     def _spin(self) -> None:
         """Answer until the node ends; after a callback that failed, the next one all the same.
@@ -174,41 +165,3 @@ def spelled(name: str) -> str:
     if legal != name:
         log.warning("%s is called %s here: ROS 2 takes no such names", name, legal)
     return legal
-
-
-def arguments() -> list[str]:
-    """What stands on the command line beside what ROS takes from it."""
-    return list(remove_ros_args(sys.argv))[1:]
-
-
-def find_file(url: str) -> str:
-    """The path of ``package://PACKAGE/FILE``; other texts as they are.
-
-    Raises:
-        OpenError: there is no such package.
-    """
-    if not url.startswith(_PACKAGE):
-        return url
-    package, _, file = url.removeprefix(_PACKAGE).partition("/")
-    try:
-        return f"{get_package_share_directory(package)}/{file}"
-    except (PackageNotFoundError, ValueError):
-        raise OpenError(f"{url}: no package {package!r}; ros2 pkg prefix {package}") from None
-
-
-def say_on(node: Node) -> dict[int, Callable[[str], object]]:
-    """What says a text on each level; rclpy wants a line of code for each of them."""
-    logger = node.get_logger()
-    return {
-        logging.DEBUG: lambda text: logger.debug(text),
-        logging.INFO: lambda text: logger.info(text),
-        logging.WARNING: lambda text: logger.warning(text),
-        logging.ERROR: lambda text: logger.error(text),
-        logging.CRITICAL: lambda text: logger.fatal(text),
-    }
-
-
-def _first_line(error: Exception) -> str:
-    """What ROS 2 says of an error, without where in its sources."""
-    text = str(error).strip() or type(error).__name__
-    return text.splitlines()[0].partition(", at /")[0]

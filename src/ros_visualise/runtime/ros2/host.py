@@ -1,0 +1,99 @@
+"""A process of ours as a node of a ROS 2 graph; see `ros_visualise.runtime.middleware.Host`."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+
+from ros_visualise.core.signals import Wish, note
+from ros_visualise.runtime.bridge.given import given_values
+from ros_visualise.runtime.bridge.logged import log_to
+from ros_visualise.runtime.middleware import Handle, Managed
+from ros_visualise.runtime.ros2.clock import watch_clock
+from ros_visualise.runtime.ros2.errors import translated
+from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.transport import Ros2Transport
+
+_PACKAGE = "package://"
+
+
+class Ros2Host:
+    """A node of the ROS 2 graph of ``ROS_DOMAIN_ID``."""
+
+    flag = "{0}:={1} (of an executable: --ros-args -p {0}:={1})"
+
+    def __init__(self) -> None:
+        self._wish = Wish()
+        self._transport: Ros2Transport | None = None
+
+    def begin(self, name: str) -> Ros2Transport:
+        """Become a node."""
+        note(self._wish)  # who leaves while he joins would be seen for another ten seconds
+        session = Session(name, sys.argv)
+        log_to(_levels(session.node))
+        session.start(partial(watch_clock, session.node, self.is_over), "clock watch")
+        self._transport = Ros2Transport(session)
+        return self._transport
+
+    def end(self) -> None:
+        """Leave the graph."""
+        if self._transport is not None:
+            self._transport.close()
+
+    def is_over(self) -> bool:
+        """True if this node has to end."""
+        return self._wish.asked or (self._transport is not None and self._transport.session.is_over)
+
+    def arguments(self) -> list[str]:
+        """The command line without what ROS takes from it."""
+        return list(remove_ros_args(sys.argv))[1:]
+
+    def option(self, name: str, default: Any) -> Any:
+        """A parameter that is read once."""
+        value = self._begun.session.option(name, default)
+        self._begun.desk.show(name, value)
+        return value
+
+    def starting_values(
+        self, params: type, namespace: str = "", known: Iterable[str] = ()
+    ) -> dict[str, Any]:
+        """The values that were given to declared parameters."""
+        self._begun.desk.expect(namespace)
+        given = self._begun.session.given(namespace)
+        return given_values(params, given, known, f"{namespace}.".lstrip("."))
+
+    def find_file(self, url: str) -> str:
+        """The path of ``package://PACKAGE/FILE``; other texts as they are."""
+        if not url.startswith(_PACKAGE):
+            return url
+        package, _, file = url.removeprefix(_PACKAGE).partition("/")
+        with translated(url):
+            return f"{get_package_share_directory(package)}/{file}"
+
+    def manage(self, managed: Managed) -> Handle:
+        """Let others drive this node through the states of a managed node."""
+        return self._begun.session.manage(managed)
+
+    @property
+    def _begun(self) -> Ros2Transport:
+        assert self._transport is not None, "begin comes first"
+        return self._transport
+
+
+def _levels(node: Node) -> dict[int, Callable[[str], object]]:
+    """The function that logs a text on each level; rclpy wants a line of code for each of them."""
+    logger = node.get_logger()
+    return {
+        logging.DEBUG: lambda text: logger.debug(text),
+        logging.INFO: lambda text: logger.info(text),
+        logging.WARNING: lambda text: logger.warning(text),
+        logging.ERROR: lambda text: logger.error(text),
+        logging.CRITICAL: lambda text: logger.fatal(text),
+    }
