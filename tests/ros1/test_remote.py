@@ -13,7 +13,6 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ros_graph import PATIENCE_S, end, wait_for
-from ros_visualise.runtime.ros1.listing import list_graph
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
@@ -27,7 +26,7 @@ from ros_visualise.runtime.remote.places import Place, in_order
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.report import NodeReport, TopicReport
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
-from ros_visualise.runtime.ros1.transport import Ros1Transport
+from ros_visualise.runtime.ros1.transport import Ros1Transport, list_graph
 from ros_visualise.sources.opening import open_recording
 
 pytestmark = [
@@ -273,7 +272,6 @@ def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_maste
 COMPRESSED = """
 import time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("looking")
 runtime = RemoteRuntime(Ros1Transport(), compressed=True)
 while "/packed/image" not in runtime.graph.topics:
@@ -385,7 +383,6 @@ def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
 LOOKING = """
 import time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("looking")
 runtime = RemoteRuntime(Ros1Transport())
 end_s = time.monotonic() + 60
@@ -469,7 +466,6 @@ def test_a_silent_topic_holds_up_no_recording_and_stamps_of_zero_are_no_times(ru
 RECORDING = """
 import sys, time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("recording")
 runtime = RemoteRuntime(Ros1Transport())
 while not {"/silent", "/loud"} <= set(runtime.graph.topics):

@@ -16,7 +16,7 @@ from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.signals import DONE, Wish, interrupt, note
 from ros_visualise.runtime.bridge.logged import log_to
-from ros_visualise.runtime.middleware import Handle, Managed
+from ros_visualise.runtime.middleware import Handle, Host, Managed
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.handshakes import mend_handshakes
@@ -39,7 +39,7 @@ _SAY = {
 }
 
 
-class Ros1Host:
+class Ros1Host(Host):
     """A node of the ROS graph of the master that ``ROS_MASTER_URI`` names."""
 
     flag = "{0}:={1} (of an executable: _{0}:={1})"

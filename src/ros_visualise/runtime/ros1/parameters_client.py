@@ -43,8 +43,8 @@ class ReconfigureClient:
         )
 
     @property
-    def is_there(self) -> bool:
-        """Whether the node is connected."""
+    def connected(self) -> bool:
+        """True while the node is connected."""
         return bool(self._updates.get_num_connections())
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -17,7 +17,7 @@ from ros_visualise.core.supervision import attempt
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
 from ros_visualise.runtime.ros1 import clock, publishers, services
 from ros_visualise.runtime.ros1.clock import ClockPublisher
 from ros_visualise.runtime.ros1.errors import MASTER, translated
@@ -36,7 +36,7 @@ _ONLOOKERS = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
 """How the names of nodes begin that only look on."""
 
 
-class Ros1Transport:
+class Ros1Transport(Transport):
     """The topics and services of this process's node, which has begun."""
 
     def close(self) -> None:

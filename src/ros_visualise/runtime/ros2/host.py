@@ -15,7 +15,7 @@ from rclpy.utilities import remove_ros_args
 from ros_visualise.core.signals import Wish, note
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.bridge.logged import log_to
-from ros_visualise.runtime.middleware import Handle, Managed
+from ros_visualise.runtime.middleware import Handle, Host, Managed
 from ros_visualise.runtime.ros2.clock import watch_clock
 from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.session import Session
@@ -24,7 +24,7 @@ from ros_visualise.runtime.ros2.transport import Ros2Transport
 _PACKAGE = "package://"
 
 
-class Ros2Host:
+class Ros2Host(Host):
     """A node of the ROS 2 graph of ``ROS_DOMAIN_ID``."""
 
     flag = "{0}:={1} (of an executable: --ros-args -p {0}:={1})"

@@ -56,8 +56,8 @@ class ParameterClient:
         events.session.start(self._follow, f"{node} watch", again_s=_LOOK_S)
 
     @property
-    def is_there(self) -> bool:
-        """Whether the node is on the graph."""
+    def connected(self) -> bool:
+        """True while the node is on the graph."""
         return self._is_there
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -10,7 +10,7 @@ from ros_visualise.core.params import Parameters
 from ros_visualise.core.rate import Clock
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
 from ros_visualise.runtime.ros2 import clock, publishers, services, session
 from ros_visualise.runtime.ros2.clock import ClockPublisher
 from ros_visualise.runtime.ros2.errors import translated
@@ -23,7 +23,7 @@ from ros_visualise.runtime.ros2.session import Session
 from ros_visualise.runtime.ros2.subscriptions import Subscriber
 
 
-class Ros2Transport:
+class Ros2Transport(Transport):
     """The topics and services of a node.
 
     Args:
