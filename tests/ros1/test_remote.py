@@ -272,6 +272,7 @@ def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_maste
 COMPRESSED = """
 import time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("looking")
 runtime = RemoteRuntime(Ros1Transport(), compressed=True)
 while "/packed/image" not in runtime.graph.topics:
@@ -383,6 +384,7 @@ def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
 LOOKING = """
 import time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("looking")
 runtime = RemoteRuntime(Ros1Transport())
 end_s = time.monotonic() + 60
@@ -466,6 +468,7 @@ def test_a_silent_topic_holds_up_no_recording_and_stamps_of_zero_are_no_times(ru
 RECORDING = """
 import sys, time, rospy
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.transport import Ros1Transport
 rospy.init_node("recording")
 runtime = RemoteRuntime(Ros1Transport())
 while not {"/silent", "/loud"} <= set(runtime.graph.topics):
