@@ -29,7 +29,7 @@ S = 1_000_000_000
 
 @pytest.mark.parametrize("target", ["", " , "])
 def test_a_target_without_a_name_is_refused_in_one_line(target):
-    with pytest.raises(ParameterError, match="name what to land on"):
+    with pytest.raises(ParameterError, match="give a landing target"):
         update(PARAMS, {"target": target})
 
 

@@ -149,7 +149,7 @@ def test_odom_serves_where_there_is_no_map_and_map_as_soon_as_there_is(caplog):
     node = LandmarkLocalizer(PARAMS)
     assert observe(node, frames=tree("odom"))["landmarks"].header.frame_id == "odom"
     assert [r.getMessage() for r in caplog.records] == [
-        "there is no frame map; landmarks are told in odom"
+        "no frame map; publishing landmarks in odom"
     ]
     answer = node.step(PARAMS, detections=message(1, tag((1.0, 0.5))), frames=tree())
     assert answer["landmarks"].header.frame_id == "map"
@@ -211,7 +211,7 @@ def test_a_saved_map_loads_again(tmp_path, caplog):
     (before,) = observe(node, params=replace(PARAMS, save_to=str(path)))["landmarks"].detections
     for _ in range(2):  # the second in the place of the first
         node.save_map()
-    assert f"1 landmarks are in {path}" in caplog.text
+    assert f"1 landmarks saved to {path}" in caplog.text
     again = LandmarkLocalizer(replace(PARAMS, map=str(path)))
     for _ in range(2):
         (found,) = again.step(PARAMS, detections=message(0), frames=tree())["landmarks"].detections
@@ -228,7 +228,7 @@ def test_a_saved_map_loads_again(tmp_path, caplog):
 
 def test_without_landmarks_nothing_is_written(tmp_path, caplog):
     LandmarkLocalizer(replace(PARAMS, save_to=str(tmp_path / "none.yaml"))).save_map()
-    assert "nothing is written" in caplog.text
+    assert "nothing saved" in caplog.text
     assert not list(tmp_path.iterdir())
 
 

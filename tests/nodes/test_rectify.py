@@ -28,7 +28,7 @@ def test_an_image_keeps_all_but_its_pixels_and_its_calibration():
         (replace(IMAGE, encoding="bayer_rggb8"), "filters.demosaic=true, and rectify after it"),
         (
             replace(IMAGE, camera_info=replace(INFO, width=65)),
-            "images of 64x48 with a calibration for 65x48 are left out",
+            "calibration for 65x48 does not fit images of 64x48",
         ),
     ],
 )

@@ -34,7 +34,7 @@ def test_a_size_is_scaled_to(path: str) -> None:
 
 
 def test_what_it_cannot_play_is_refused(path: str) -> None:
-    with pytest.raises(OpenError, match="give the video file"):
+    with pytest.raises(OpenError, match="give a video file"):
         Streamer(StreamerParams(), Playback())
     with pytest.raises(OpenError, match="no such file"):
         Streamer(StreamerParams(path="nothing.mp4"), Playback())

@@ -267,7 +267,7 @@ def test_a_node_reports_to_diagnostics(start, hear, video):
         ("edge_detector", ["_view:=tv"], "view=tv: choose web, windows or none"),
         ("edge_detector", ["_image_transport:=pigeon"], "use raw or compressed"),
         ("edge_detector", ["edges:=/a", "processed_image:=/a"], "listen to itself"),
-        ("streamer", [], "give the video file"),
+        ("streamer", [], "give a video file"),
         ("streamer", ["_path:=/nowhere.mp4"], "/nowhere.mp4"),
         ("streamer", ["_path:=package://no_such/x.mp4"], "no package 'no_such'"),
         ("node", [], "FILE.py:NAME"),

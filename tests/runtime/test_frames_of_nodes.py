@@ -86,7 +86,7 @@ def graph_of(located, **settings):
     outputs = {"image": "/image_raw", "tf": "/tf", "tf_static": "/tf_static"}
     start = SourceNode("robot", Robot.declared, RobotParams(**settings), {}, outputs)
     placed = place(located.declared, {"image": "/image_raw"})
-    return Graph(start, (placed,)).with_frames()
+    return Graph(start, (placed,)).joined()
 
 
 def run(graph):
@@ -139,7 +139,7 @@ def test_live_an_image_waits_for_transforms_that_come_after_it():
         got.append(frames.lookup("map", "base", image.header.stamp_ns)[0, 3])
 
     placed = place(locate.declared, {"image": "/image"})
-    runtime = LocalRuntime(Graph(None, (placed,)).with_frames(), None)
+    runtime = LocalRuntime(Graph(None, (placed,)).joined(), None)
     runtime.start()
     runtime.publish("/tf", transform("map", "base", 1.0, 1000 * MS))
     runtime.publish("/image", image(1010 * MS))
@@ -153,7 +153,7 @@ def test_live_an_image_waits_for_transforms_that_come_after_it():
 def test_transforms_that_are_none_are_counted_and_said(caplog):
     got = []
     placed = place(locator(got).declared, {"image": "/image"})
-    runtime = LocalRuntime(Graph(None, (placed,)).with_frames(), None)
+    runtime = LocalRuntime(Graph(None, (placed,)).joined(), None)
     runtime.start()
     runtime.publish("/tf", transform("map", "map", 1.0, 1000 * MS))
     until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
@@ -163,7 +163,7 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
 
 def test_faults_without_end_are_said_a_few_times_alone(caplog):
     placed = place(locator([]).declared, {"image": "/image"})
-    runtime = LocalRuntime(Graph(None, (placed,)).with_frames(), None)
+    runtime = LocalRuntime(Graph(None, (placed,)).joined(), None)
     runtime.start()
     for number in range(60):
         runtime.publish("/tf", transform(f"map{number}", f"map{number}", 1.0, 1000 * MS))
@@ -177,7 +177,7 @@ def test_without_any_transforms_a_lookup_says_so():
     got = []
     outputs = {"image": "/image_raw", "tf": "/other", "tf_static": "/other_static"}
     start = SourceNode("robot", Robot.declared, RobotParams(), {}, outputs)
-    graph = Graph(start, (place(locator(got).declared, {"image": "/image_raw"}),)).with_frames()
+    graph = Graph(start, (place(locator(got).declared, {"image": "/image_raw"}),)).joined()
     runtime = run(graph)
     assert got == [(ms, None) for ms in range(5, 50 * IMAGES, 50)]
     assert runtime.report().nodes["locator"].dropped == {"no transform": IMAGES}

@@ -97,7 +97,7 @@ def _read(held: Any, name: str) -> NodeType | SourceType:
     """The node or source that a module, or what an entry point names, declares by this name.
 
     Raises:
-        UsageError: there is no such declaration.
+        UsageError: no such declaration.
     """
     if isinstance(held, RobotType):
         held = held.source
@@ -148,10 +148,10 @@ def find_all() -> list[NodeType | SourceType]:
 
 
 def choose(text: str) -> NodeType | SourceType:
-    """The node or source of that name, or one's own as ``FILE.py:NAME``.
+    """The node or source of that name, or one in a file as ``FILE.py:NAME``.
 
     Raises:
-        OpenError: there is no such file, or it does not run.
+        OpenError: no such file, or it does not run.
         UsageError: it is neither.
     """
     path, _, name = text.rpartition(":")
@@ -164,7 +164,7 @@ def choose(text: str) -> NodeType | SourceType:
 
 
 def choose_node(text: str) -> NodeType:
-    """As `choose`, of nodes alone."""
+    """A node, as `choose` takes it; raises UsageError for a source."""
     found = choose(text)
     if not isinstance(found, NodeType):
         raise UsageError(f"{text} is a source, not a node")
@@ -172,18 +172,16 @@ def choose_node(text: str) -> NodeType:
 
 
 def load(path: str, name: str) -> NodeType | SourceType:
-    """A node or source of one's own; ``name`` is the function's, the class's or what it declares.
+    """A node or source in a file; ``name`` is that of the function, the class or the node.
 
     Raises:
-        OpenError: there is no such file, or it does not run.
-        UsageError: it declares nothing of that name; what it does is listed.
+        OpenError: no such file, or it does not run.
+        UsageError: nothing of that name; the declared ones are listed.
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:
-        there = (
-            did_you_mean(name, sorted(declared)) if declared else "; decorate a function with @node"
-        )
-        raise UsageError(f"{path} declares no node {name!r}{there}")
+        hint = did_you_mean(name, sorted(declared)) if declared else "; decorate one with @node"
+        raise UsageError(f"{path} declares no node {name!r}{hint}")
     return declared[name]
 
 

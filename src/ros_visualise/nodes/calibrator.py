@@ -1,4 +1,4 @@
-"""The node that calibrates a camera while one shows it a board."""
+"""The node that calibrates a camera from live views of a board."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 class CalibratorParams:
     """Parameters of `Calibrator`."""
 
-    pattern: BoardKind = param(BoardKind.CHESSBOARD, "what the board shows")
+    pattern: BoardKind = param(BoardKind.CHESSBOARD, "pattern on the board")
     board: str = param(
         "9x6",
         "COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco board, tags of"
@@ -38,12 +38,12 @@ class CalibratorParams:
     share: float = param(
         0.0,
         "ChArUco: a marker's side as a fraction of a square's; AprilGrid: the gap between"
-        " tags as a fraction of a tag's side; 0: the usual value",
+        " tags as a fraction of a tag's side; 0 is the usual value",
         min=0,
         max=0.95,
     )
-    dictionary: str = param("", "OpenCV's name of the set of markers; empty: the usual one")
-    model: Lens = param(Lens.PINHOLE, "model of the lens")
+    dictionary: str = param("", "OpenCV's name of the set of markers; empty is the usual one")
+    model: Lens = param(Lens.PINHOLE, "lens model")
     file: str = param(
         "camera.yaml",
         "YAML file to save to; give it to the camera as camera_info_url",
@@ -72,8 +72,8 @@ class Calibrator:
         self._begin(params)
 
     def step(self, image: Image, params: CalibratorParams) -> Image:
-        """The image, with the board that is in it and what was covered so far."""
-        if _told(params) != _told(self._params):
+        """The image, with the board detected in it and the area covered so far."""
+        if _board(params) != _board(self._params):
             self._begin(params)
         self._params = params
         self._latest = image
@@ -81,9 +81,9 @@ class Calibrator:
         self._view = self._collector.add(image, name, thorough=False)
         return self._picture(image)
 
-    @action("calibrate by the views so far")
+    @action("calibrate from the views so far")
     def calibrate(self) -> Image | None:
-        """Calibrate; the picture tells how well."""
+        """Calibrate; the picture shows the residuals."""
         try:
             self._found = found = calibrate(self._collector.views, self._params.model)
         except RosVisualiseError as error:
@@ -94,7 +94,7 @@ class Calibrator:
 
     @action("write the calibration to the file")
     def save(self) -> Image | None:
-        """Save it where the camera reads it."""
+        """Save it to the file that the camera reads."""
         if self._found is None:
             return self._say("nothing to save yet: calibrate first")
         try:
@@ -104,7 +104,7 @@ class Calibrator:
             return self._say(str(error))
         return self._say(f"saved to {self._params.file}")
 
-    @action("forget all views")
+    @action("discard all views")
     def clear(self) -> Image | None:
         """Begin anew."""
         self._begin(self._params)
@@ -137,7 +137,7 @@ class Calibrator:
         return None if self._latest is None else self._picture(self._latest)
 
     def _picture(self, image: Image) -> Image:
-        """Drawn only when somebody looks at it."""
+        """The picture, drawn on demand."""
         coverage = self._collector.coverage
         views = f"{len(self._collector.views)} views; {coverage.advice or 'all is covered'}"
         lines = [self._notice, views] if self._notice else [views]
@@ -146,10 +146,10 @@ class Calibrator:
         return Image(Deferred(shape, np.uint8, draw), "bgr8", image.header)
 
 
-def _draw(image: Image, *told: Any) -> Any:
-    return draw_progress(to_gray_8(image), *told)
+def _draw(image: Image, *progress: Any) -> Any:
+    return draw_progress(to_gray_8(image), *progress)
 
 
-def _told(params: CalibratorParams) -> tuple[Any, ...]:
-    """What tells of the board."""
+def _board(params: CalibratorParams) -> tuple[Any, ...]:
+    """The parameters of the board."""
     return params.pattern, params.board, params.share, params.dictionary

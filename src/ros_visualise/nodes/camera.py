@@ -21,7 +21,7 @@ from ros_visualise.sources.video_pixels import parse_size
 
 @dataclass(frozen=True)
 class CameraParams:
-    """Which camera, and how."""
+    """Parameters of `CameraSource`."""
 
     uri: str = param(
         "0",
@@ -30,15 +30,11 @@ class CameraParams:
         saved=False,
         file=may_read_files,
     )
-    size: str = param(
-        "", "size of the images, WIDTHxHEIGHT; empty leaves it to the camera", restart=True
-    )
-    fps: float = param(
-        0.0, "frame rate to ask the camera for; 0 leaves it to the camera", min=0, restart=True
-    )
+    size: str = param("", "image size, WIDTHxHEIGHT; empty is the camera's own", restart=True)
+    fps: float = param(0.0, "requested frame rate, Hz; 0 is the camera's own", min=0, restart=True)
     timeout: float = param(
         2.0,
-        "seconds without an image after which the camera is reopened",
+        "time without an image after which the camera is reopened, seconds",
         min=0.1,
         max=60,
         restart=True,
@@ -46,7 +42,7 @@ class CameraParams:
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
         "",
-        "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
+        "camera calibration, a ROS YAML file: a path or file:///PATH",
         restart=True,
         saved=False,
         file=bool,
@@ -54,7 +50,7 @@ class CameraParams:
 
 
 def with_controls(params: CameraParams) -> CameraParams:
-    """The same parameters, and the controls of the device, with the values that they have."""
+    """The same parameters, and the controls of the device with their current values."""
     own = {spec.name: getattr(params, spec.name) for spec in specs(CameraParams)}
     address = parse_address(params.uri)
     found = control_params(address.name) if address.is_device else []
@@ -83,13 +79,13 @@ class CameraSource:
         self._camera = Camera(params.uri, size, params.fps, params.timeout, asked)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
-        """The images as they come."""
+        """The live images."""
         for stamp_ns, image in self._playback.follow(self._camera.images()):
             stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
             yield "image", self._calibration.add_to(stamped)
 
     def configure(self, params: CameraParams, changed: Collection[str]) -> None:
-        """Set the changed controls; where one is refused, those beside it are set back."""
+        """Set the changed controls; if one is rejected, restore the others."""
         names = self._controls.intersection(changed)
         before = self._params
         try:
@@ -101,9 +97,9 @@ class CameraSource:
         self._params = replace(before, **{name: getattr(params, name) for name in names})
 
     def report(self) -> dict[str, Any]:
-        """The images that came faster than they were taken."""
+        """Images dropped because they came too fast."""
         return {"dropped": {"source": self._camera.dropped} if self._camera.dropped else {}}
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Close the camera."""
         self._camera.close()

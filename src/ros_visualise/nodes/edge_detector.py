@@ -30,13 +30,14 @@ class EdgeParams:
 
     method: Method = param(
         Method.CANNY,
-        "canny gives thin lines; the others give edge strength, black at low to white at high",
+        "edge detector: canny gives thin lines, the others edge strength from black at low to"
+        " white at high",
         group="method",
     )
     low: int = param(
         100,
-        "lower threshold of the hysteresis; swapped with high if larger; 16-bit images "
-        "count as 8 bits",
+        "lower threshold of the hysteresis; swapped with high if larger; on the scale of 8-bit"
+        " images",
         min=0,
         max=800,
         used=unless("auto", True),
@@ -46,26 +47,25 @@ class EdgeParams:
     )
     auto: bool = param(
         False,
-        "choose low and high from the image: low by Otsu's method on the gradient, high twice that",
+        "automatic low and high: low by Otsu's method on the gradient, high twice that",
         group="method",
     )
     aperture: Aperture = param(
         Aperture.THREE,
-        "size of the kernel; with a larger one canny's gradients, so its thresholds too, "
-        "are larger",
+        "kernel size, pixels; a larger one gives larger gradients, which need larger thresholds",
         group="method",
         used=unless("method", Method.SCHARR),
     )
     l2_gradient: bool = param(
         False,
-        "canny: use the gradient's Euclidean norm, which is more exact, not |dx| + |dy|",
+        "canny: Euclidean norm of the gradient, more exact than |dx| + |dy|",
         group="method",
         used=lambda p: p.method is Method.CANNY and not p.auto,
     )
     sigma: float = param(
         0.0,
-        "Gaussian blur before the edges (standard deviation), pixels; 0 is off; with "
-        "laplacian: LoG",
+        "standard deviation of the Gaussian blur before edge detection, pixels; 0 is off; with"
+        " laplacian: LoG",
         min=0,
         max=20,
         slider=(0, 5),
@@ -73,7 +73,7 @@ class EdgeParams:
     )
     min_gradient: int = param(
         0,
-        "keep an edge only where the gradient's Euclidean norm is larger than this; 0 is off",
+        "least Euclidean norm of the gradient on an edge; 0 is off",
         min=0,
         max=800,
         group="method",
@@ -91,11 +91,12 @@ class EdgeParams:
     on_demand=("edges_overlay",),
 )
 def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
-    """Detects edges (mono8) and, if somebody wants it, draws them over the image."""
+    """Detects edges (mono8) and, on demand, draws them over the image."""
     color.refuse_measurements(image.encoding)
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(
-            f"{image.encoding} has no edges of its own: set filters.demosaic=true"
+            f"cannot detect edges in a raw Bayer image ({image.encoding});"
+            " set filters.demosaic=true"
         )
     order = color.order_of(image.encoding)
     fit_threads(image.pixels)

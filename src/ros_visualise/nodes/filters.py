@@ -29,12 +29,12 @@ class FiltersParams:
 
     demosaic: bool = param(
         True,
-        "turn Bayer mosaics into colour images; other images stay as they are",
+        "demosaicing of Bayer images to colour; other images are unchanged",
         group="size",
     )
     scale: float = param(
         1.0,
-        "resize by this factor; 1 is off",
+        "resize factor; 1 is off",
         min=0.01,
         max=4,
         slider=(0.1, 2),
@@ -43,7 +43,7 @@ class FiltersParams:
     )
     width: int = param(
         0,
-        "resize to this width, pixels; 0 takes it from height or scale",
+        "width after resizing, pixels; 0 follows height or scale",
         min=0,
         max=16384,
         slider=(0, 3840),
@@ -51,7 +51,7 @@ class FiltersParams:
     )
     height: int = param(
         0,
-        "resize to this height, pixels; 0 takes it from width or scale",
+        "height after resizing, pixels; 0 follows width or scale",
         min=0,
         max=16384,
         slider=(0, 2160),
@@ -59,18 +59,18 @@ class FiltersParams:
     )
     flip: Flip = param(
         Flip.OFF,
-        "mirror left to right (horizontal), top to bottom (vertical), or both",
+        "mirroring: left to right (horizontal), top to bottom (vertical), or both",
         group="size",
     )
-    gray: bool = param(True, "convert colour to gray: 0.299 R + 0.587 G + 0.114 B")
+    gray: bool = param(True, "conversion of colour to gray: 0.299 R + 0.587 G + 0.114 B")
     blur: Blur = param(
         Blur.OFF,
-        "smooth the image; median above size 5 reduces 16-bit images to 256 levels",
+        "smoothing; median above size 5 reduces 16-bit images to 256 levels",
         group="blur",
     )
     blur_size: int = param(
         5,
-        "width of the blur's window, pixels; an even number counts as the next odd one",
+        "width of the blur's window, pixels; even numbers are rounded up to odd",
         min=1,
         max=31,
         group="blur",
@@ -78,7 +78,7 @@ class FiltersParams:
     )
     blur_sigma: float = param(
         0.0,
-        "gaussian and bilateral: standard deviation, pixels; 0 takes it from the size",
+        "gaussian and bilateral: standard deviation, pixels; 0 follows the size",
         min=0,
         max=20,
         group="blur",
@@ -86,30 +86,30 @@ class FiltersParams:
     )
     bilateral_color: float = param(
         50.0,
-        "bilateral: values that differ by more are hardly mixed (x 257 at 16 bits)",
+        "bilateral: difference of values above which they are hardly mixed (x 257 at 16 bits)",
         min=1,
         max=255,
         group="blur",
         used=when("blur", Blur.BILATERAL),
     )
     contrast: float = param(
-        1.0, "multiply each value by this; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
+        1.0, "factor of all values; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
     )
     brightness: int = param(
         0,
-        "add this to each value (x 257 at 16 bits); 0 is off",
+        "offset of all values (x 257 at 16 bits); 0 is off",
         min=-255,
         max=255,
         group="tone",
     )
     equalize: Equalize = param(
         Equalize.OFF,
-        "spread the histogram: global, or clahe (in tiles); of colours only the brightness",
+        "histogram equalization: global, or clahe (in tiles); in colour images, of the brightness",
         group="tone",
     )
     clahe_clip: float = param(
         2.0,
-        "clahe: contrast limit; 0 is no limit",
+        "clahe: contrast limit; 0 is unlimited",
         min=0,
         max=100,
         slider=(0, 10),
@@ -138,12 +138,12 @@ class FiltersParams:
     )
     hsv: HsvMode = param(
         HsvMode.OFF,
-        "select a range of colours: keep them and make others black, or mask; needs gray=false",
+        "selection of a range of colours: others become black, or a mask; needs gray=false",
         group="hsv",
     )
     hue_min: int = param(
         0,
-        "lowest hue, degrees / 2; if above hue_max, the range goes through red",
+        "lowest hue, degrees / 2; above hue_max, the range goes through red",
         min=0,
         max=179,
         group="hsv",
@@ -158,7 +158,7 @@ class FiltersParams:
     )
     value_min: int = param(
         0,
-        "lowest value (brightness); of 16-bit images at 8 bits",
+        "lowest value (brightness), scaled to 8 bits",
         min=0,
         max=255,
         group="hsv",
@@ -169,20 +169,20 @@ class FiltersParams:
     )
     threshold_mode: Threshold = param(
         Threshold.TRUNCATE,
-        "apply a threshold; otsu and adaptive convert colour to gray",
+        "kind of threshold; otsu and adaptive convert colour to gray",
         group="threshold mode",
     )
     threshold: int = param(
         255,
-        "the threshold for each channel (x 257 at 16 bits); truncate changes nothing at 255;"
-        " otsu and adaptive choose their own",
+        "threshold of each channel (x 257 at 16 bits); truncate changes nothing at 255; otsu and"
+        " adaptive choose their own",
         min=0,
         max=255,
         used=unless("threshold_mode", Threshold.OFF, Threshold.OTSU, *_ADAPTIVE),
     )
     adaptive_size: int = param(
         11,
-        "adaptive: width of the window, pixels; an even number counts as the next odd one",
+        "adaptive: width of the window, pixels; even numbers are rounded up to odd",
         min=3,
         max=255,
         slider=(3, 51),
@@ -191,7 +191,7 @@ class FiltersParams:
     )
     adaptive_offset: float = param(
         2.0,
-        "adaptive: subtracted from the window's mean to give the threshold (x 257 at 16 bits)",
+        "adaptive: offset of the threshold below the window's mean (x 257 at 16 bits)",
         min=-255,
         max=255,
         slider=(-50, 50),
@@ -199,14 +199,14 @@ class FiltersParams:
         used=when("threshold_mode", *_ADAPTIVE),
     )
     morphology: Morphology = param(
-        Morphology.OFF, "change the shapes of bright areas", group="morphology"
+        Morphology.OFF, "morphological operation on bright areas", group="morphology"
     )
     morphology_shape: Shape = param(
         Shape.RECT, "morphology: shape of the structuring element", group="morphology", used=_MORPHS
     )
     morphology_size: int = param(
         3,
-        "morphology: width of the element, pixels; an even number counts as the next odd one",
+        "morphology: width of the element, pixels; even numbers are rounded up to odd",
         min=1,
         max=31,
         group="morphology",
@@ -233,7 +233,9 @@ def filters(image: Image, params: FiltersParams) -> Image:
     if pixels is image.pixels:
         return image
     if color.is_bayer(image.encoding):
-        raise UnsupportedImage(f"{image.encoding} is filtered only with demosaic=true")
+        raise UnsupportedImage(
+            f"cannot filter a raw Bayer image ({image.encoding}); set demosaic=true"
+        )
     encoding = color.encoding_of(pixels, order)
     return replace(
         image, data=pixels, encoding=encoding, camera_info=_calibration(image, pixels, params)

@@ -17,13 +17,13 @@ class FpsParams:
 
     fps: int = param(
         30,
-        "frames per second that pass; 0 counts as 1",
+        "rate of frames that pass, Hz; 0 counts as 1",
         min=0,
         max=240,
         slider=(0, 30),
         used=when("enabled", True),
     )
-    enabled: bool = param(True, "limit the rate; off lets every frame pass")
+    enabled: bool = param(True, "rate limit; off passes every frame")
 
 
 @node(
@@ -36,9 +36,9 @@ class FpsParams:
     timed=True,
 )
 class FpsControl:
-    """Limits images to a requested rate, by their stamps; it never repeats or delays one.
+    """Limits images to a requested rate, by their timestamps, without repeating or delaying one.
 
-    Where stamps are zero, the times of arrival count.
+    Images without a timestamp are taken by their arrival times.
     """
 
     def __init__(self, params: FpsParams) -> None:
@@ -47,7 +47,7 @@ class FpsControl:
         self._requested_hz: float | None = None
 
     def step(self, image: Image, params: FpsParams, arrival_ns: int) -> Image | None:
-        """The image itself, or None to leave it out."""
+        """The image itself, or None to drop it."""
         self._requested_hz = max(params.fps, 1) if params.enabled else None
         if self._requested_hz is None:
             self._pacer.reset()

@@ -1,4 +1,4 @@
-"""The node that tells where the landing target is from the robot."""
+"""The node that estimates the pose of the landing target relative to the robot."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ class LandingTargetParams:
 
     target: str = param(
         "pad",
-        "what to land on, such as pad, helipad: the name of a tag, of a bundle, or of a "
-        "class of objects with the origin in the middle",
+        "landing target: the name of a tag, of a bundle, or of a class of objects with the origin"
+        " in the middle, such as pad, helipad",
     )
-    rate: float = param(20.0, "messages per second between images, by the odometry", min=0, max=200)
+    rate: float = param(20.0, "rate of messages between images, from odometry, Hz", min=0, max=200)
     timeout: float = param(
-        1.0, "seconds after which a target that is not seen is lost", min=0.05, max=60
+        1.0, "time after which an unseen target is lost, seconds", min=0.05, max=60
     )
     axes: BodyAxes = param(
-        BodyAxes.FLU, "axes of the body: FLU as in REP 103, or FRD as in MAVLink and PX4"
+        BodyAxes.FLU, "body axes: FLU as in REP 103, or FRD as in MAVLink and PX4"
     )
-    frame: str = param("base_link", "frame of the body; with FRD, _frd is added to its name")
-    fixed_frame: str = param("odom", "frame in which the target stands still or moves steadily")
+    frame: str = param("base_link", "body frame; with FRD, _frd is added to its name")
+    fixed_frame: str = param("odom", "frame in which the target is still or moves steadily")
     speed: float = param(
         1.0,
-        "speed that the target may have (standard deviation), m/s; 0: it stands still",
+        "standard deviation of the target's speed, m/s; 0 is a still target",
         min=0,
         max=50,
         slider=(0, 5),
@@ -59,7 +59,7 @@ class LandingTargetParams:
     )
     acceleration: float = param(
         0.5,
-        "how much its speed changes in a second (standard deviation), m/s",
+        "standard deviation of the change of its speed in one second, m/s",
         min=0.001,
         max=50,
         slider=(0, 5),
@@ -71,15 +71,15 @@ class LandingTargetParams:
         min=0,
         max=45,
         slider=(0, 5),
-        group="sureness",
+        group="uncertainty",
     )
     ground_height: float = param(
         0.0,
-        "height of the target in the fixed frame, until its distance is known, metres",
+        "height of the target in the fixed frame until its distance is measured, metres",
         min=-1e4,
         max=1e4,
         slider=(-10, 10),
-        group="sureness",
+        group="uncertainty",
     )
     ground_sigma: float = param(
         0.5,
@@ -87,12 +87,12 @@ class LandingTargetParams:
         min=0.01,
         max=1e3,
         slider=(0.01, 5),
-        group="sureness",
+        group="uncertainty",
     )
 
     def __post_init__(self) -> None:
         if not self.names:
-            raise ParameterError(f"target={self.target!r}: name what to land on, such as pad")
+            raise ParameterError(f"target={self.target!r}: give a landing target, such as pad")
 
     @property
     def names(self) -> set[str]:
@@ -112,21 +112,21 @@ class LandingTargetParams:
     frames=True,
 )
 class LandingTarget:
-    """Tells where the landing target is from the robot, also between images, while it is known.
+    """Estimates the pose of the landing target relative to the robot, also between images.
 
-    It says nothing while the target is not: a listener is to take its last word for `timeout` at
-    most. The odometry that it gives is the target's, with its velocity, in the fixed frame.
+    It publishes nothing while the target is lost. ``landing_target_odom`` is the odometry of the
+    target, with its velocity, in the fixed frame.
     """
 
     def __init__(self, params: LandingTargetParams) -> None:
         self._tracker = TargetTracker()
-        self._told_ns = 0
+        self._published_ns = 0
         self._answers = self._losses = 0
 
     def reset(self) -> None:
         """Begin anew: time jumped."""
         self._tracker.forget()
-        self._told_ns = 0
+        self._published_ns = 0
 
     def step(
         self,
@@ -137,20 +137,20 @@ class LandingTarget:
         *,
         frames: FrameTree,
     ) -> dict[str, Any] | None:
-        """Where the target is at the time of an image or of an odometry."""
+        """The target's pose at the time of an image or of an odometry."""
         found = objects if detections is None else detections
         if found is not None:
             self._observe(found, params, frames)
-            return self._tell(found.header.stamp_ns, params, frames)
+            return self._estimate(found.header.stamp_ns, params, frames)
         if odom is None or not params.rate:
             return None
         stamp_ns = odom.header.stamp_ns
-        if stamp_ns - self._told_ns < 1e9 / params.rate:
+        if stamp_ns - self._published_ns < 1e9 / params.rate:
             return None
-        return self._tell(stamp_ns, params, frames)
+        return self._estimate(stamp_ns, params, frames)
 
     def report(self) -> dict[str, Any]:
-        """How often it told of the target, refused a sighting, and lost it."""
+        """Numbers of estimates, of rejected sightings, and of losses of the target."""
         refused = self._tracker.refused
         return {"answers": self._answers, "refused": refused, "losses": self._losses}
 
@@ -172,7 +172,7 @@ class LandingTarget:
             known = [one for one in readings if one is not None]
             self._tracker.observe(stamp_ns, known, _motion(params), ground)
 
-    def _tell(
+    def _estimate(
         self, stamp_ns: int, params: LandingTargetParams, frames: FrameTree
     ) -> dict[str, Any] | None:
         self._drop_if_lost(stamp_ns, params)
@@ -180,7 +180,7 @@ class LandingTarget:
         if estimate is None:
             return None
         T_fixed_body = frames.lookup(params.fixed_frame, params.frame, stamp_ns)
-        self._told_ns = stamp_ns
+        self._published_ns = stamp_ns
         self._answers += 1
         sigma = math.radians(params.attitude_sigma)
         pose = relative_to(T_fixed_body, estimate, sigma, params.axes)

@@ -1,4 +1,4 @@
-"""The node that finds things by a network, and tells in which directions they are."""
+"""The node that detects objects by a neural network, and their directions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ros_visualise.vision import color
 from ros_visualise.vision.threads import fit_threads
 
 OWN_MODEL = Path(__file__).parents[1] / "landmarks" / "networks" / "models" / "aerial.onnx"
-"""The network of this project, which is taken where no other is named."""
+"""The network of this project: the default."""
 
 
 @dataclass(frozen=True)
@@ -32,36 +32,40 @@ class LandmarkParams:
 
     model: str = param(
         "",
-        "ONNX file of a network that finds objects; empty: our own, for helipads, tags, "
-        "posts and vehicles seen from the air",
+        "ONNX file of a detection network; empty is our own, for helipads, tags, posts and"
+        " vehicles seen from the air",
         restart=True,
         file=bool,
     )
     names: str = param(
         "",
-        "text file with one class name per line; empty: the names in the network's own file",
+        "text file with one class name per line; empty is the network's own names",
         restart=True,
         file=bool,
     )
     classes: str = param(
-        "", "names or numbers of the classes to find, such as helipad, 7; empty: all"
+        "", "names or numbers of the classes to detect, such as helipad, 7; empty is all"
     )
-    min_score: float = param(0.4, "lowest score, from 0 to 1, that counts as found", min=0, max=1)
+    min_score: float = param(0.4, "lowest score of a detection, 0 to 1", min=0, max=1)
     max_overlap: float = param(
         0.5,
-        "two boxes of a class that overlap by more than this fraction count as one; for "
-        "networks that report an object several times",
+        "overlap above which two boxes of a class are merged, as a fraction; for networks that"
+        " report an object several times",
         min=0,
         max=1,
         group="choice",
     )
     max_detections: int = param(
-        100, "most detections in one image; the best are kept", min=1, max=1_000, slider=(1, 300)
+        100,
+        "largest number of detections in one image; the best are kept",
+        min=1,
+        max=1_000,
+        slider=(1, 300),
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
-        "which point of a box is on the ground, for networks that tell none: the middle "
-        "of its lower side, or its centre, which fits a view from above",
+        "point of a box on the ground, if the network gives none: the middle of its lower side,"
+        " or its centre, for a view from above",
         group="direction",
     )
     box_sigma: float = param(
@@ -74,26 +78,25 @@ class LandmarkParams:
     )
     input_size: int = param(
         0,
-        "longer side of the network's input, pixels, if its file leaves that open; 0: "
-        "what the file says, or else 640",
+        "longer side of the network's input, pixels, if its file does not fix it; 0 is the file's"
+        " own, or else 640",
         min=0,
         max=4096,
         restart=True,
     )
     provider: Provider = param(
-        Provider.CPU, "what the network runs on; cuda needs onnxruntime-gpu", restart=True
+        Provider.CPU, "device that the network runs on; cuda needs onnxruntime-gpu", restart=True
     )
     threads: int = param(
         2,
-        "threads that work on one image; more are faster, and leave less for other nodes",
+        "number of threads for one image; more are faster, and slow down other nodes",
         min=1,
         max=64,
         restart=True,
     )
     database_location: str = param(
         "",
-        "where readers of vision_info find the names of the classes, such as a ROS parameter; "
-        "empty: the file that has them",
+        "location of the class names in vision_info, such as a ROS parameter; empty is their file",
         restart=True,
     )
 
@@ -108,12 +111,12 @@ class LandmarkParams:
     calibrated=True,
 )
 class LandmarkDetector:
-    """Finds objects by a neural network (ONNX), and their directions if calibrated."""
+    """Detects objects by a neural network (ONNX), and their directions if calibrated."""
 
     def __init__(self, params: LandmarkParams) -> None:
         self._remarks = OnceLog("landmark_detector")
         self._opened: tuple[str | int | Provider, ...] = ()
-        self._told: dict[int, str] | None = None
+        self._published: dict[int, str] | None = None
         self._version = 0
         self._prepare(params)
 
@@ -133,11 +136,11 @@ class LandmarkDetector:
         return {
             "detections": Detections(found, image.header, image.camera_info),
             "debug_image": replace(image, data=shown, encoding="bgr8"),
-            "vision_info": self._tell_names(image),
+            "vision_info": self._vision_info(image),
         }
 
     def _prepare(self, params: LandmarkParams) -> None:
-        """Take over parameters; where they are refused, what was before stays."""
+        """Apply parameters; if they are rejected, the former ones stay."""
         self._params = params
         opened = (params.model, params.provider, params.threads, params.input_size)
         if opened != self._opened:
@@ -151,11 +154,11 @@ class LandmarkDetector:
             params.min_score, params.max_overlap, params.max_detections, classes
         )
 
-    def _tell_names(self, image: Image) -> VisionInfo | None:
-        """Once, and again when they have changed."""
-        if self._names == self._told:
+    def _vision_info(self, image: Image) -> VisionInfo | None:
+        """The names of the classes, if they are new."""
+        if self._names == self._published:
             return None
-        self._told, self._version = self._names, self._version + 1
+        self._published, self._version = self._names, self._version + 1
         params = self._params
         file = Path(_file_of(params.model))
         place = params.database_location or params.names or str(file)
@@ -163,7 +166,7 @@ class LandmarkDetector:
         return VisionInfo(method, place, self._version, image.header)
 
     def _locate(self, found: Candidates, image: Image) -> tuple[Detection, ...]:
-        """With directions, or once a word that tells why there are none."""
+        """Detections with directions, or without and once a warning."""
         params, info = self._params, image.camera_info
         stand = GroundPointRule(params.stands_on, params.box_sigma)
         if info and (info.width, info.height) != (image.width, image.height):
@@ -181,7 +184,7 @@ def _file_of(model: str) -> str:
     """The file of a network.
 
     Raises:
-        OpenError: none is named, and this installation has none of its own.
+        OpenError: none is given, and our own is not installed.
     """
     if not model and not OWN_MODEL.is_file():
         raise OpenError("landmark_detector: give an ONNX file by model=FILE.onnx")

@@ -1,4 +1,4 @@
-"""The node that tells where landmarks are."""
+"""The node that maps landmarks."""
 
 from __future__ import annotations
 
@@ -34,29 +34,27 @@ from ros_visualise.sinks.files import save_again
 log = logging.getLogger(__name__)
 
 _MAP, _ODOM = "map", "odom"  # REP 105
-_STALE_S = 1.0  # an odometry that is further from an image tells nothing of it
+_STALE_S = 1.0  # an odometry further from an image is not used for it
 
 
 @dataclass(frozen=True)
 class LocalizerParams(MapParams):
     """Parameters of `LandmarkLocalizer`."""
 
-    fixed_frame: str = param(
-        _MAP, "frame of the landmarks; if there is no frame map, odom is taken"
-    )
+    fixed_frame: str = param(_MAP, "frame of the landmarks; odom if there is no frame map")
     min_sightings: int = param(
         3,
-        "how often something has to be seen to become a landmark",
+        "number of sightings that make a landmark",
         min=1,
         max=1000,
         slider=(1, 20),
     )
     ground_frame: str = param(
-        "", "frame whose x-y plane is the ground; empty: the fixed frame", group="ground"
+        "", "frame whose x-y plane is the ground; empty is the fixed frame", group="ground"
     )
     attitude_sigma: float = param(
         1.0,
-        "standard deviation of the robot's attitude, degrees, where odom tells no covariance",
+        "standard deviation of the robot's attitude, degrees, if odom has no covariance",
         min=0,
         max=45,
         slider=(0, 5),
@@ -64,7 +62,7 @@ class LocalizerParams(MapParams):
     )
     attitude_time: float = param(
         60.0,
-        "time constant of the attitude's error, seconds: how long errors last",
+        "time constant of the attitude's error, seconds",
         min=0.01,
         max=1e9,
         slider=(1, 600),
@@ -72,7 +70,7 @@ class LocalizerParams(MapParams):
     )
     position_sigma: float = param(
         0.05,
-        "standard deviation of the robot's position, metres, where odom tells no covariance",
+        "standard deviation of the robot's position, metres, if odom has no covariance",
         min=0,
         max=1e3,
         slider=(0, 1),
@@ -115,7 +113,6 @@ class LandmarkLocalizer:
                 )
         self._odom: Odometry | None = None
         self._frame = ""
-        self._told = False
         self.reset()
 
     def reset(self) -> None:
@@ -126,16 +123,16 @@ class LandmarkLocalizer:
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
-        """Write the map; its own file of before is replaced when all of it is written."""
+        """Write the map; replace its former file when it is complete."""
         landmarks = self._localizer.landmarks
         if not landmarks:
-            log.warning("there is no landmark yet: nothing is written")
+            log.warning("no landmarks yet; nothing saved")
             return
         path = Path(self._params.save_to)
         frame_id = self._frame or self._params.fixed_frame
         check_map_name(path)
         save_again(path, map_file.to_text(frame_id, landmarks.values()).encode())
-        log.info("%d landmarks are in %s", len(landmarks), path.absolute())
+        log.info("%d landmarks saved to %s", len(landmarks), path.absolute())
 
     def step(
         self,
@@ -146,7 +143,7 @@ class LandmarkLocalizer:
         *,
         frames: FrameTree,
     ) -> dict[str, Any] | None:
-        """Where all landmarks are by now; ``objects`` are detections of a second detector."""
+        """All landmarks by now; ``objects`` are detections of a second detector."""
         self._params = params
         if odom is not None:
             self._odom = odom
@@ -168,7 +165,7 @@ class LandmarkLocalizer:
         return self._answer(Header(header.stamp_ns, self._frame))
 
     def report(self) -> dict[str, Any]:
-        """How often each landmark was seen, and detections that were left out, by reason."""
+        """Numbers of sightings of each landmark, and of rejected detections by reason."""
         landmarks = self._localizer.landmarks.values()
         return {
             "landmarks": len(landmarks),
@@ -177,7 +174,7 @@ class LandmarkLocalizer:
         }
 
     def _answer(self, header: Header) -> dict[str, Any]:
-        """All landmarks; what is drawn, and frames, only where one of them changed."""
+        """All landmarks; markers and frames only if one of them changed."""
         landmarks = self._localizer.landmarks.values()
         answer: dict[str, Any] = {"landmarks": self._shown.detections(landmarks, header)}
         if self._anew or self._localizer.has_changed:
@@ -187,21 +184,21 @@ class LandmarkLocalizer:
         return answer
 
     def _place(self, frames: FrameTree, header: Header) -> Floats:
-        """T_fixed_camera (4, 4) at the time of an image, in the fixed frame that there is."""
+        """T_fixed_camera (4, 4) at the time of an image, in map or else odom."""
         fixed = self._params.fixed_frame
         if fixed == _MAP and not self._known and _MAP not in frames.frames():
             fixed = _ODOM
         T_fixed_camera = frames.lookup(fixed, header.frame_id, header.stamp_ns)
         if fixed != self._frame:
             if fixed != self._params.fixed_frame:
-                log.warning("there is no frame %s; landmarks are told in %s", _MAP, fixed)
+                log.warning("no frame %s; publishing landmarks in %s", _MAP, fixed)
             self._frame = fixed
             self._localizer = Localizer(copy.deepcopy(self._known))
             self._shown, self._anew = LandmarkMessages(), True
         return T_fixed_camera
 
     def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:
-        """The ground in the fixed frame; None where nobody knows it."""
+        """The ground in the fixed frame; None if unknown."""
         p = self._params
         if not p.ground:
             return None
@@ -210,7 +207,7 @@ class LandmarkLocalizer:
         return Ground(normal, p.ground_height + float(normal @ T[:3, 3]), p.ground_sigma)
 
     def _robot_covariance(self, frames: FrameTree, stamp_ns: int, camera: Floats) -> Floats | None:
-        """(6, 6) what the odometry says of the camera's error; None where it says nothing."""
+        """Covariance (6, 6) of the camera's pose from odometry; None if unknown."""
         odom = self._odom
         if odom is None or not odom.pose_covariance.any():
             return None
@@ -225,7 +222,7 @@ class LandmarkLocalizer:
 
 
 def check_map_name(path: Path) -> None:
-    """Refuse a name that is none of a map.
+    """Reject an invalid file name of a map.
 
     Raises:
         UsageError: it does not end in .yaml.

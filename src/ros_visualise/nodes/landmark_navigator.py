@@ -1,4 +1,4 @@
-"""The node that tells where the robot is in a map of landmarks."""
+"""The node that localizes the robot in a map of landmarks."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ from ros_visualise.sinks.files import save_again
 log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
-_TWO_TELL = (
-    "somebody else tells where {1} is in {0}: it holds until now; let nobody else tell it (on ROS,"
-    " stop that node; of a recording, play it without its localization)"
+_TWO_PUBLISH = (
+    "another node already publishes {0} -> {1}: starting from its last value; stop it (of a"
+    " recording, play it without its localization)"
 )
-_SHOWN_NS = 200_000_000  # between what people look at
+_SHOWN_NS = 200_000_000  # between diagnostics and markers
 
 
 @node(
@@ -79,9 +79,9 @@ _SHOWN_NS = 200_000_000  # between what people look at
     frames=True,
 )
 class LandmarkNavigator:
-    """Corrects the odometry by landmarks: tells map -> odom, and the robot's pose in the map.
+    """Corrects the odometry by landmarks: publishes map -> odom, and the robot's pose in the map.
 
-    An IMU carries the robot on between odometries, and GPS corrects it too, where they are there.
+    An IMU, if any, propagates the pose between odometries; GPS, if any, corrects it too.
     """
 
     def __init__(self, params: NavigatorParams) -> None:
@@ -96,7 +96,7 @@ class LandmarkNavigator:
         if params.mode is MapMode.BUILD:
             return
         if not params.map:
-            raise OpenError(f"mode {params.mode.value} needs a map: give its file as map")
+            raise OpenError(f"mode {params.mode.value} needs a map; give its file as map")
         self._frame, several, self._common = map_file.load(Path(params.map))
         self._given = _named(several)
         self._settings = _on(self._settings, self._common)
@@ -106,24 +106,24 @@ class LandmarkNavigator:
         self._navigator: Navigator | None = None
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None
-        self._told_ns: int | None = None
-        self._said = ""
+        self._shown_ns: int | None = None
+        self._state = ""
         self._mounted: dict[str, ImuMounting | None] = {}
         self._rejections = Rejections()
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
-        """Write the map; its own file of before is replaced when all of it is written."""
+        """Write the map; replace its former file when it is complete."""
         tracks, common = (
             messages.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
         )
         if not tracks:
-            log.warning("there is no landmark yet: nothing is written")
+            log.warning("no landmarks yet; nothing saved")
             return
         path = Path(self._params.save_to)
         check_map_name(path)
         save_again(path, map_file.to_text(self._frame, tracks, common).encode())
-        log.info("%d landmarks are in %s", len(tracks), path.absolute())
+        log.info("%d landmarks saved to %s", len(tracks), path.absolute())
 
     def step(
         self,
@@ -177,7 +177,7 @@ class LandmarkNavigator:
         navigator.fix(gps.header.stamp_ns, geodetic, known, mounting.p)
 
     def _mounting(self, header: Header, frames: FrameTree) -> ImuMounting | None:
-        """Where a sensor is on the robot; None, and said once, where nobody tells it."""
+        """The pose of a sensor on the robot; None and one warning if unknown."""
         name = header.frame_id
         if name not in self._mounted:
             self._mounted[name] = None
@@ -185,11 +185,11 @@ class LandmarkNavigator:
                 T = frames.lookup(self._base_frame, name, header.stamp_ns)
                 self._mounted[name] = ImuMounting(T[:3, :3], T[:3, 3])
             except NoTransform as error:
-                log.warning("%s is left out: %s", name or "a sensor without a frame", error)
+                log.warning("ignoring %s: %s", name or "a sensor without a frame", error)
         return self._mounted[name]
 
     def _change(self, params: NavigatorParams) -> None:
-        """Go on with other parameters; with another map, begin anew."""
+        """Continue with other parameters; with another map, begin anew."""
         before, self._params = self._params, params
         if (params.mode, params.map) != (before.mode, before.map):
             self._open(params)
@@ -200,11 +200,11 @@ class LandmarkNavigator:
             self._navigator.configure(self._settings)
 
     def report(self) -> dict[str, Any]:
-        """How many images were used, and how often it was lost."""
+        """Numbers of images used, of losses and of landmarks."""
         if self._navigator is None:
             return {}
-        there = self._navigator.landmark_map.landmarks.values()
-        return {**self._navigator.counts, "landmarks": sum(one.is_used for one in there)}
+        landmarks = self._navigator.landmark_map.landmarks.values()
+        return {**self._navigator.counts, "landmarks": sum(one.is_used for one in landmarks)}
 
     def _go_on(self, odometry: Odometry, frames: FrameTree) -> dict[str, Any]:
         header = odometry.header
@@ -229,22 +229,22 @@ class LandmarkNavigator:
         return answer
 
     def _start(self, frames: FrameTree, header: Header) -> rigid.Pose:
-        """T_map_odom where somebody tells where the odometry began, else they are one.
+        """T_map_odom if the start of the odometry is published, else the identity.
 
-        Of odom a frame odom_start tells it, as those of simulated robots. What was told holds
-        again after a jump of time.
+        A frame odom_start, as that of simulated robots, goes first. It holds again after a jump
+        of time.
         """
         for frame in (f"{header.frame_id}_start", header.frame_id):
             with suppress(NoTransform):
                 T = frames.lookup(self._frame, frame, header.stamp_ns)
                 self._begun = rigid.pose(*transforms.to_pose(T))
                 if frame == header.frame_id:
-                    log.warning("%s", _TWO_TELL.format(self._frame, frame))
+                    log.warning("%s", _TWO_PUBLISH.format(self._frame, frame))
                 break
         return self._begun
 
     def _shown(self) -> dict[str, Any]:
-        """What people look at: now and then, and at once where something is new."""
+        """Diagnostics and markers: now and then, and at once if the state changed."""
         navigator = self._navigator
         if navigator is None or not navigator.has_news:
             return {}
@@ -252,11 +252,11 @@ class LandmarkNavigator:
         for text in self._rejections.look(navigator.outcome):
             log.warning("landmark_navigator: %s (further occurrences suppressed)", text)
         at = Header(navigator.at_ns, self._frame)
-        said = f"{navigator.reason} {sorted(navigator.outcome.rejected)}"
-        is_due = self._told_ns is None or at.stamp_ns - self._told_ns >= _SHOWN_NS
-        if not is_due and said == self._said:
+        state = f"{navigator.reason} {sorted(navigator.outcome.rejected)}"
+        is_due = self._shown_ns is None or at.stamp_ns - self._shown_ns >= _SHOWN_NS
+        if not is_due and state == self._state:
             return {}
-        self._told_ns, self._said = at.stamp_ns, said
+        self._shown_ns, self._state = at.stamp_ns, state
         answer: dict[str, Any] = {"diagnostics": messages.diagnostics_of(navigator, self._now, at)}
         if self._now is not None:
             answer["landmarks"] = messages.landmarks_of(navigator, at)
@@ -265,19 +265,19 @@ class LandmarkNavigator:
 
 
 def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:
-    """By name; of points, which may be several of a class, it ends in a number."""
+    """Landmarks by name; names of points of one class end in a number."""
     numbered = (replace(one, number=n) for n, one in enumerate(tracks, 1))
     return {one.name: one for one in numbered}
 
 
 def _on(settings: NavigatorSettings, common: Floats) -> NavigatorSettings:
-    """Over a map that may be tilted by as much as this covariance (6, 6) says."""
+    """The same over a map whose tilt has this covariance (6, 6)."""
     tilt = float(np.sqrt(common[[3, 4], [3, 4]].max()))
     return replace(settings, level_rad=float(np.hypot(settings.level_rad, tilt)))
 
 
 def _known(tracks: Mapping[str, LandmarkTrack], common: Floats) -> dict[str, KnownLandmark]:
-    """The landmarks of a map, with what each is off beside what is common."""
+    """The landmarks of a map, with their errors beside the common one."""
     return {name: _known_one(one, common) for name, one in tracks.items()}
 
 

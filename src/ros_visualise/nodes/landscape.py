@@ -1,4 +1,4 @@
-"""The node that flies over a drawn landscape."""
+"""The node that shows a flight over a drawn landscape."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ros_visualise.sources.video_pixels import parse_size
 
 @dataclass(frozen=True)
 class LandscapeParams:
-    """How the flight is shown."""
+    """Parameters of `Landscape`."""
 
-    size: str = param("640x480", "size of the images as WIDTHxHEIGHT, pixels", restart=True)
+    size: str = param("640x480", "image size, WIDTHxHEIGHT", restart=True)
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
 
 

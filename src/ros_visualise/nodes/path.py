@@ -34,29 +34,29 @@ class PathParams:
     """Parameters of `PathNode`."""
 
     min_distance: float = param(
-        0.05, "keep a pose this far from the last one, metres", min=0, max=100, slider=(0, 2)
+        0.05, "distance between poses of the path, metres", min=0, max=100, slider=(0, 2)
     )
     min_angle: float = param(
         5.0,
-        "keep a pose turned by so much since the last one, degrees; 0 keeps every pose",
+        "turn between poses of the path, degrees; 0 keeps every pose",
         min=0,
         max=180,
         slider=(0, 45),
     )
     max_poses: int = param(
         10_000,
-        "most poses in the path; beyond it the older half is thinned out, its shape kept",
+        "largest number of poses in the path; then the older half is thinned out, its shape kept",
         min=10,
         max=100_000,
         slider=(10, 20_000),
     )
     rate: float = param(
-        5.0, "paths per second at most, by the stamps; 0: one for each pose", min=0, max=100
+        5.0, "highest rate of paths, by the timestamps, Hz; 0 is one for each pose", min=0, max=100
     )
     tf_parent: str = param(
-        "", "follow tf_child in this frame, by tf; leave both empty to follow the other inputs"
+        "", "frame in which tf_child is followed, by tf; both empty: follow the other inputs"
     )
-    tf_child: str = param("", "frame to follow by tf; leave it empty to follow the other inputs")
+    tf_child: str = param("", "frame that is followed by tf; empty: follow the other inputs")
 
 
 @node(
@@ -98,7 +98,7 @@ class PathNode:
         self._locator.reset()
         self._begin()
 
-    @action("forget the path so far")
+    @action("begin a new path")
     def clear(self) -> Path:
         """Begin a new path here; the answer is an empty one."""
         header = self._header
@@ -172,14 +172,14 @@ class PathNode:
             self._begin()
 
     def _follows(self, name: str) -> bool:
-        """Whether a message of this input belongs to the path; a better input begins it anew."""
+        """True if a message of this input belongs to the path; a better input begins a new one."""
         if self._pair.child:
             return False
         order = ("odom", "pose", "pose_cov", "fix", "")
         if order.index(name) < order.index(self._followed):
             self._followed = name
             if name != "odom":
-                log.info("no odometry has come: the path follows %s", name)
+                log.info("no odometry; drawing the path from /%s", name)
             self._begin()
         return name == self._followed
 
@@ -211,7 +211,7 @@ class PathNode:
             self._is_due = True
 
     def _is_stamped_alike(self, header: Header) -> bool:
-        """Whether a pose goes on the path, which is of poses with timestamps or of ones without."""
+        """True if the pose and the path both have timestamps, or both do not."""
         has_stamp, had_stamp = bool(header.stamp_ns), bool(self._header.stamp_ns)
         if not len(self._track) or has_stamp == had_stamp:
             return True

@@ -17,18 +17,18 @@ from ros_visualise.sources.playback import Playback
 
 @dataclass(frozen=True)
 class PicturesParams:
-    """Which pictures, and how fast."""
+    """Parameters of `PicturesNode`."""
 
     path: str = param(
         "", "a picture, or a folder of pictures", restart=True, saved=False, file=bool
     )
     fps: float = param(
-        1.0, "pictures per second", min=0.01, max=240, slider=(0.1, 30), restart=True
+        1.0, "rate of pictures, Hz", min=0.01, max=240, slider=(0.1, 30), restart=True
     )
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
         "",
-        "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
+        "camera calibration, a ROS YAML file: a path or file:///PATH",
         restart=True,
         saved=False,
         file=bool,
@@ -54,7 +54,7 @@ class PicturesNode:
             yield "image", self._calibration.add_to(stamped)
 
     def report(self) -> dict[str, Any]:
-        """What could not be read."""
+        """Notes on unreadable files."""
         notes = self._pictures.faults
         return {"lost": {"messages": len(notes), "bytes": 0, "notes": notes}} if notes else {}
 

@@ -20,7 +20,7 @@ from ros_visualise.sources.recordings.playing import PlayableRecording
 log = logging.getLogger(__name__)
 
 _LISTED = 3  # of topics that share a reason, and of reasons, so many are named
-_LONG_HOURS = 72  # from here on a gap is told in days
+_LONG_HOURS = 72  # from here on a gap is printed in days
 
 
 @source("player", params=NoParams, outputs={}, makes_time=True)
@@ -45,13 +45,13 @@ class Player:
         playback.check_start(self._playable.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
-        """The messages as they are recorded, each when its time has come."""
+        """The recorded messages, each when its time has come."""
         for _, batch in self._playback.run(self._playable, self._playable.is_frame):
             for entry in batch:
                 yield entry.topic, self._calibrated(entry)
 
     def report(self) -> dict[str, Any]:
-        """What could not be read, and why topics could not be played at all."""
+        """Losses, and topics that cannot be played with the reasons."""
         loss = self._recording.loss
         lost = {"lost": asdict(loss)} if loss else {}
         return {**lost, "unplayed": dict(self._unplayed)} if self._unplayed else lost
@@ -61,14 +61,14 @@ class Player:
         self._recording.close()
 
     def _calibrated(self, entry: Entry) -> Any:
-        """The message as it is recorded; images with their calibration, if somebody gave it."""
+        """The recorded message; images with their calibration, if one is given."""
         kind = self._recording.topics[entry.topic].type.data_class
         if self._calibration is None or kind not in (Image, Detections):
             return entry.message
         try:
             return self._calibration.add_to(content(entry.message))
         except DamagedMessage:
-            return entry.message  # whoever decodes it says so
+            return entry.message  # its decoder reports it
 
     def _say_gaps(self, gaps_ns: Sequence[int]) -> None:
         if not gaps_ns:
@@ -89,18 +89,18 @@ def player(
     without: Collection[str] = (),
     camera_info_url: str = "",
 ) -> SourceType:
-    """A source that plays just this recording; it has an output for each topic, called as that.
+    """A source that plays this recording, with an output for each topic, of the same name.
 
-    Topics that cannot be played are said, unless others are asked for.
+    Unless topics are given, those that cannot be played are logged.
 
     Args:
-        recording: it is open, and closed by the source.
-        topics: of these alone; none: of all that can be read.
-        without: of all but these.
-        camera_info_url: the calibration of its images, in place of what is recorded.
+        recording: it is open; the source closes it.
+        topics: these alone; none: all that can be read.
+        without: all but these.
+        camera_info_url: the calibration of its images, in place of the recorded one.
 
     Raises:
-        UsageError: one of them is not there or cannot be read, or nothing can.
+        UsageError: a topic is missing or unreadable, or all are.
     """
     played = _played(recording, topics, without)
     unplayed = {} if topics else _unplayed(recording, without)
@@ -122,13 +122,13 @@ def player(
 def _played(
     recording: Recording, wanted: Collection[str], without: Collection[str]
 ) -> Collection[str]:
-    there = recording.topics
+    topics = recording.topics
     for name in wanted:
-        if name not in there:
-            raise UsageError(f"no topic {name}{did_you_mean(name, there)}")
-        if there[name].unreadable:
-            raise UsageError(f"{name} cannot be played: {there[name].unreadable}")
-    readable = [name for name, topic in there.items() if not topic.unreadable]
+        if name not in topics:
+            raise UsageError(f"no topic {name}{did_you_mean(name, topics)}")
+        if topics[name].unreadable:
+            raise UsageError(f"{name} cannot be played: {topics[name].unreadable}")
+    readable = [name for name, topic in topics.items() if not topic.unreadable]
     found = wanted or [name for name in readable if name not in without]
     if not found:
         unplayed = _unplayed(recording, without)
@@ -138,7 +138,7 @@ def _played(
 
 
 def _unplayed(recording: Recording, without: Collection[str]) -> dict[str, str]:
-    """The topics that cannot be played though they have messages, and why."""
+    """Topics with messages that cannot be played -> the reason."""
     return {
         name: topic.unreadable
         for name, topic in recording.topics.items()

@@ -23,7 +23,7 @@ from ros_visualise.nodes import NoParams, node
     sync=Exact(),
 )
 class PoseError:
-    """How far a pose is from the truth: in metres, and by its own covariance (NEES).
+    """Error of a pose: in metres, and by its own covariance (NEES).
 
     NEES is 6 on average where the covariance is honest, and from 1.2 to 14.4 in 95 of 100 cases.
     """
@@ -34,7 +34,7 @@ class PoseError:
 
     def reset(self) -> None:
         self._count, self._squared_m = 0, 0.0
-        self._told, self._inside, self._sum = 0, 0, 0.0
+        self._with_covariance, self._inside, self._sum = 0, 0, 0.0
 
     def step(
         self, pose: PoseWithCovarianceStamped, truth: Odometry, params: NoParams
@@ -50,7 +50,7 @@ class PoseError:
         found: dict[str, Any] = {"error": Number(away_m, pose.header)}
         normalised = nees(error, pose.covariance)
         if normalised is not None:
-            self._told += 1
+            self._with_covariance += 1
             self._sum += normalised
             self._inside += NEES_BAND[0] < normalised < NEES_BAND[1]
             found["nees"] = Number(normalised, pose.header)
@@ -58,9 +58,9 @@ class PoseError:
 
     def report(self) -> dict[str, Any]:
         """The whole run: root mean square in metres, mean NEES, and how many lie in the band."""
-        told = self._told
+        count = self._with_covariance
         return {
             "rmse_m": math.sqrt(self._squared_m / self._count) if self._count else None,
-            "mean_nees": self._sum / told if told else None,
-            "inside_95": self._inside / told if told else None,
+            "mean_nees": self._sum / count if count else None,
+            "inside_95": self._inside / count if count else None,
         }

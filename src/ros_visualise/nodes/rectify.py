@@ -19,12 +19,12 @@ class RectifyParams:
 
     alpha: float = param(
         -1.0,
-        "what is shown: 0 only valid pixels, 1 all that the camera took; below 0 as calibrated",
+        "field of view: 0 is valid pixels only, 1 all of the camera's; below 0 as calibrated",
         min=-1,
         max=1,
     )
     interpolation: Interpolation = param(
-        Interpolation.LINEAR, "how values between pixels are computed; for depth always nearest"
+        Interpolation.LINEAR, "interpolation between pixels; for depth always nearest"
     )
 
 
@@ -46,8 +46,8 @@ def rectify(image: Image, params: RectifyParams) -> Image | None:
         return None
     if (info.width, info.height) != (image.width, image.height):
         raise UnsupportedImage(
-            f"images of {image.width}x{image.height} with a calibration for"
-            f" {info.width}x{info.height} are left out"
+            f"calibration for {info.width}x{info.height} does not fit images of"
+            f" {image.width}x{image.height}"
         )
     fit_threads(image.pixels)
     model = rectification.model_of(info, params.alpha)

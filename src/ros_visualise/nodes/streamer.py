@@ -22,14 +22,14 @@ from ros_visualise.sources.video_pixels import parse_size
 
 @dataclass(frozen=True)
 class StreamerParams:
-    """Which video, and how."""
+    """Parameters of `Streamer`."""
 
-    path: str = param("", "path of the video file", restart=True, saved=False, file=bool)
-    size: str = param("", "scale the images to WIDTHxHEIGHT; empty keeps their size", restart=True)
+    path: str = param("", "video file", restart=True, saved=False, file=bool)
+    size: str = param("", "image size, WIDTHxHEIGHT; empty is the video's own", restart=True)
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
         "",
-        "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
+        "camera calibration, a ROS YAML file: a path or file:///PATH",
         restart=True,
         saved=False,
         file=bool,
@@ -48,7 +48,7 @@ class Streamer:
         faults: Sequence[str] = (),
     ) -> None:
         if not params.path:
-            raise OpenError("streamer: give the video file, its parameter path")
+            raise OpenError("streamer: give a video file by path")
         self._params, self._playback, self._faults = params, playback, faults
         self._calibration = Calibration(params.camera_info_url)
         self._video = Video(params.path, parse_size(params.size))
@@ -57,7 +57,7 @@ class Streamer:
         playback.check_start(self._video.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
-        """The images, and what was measured beside them, each when its time has come."""
+        """The images and the telemetry, each when its time has come."""
         for stamp_ns, item in self._playback.run(self._film, self._film.is_frame):
             is_image = self._film.is_frame(item)
             frame = self._params.frame_id if is_image else item.message.header.frame_id
@@ -65,7 +65,7 @@ class Streamer:
             yield item.output, self._calibration.add_to(stamped) if is_image else stamped
 
     def report(self) -> dict[str, Any]:
-        """What was missing or damaged."""
+        """Notes on missing or damaged data."""
         notes = [*self._faults, *self._video.faults]
         return {"lost": {"messages": 0, "bytes": 0, "notes": notes}} if notes else {}
 
@@ -75,7 +75,7 @@ class Streamer:
 
 
 def film(path: str | Path) -> SourceType:
-    """A source that plays a video with an output for each thing that was measured beside it."""
+    """A source that plays a video, with an output for each kind of its telemetry."""
     faults: list[str] = []
     series = telemetry_of(path, faults)
     declared = find_source("streamer")

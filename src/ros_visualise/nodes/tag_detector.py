@@ -1,4 +1,4 @@
-"""The node that finds tags, and tells where they are."""
+"""The node that detects tags, and their poses."""
 
 from __future__ import annotations
 
@@ -27,12 +27,11 @@ class TagParams(PoseParams):
 
     families: str = param(
         "tag36h11",
-        "families of tags to look for, such as tag36h11, tagStandard41h12, 5x5_1000",
+        "tag families to detect, such as tag36h11, tagStandard41h12, 5x5_1000",
     )
     quad_decimate: float = param(
         1.0,
-        "look for squares in an image that is smaller by this factor: faster, but misses "
-        "small tags",
+        "factor by which the image is reduced to detect squares: faster, but misses small tags",
         min=1,
         max=8,
         slider=(1, 4),
@@ -40,8 +39,8 @@ class TagParams(PoseParams):
     )
     quad_sigma: float = param(
         0.0,
-        "blur before squares are looked for, pixels; below 0 it sharpens: -0.8 finds "
-        "smaller tags, and takes 1.5 times as long",
+        "blur before squares are detected, pixels; below 0 it sharpens: -0.8 detects smaller tags,"
+        " and takes 1.5 times as long",
         min=-3,
         max=3,
         slider=(-2, 2),
@@ -49,20 +48,20 @@ class TagParams(PoseParams):
     )
     search_every: int = param(
         1,
-        "search one image in so many as a whole, the others only around the last tags; 1:"
-        " every image; 5: faster, for video",
+        "interval of images that are searched as a whole, the others only around the last tags;"
+        " 1 is every image; 5 is faster, for video",
         min=1,
         max=100,
         slider=(1, 30),
         group="search",
     )
     refine: bool = param(
-        True, "fit the sides of squares to the image: better corners", group="search"
+        True, "fit of the squares' sides to the image: better corners", group="search"
     )
     min_margin: float = param(
         0.0,
-        "least contrast of a cell: gray levels from the middle between black and white; a"
-        " family may ask for more",
+        "least contrast of a cell: gray levels from the middle between black and white; some"
+        " families need more",
         min=0,
         max=127,
         group="search",
@@ -78,7 +77,7 @@ class TagParams(PoseParams):
     calibrated=True,
 )
 class TagDetector:
-    """Finds AprilTag and ArUco tags, with their poses where the camera is calibrated."""
+    """Detects AprilTag and ArUco tags, with their poses if the camera is calibrated."""
 
     def __init__(self, params: TagParams) -> None:
         self._search = TagSearch()
@@ -116,10 +115,10 @@ class TagDetector:
     def _locate(
         self, tags: tuple[Tag, ...], image: Image, params: TagParams
     ) -> tuple[Detection, ...]:
-        """With poses, or once a word that tells why there are none."""
+        """Detections with poses, or without and once a warning."""
         info = image.camera_info
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
-            self._remarks.say(f"no poses of images of {size} with a calibration for {of_info}")
+            self._remarks.say(f"no poses in images of {size} with a calibration for {of_info}")
             info = None
         return locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)

@@ -1,4 +1,4 @@
-"""The node that finds where tags are whose corners somebody else has found."""
+"""The node that estimates the poses of tags from recorded corners."""
 
 from __future__ import annotations
 
