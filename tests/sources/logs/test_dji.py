@@ -39,7 +39,7 @@ def test_a_mavic_pro(recordings):
     assert len(fixes) == recording.topics["/gps/fix"].messages == 468
     assert not recording.loss
     assert recording.format == "DJI SRT (camera's clock)"
-    assert recording.notes == ["altitudes are above where it took off: it says no others"]
+    assert recording.notes == ["altitudes are above the point of take-off"]
     first, last = fixes[0], fixes[-1]
     assert (first.latitude, first.longitude, first.altitude) == (-20.2533, 149.0251, 1.9)
     assert (last.latitude, last.longitude, last.altitude) == (-20.2532, 149.0251, 0.0)
@@ -150,13 +150,13 @@ def test_subtitles_that_are_missing_are_counted(recordings, tmp_path):
 
 
 def test_a_films_ordinary_subtitles_are_refused(opened):
-    with pytest.raises(OpenError, match="no places in these subtitles"):
+    with pytest.raises(OpenError, match="no GPS positions"):
         opened("Good evening.", "Is that a drone?")
 
 
 def test_an_empty_file_is_refused(tmp_path):
     (tmp_path / "a.SRT").touch()
-    with pytest.raises(OpenError, match="no places"):
+    with pytest.raises(OpenError, match="no GPS positions"):
         open_srt(tmp_path / "a.SRT")
 
 
@@ -173,7 +173,7 @@ def test_a_clock_that_goes_back_is_said_and_the_film_goes_on(opened):
     assert [fix.header.stamp_ns - int(begin) * S for fix in fixes] == [n * S for n in range(5)]
     assert recording.format == "DJI SRT (camera's clock)"
     assert recording.notes[0] == (
-        "the camera's clock goes back once: stamps go by the time in the film"
+        "the camera's clock goes back once: stamps follow the time in the film"
     )
 
 

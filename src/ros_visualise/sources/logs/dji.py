@@ -1,9 +1,9 @@
-"""The subtitles (``.SRT``) beside the films of DJI's drones as recordings: ``/gps/fix``.
+"""GPS fixes from the subtitles of DJI's drones: an ``.SRT`` file, alone or beside a film.
 
-Stamps are by the camera's clock, which shows its local time and is taken for UTC, where the
-subtitles have dates; else they are the time in the film. Where that clock goes back, the film began
-at its first date. Altitudes are those above the sea where the subtitles say them, else above where
-the drone took off. What they say of the camera is left out.
+Alone it is a recording of ``/gps/fix``. Its stamps are those of the camera's clock, which shows
+local time and is read as UTC, where the subtitles have dates; else they are the time in the film.
+Where that clock goes back, the film began at its first date. Altitudes are above the sea where the
+subtitles have them, else above the point of take-off. Camera settings are ignored.
 """
 
 from __future__ import annotations
@@ -18,19 +18,18 @@ from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_text
 from ros_visualise.core.regular_files import read_file
-from ros_visualise.data import Header, NavSatFix
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
-from ros_visualise.sources.series import Series
+from ros_visualise.sources.series import Series, fix_series
 
 _NS = 1_000_000_000
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 _START = re.compile(r"\s*\d+\s*\n[\d:,. ]+-->")
+_HEAD_BYTES = 1000
 _SUBTITLE = re.compile(  # without bounds, it would take years where lines are empty
     r"^[^\S\n]{0,9}(\d{1,9})\s{0,9}\n\s{0,9}(\d{1,4}):(\d\d):(\d\d)[,.](\d{1,3})"
     r"\s{0,9}-->[^\n]*\n?",
@@ -51,12 +50,12 @@ _RELATIVE = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Subtitle:
-    """What one says; numbers that it does not say are no numbers (nan).
+class _Subtitle:
+    """Content of one subtitle; missing numbers are NaN.
 
     ``begin_ns`` is its time in the film; ``date_ns`` the camera's clock as if it showed UTC, or
-    None, and ``date_is_fine`` whether that has parts of seconds. ``altitude`` is in metres above
-    the sea, ``height`` above where the drone took off.
+    None; ``date_is_fine`` is true if that has parts of seconds. ``altitude`` is in metres above
+    the sea, ``height`` above the point of take-off.
     """
 
     number: int
@@ -70,70 +69,82 @@ class Subtitle:
 
     @property
     def has_fix(self) -> bool:
-        """Whether it has a position; without a fix, cameras write zeros."""
+        """True if it has a position; without a fix, cameras write zeros."""
         place = abs(self.latitude) <= 90 and abs(self.longitude) <= 180
         return place and (self.latitude, self.longitude) != (0, 0)
 
 
-def decode_srt(data: bytes) -> str:
-    """A file's text: UTF-16 where it begins with that mark, else UTF-8."""
+def begins_srt(head: bytes) -> bool:
+    """True if a file that begins so holds subtitles."""
+    return bool(_START.match(_decode(head)))
+
+
+def open_srt(path: Path) -> SeriesRecording:
+    """Open a file of subtitles; those without a position become fixes with the status "no fix".
+
+    Raises:
+        OpenError: no subtitle has a position, or the file is too large.
+    """
+    try:
+        text, subtitles = _read(path)
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
+    if not any(one.has_fix for one in subtitles):
+        raise OpenError(f"{path}: no GPS positions; DJI's subtitles have them if GPS was on")
+    stamps_ns, clock, notes = _stamps_ns(subtitles)
+    if all(math.isnan(one.altitude) for one in subtitles):
+        has_heights = not all(math.isnan(one.height) for one in subtitles)
+        notes.append("altitudes are above the point of take-off" if has_heights else "no altitudes")
+    series = [_fixes("/gps/fix", subtitles, stamps_ns)]
+    size = path.stat().st_size
+    loss = _loss(text, subtitles)
+    return SeriesRecording(path, f"DJI SRT ({clock})", size, series, notes, loss=loss)
+
+
+def fixes_beside(film: Path) -> list[Series]:
+    """The fixes of a film whose subtitles are in a file of the same name, by the time in the film.
+
+    Raises:
+        TooLarge: the file of subtitles takes too much.
+    """
+    for path in (film.with_suffix(".SRT"), film.with_suffix(".srt")):
+        if path.is_file() and path != film:
+            text, subtitles = _read(path)
+            if begins_srt(text[:_HEAD_BYTES].encode()) and any(one.has_fix for one in subtitles):
+                return [_fixes("fix", subtitles, [one.begin_ns for one in subtitles])]
+            break
+    return []
+
+
+def _read(path: Path) -> tuple[str, list[_Subtitle]]:
+    check_text(path.stat().st_size)
+    text = _decode(read_file(path))
+    return text, [_parse(start, said) for start, said in _split(text)]
+
+
+def _decode(data: bytes) -> str:
+    """Text of a file: UTF-16 where it begins with that mark, else UTF-8."""
     is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     text = data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
     return text.replace("\r\n", "\n")
 
 
-def begins_srt(head: bytes) -> bool:
-    """Whether a file that begins so holds subtitles."""
-    return bool(_START.match(decode_srt(head)))
-
-
-def parse_srt(text: str) -> Iterator[Subtitle]:
-    """The subtitles of a file, whichever of DJI's styles it is in."""
-    for one, said in _split(text):
-        number, hours, minutes, seconds = map(int, one.groups()[:4])
-        begin_s = 60 * (60 * hours + minutes) + seconds
-        begin_ns = begin_s * _NS + int(one[5].ljust(3, "0")) * 1_000_000
-        yield _parse(number, begin_ns, said)
-
-
-def ends_cut(text: str) -> bool:
-    """Whether the last subtitle says only a part of what others say, or more than text."""
-    *others, last = (_form(said) for _, said in _split(text))
-    if _NO_TEXT.search(last):
-        return True
-    return last not in others and any(
-        whole.startswith(last) or last.startswith(f"{whole}\n") for whole in set(others)
-    )
-
-
-def _form(said: str) -> str:
-    """What it says but for its figures and blanks."""
-    return re.sub(r"\s*\n\s*", "\n", _FIGURES.sub("0", said)).strip()
-
-
 def _split(text: str) -> Iterator[tuple[re.Match[str], str]]:
-    """Each subtitle's number and times, and what it says."""
+    """Number and times of each subtitle, and its text."""
     for one, following in pairwise(chain(_SUBTITLE.finditer(text), [None])):
         assert one is not None
         yield one, text[one.end() : following.start() if following else None]
 
 
-def _parse(number: int, begin_ns: int, text: str) -> Subtitle:
-    latitude, longitude = _place(text)
-    date_ns, is_fine = _date(text)
-    return Subtitle(
-        number,
-        begin_ns,
-        date_ns,
-        is_fine,
-        latitude,
-        longitude,
-        _number(_ABSOLUTE, text),
-        _number(_RELATIVE, text),
-    )
+def _parse(start: re.Match[str], text: str) -> _Subtitle:
+    number, hours, minutes, seconds = map(int, start.groups()[:4])
+    begin_s = 60 * (60 * hours + minutes) + seconds
+    begin_ns = begin_s * _NS + int(start[5].ljust(3, "0")) * 1_000_000
+    position, heights = _position(text), (_number(_ABSOLUTE, text), _number(_RELATIVE, text))
+    return _Subtitle(number, begin_ns, *_date(text), *position, *heights)
 
 
-def _place(text: str) -> tuple[float, float]:
+def _position(text: str) -> tuple[float, float]:
     """Latitude and longitude; ``GPS(...)`` has the longitude first, but not in all models."""
     pair = _GPS.search(text)
     if pair is None:
@@ -160,86 +171,61 @@ def _date(text: str) -> tuple[int | None, bool]:
     return ns, found[7] is not None
 
 
-_FRAME = "gps"
-_FIX, _NO_FIX = 0, -1
+def _fixes(topic: str, subtitles: Sequence[_Subtitle], stamps_ns: Sequence[int]) -> Series:
+    """Their fixes, all with one kind of altitude."""
+    has_altitudes = any(math.isfinite(one.altitude) for one in subtitles)
+    places = [
+        (one.latitude, one.longitude, one.altitude if has_altitudes else one.height)
+        for one in subtitles
+    ]
+    known = np.array([one.has_fix for one in subtitles])
+    return fix_series(topic, np.array(stamps_ns, np.int64), np.array(places), known)
 
 
-def open_srt(path: str | Path) -> SeriesRecording:
-    """Open a file of subtitles; those without a place become fixes whose status is that of none.
+def _stamps_ns(subtitles: Sequence[_Subtitle]) -> tuple[list[int], str, list[str]]:
+    """Their stamps, the name of the clock, and notes.
 
-    Raises:
-        OpenError: nothing in it says a place, or it is too large.
-    """
-    path = Path(path)
-    try:
-        check_text(path.stat().st_size)
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
-    data = read_file(path)
-    text = decode_srt(data)
-    subtitles = list(parse_srt(text))
-    if not any(one.has_fix for one in subtitles):
-        raise OpenError(f"{path}: no places in these subtitles; DJI's have them if GPS was on")
-    stamps_ns, clock, notes = _stamps_ns(subtitles)
-    altitudes, more_notes = _altitudes(subtitles)
-
-    def fix(index: int) -> NavSatFix:
-        one, header = subtitles[index], Header(int(stamps_ns[index]), _FRAME)
-        status = _FIX if one.has_fix else _NO_FIX
-        return NavSatFix(
-            one.latitude, one.longitude, altitudes[index], status=status, header=header
-        )
-
-    series = [Series("/gps/fix", NavSatFix, stamps_ns, fix)]
-    notes += more_notes
-    loss = _loss(subtitles, ends_cut(text))
-    return SeriesRecording(path, f"DJI SRT ({clock})", len(data), series, notes, loss=loss)
-
-
-def _stamps_ns(subtitles: Sequence[Subtitle]) -> tuple[npt.NDArray[np.int64], str, list[str]]:
-    """Their times, by which clock, and what is to be said of it.
-
-    Dates of whole seconds, and those that go back, only say when the film began.
+    Dates of whole seconds, and those that go back, only tell when the film began.
     """
     dates_ns = [one.date_ns for one in subtitles if one.date_ns is not None]
     notes: list[str] = []
     if len(dates_ns) == len(subtitles) and all(one.date_is_fine for one in subtitles):
-        if not (back := _count_back(dates_ns)):
-            return np.array(dates_ns, np.int64), "camera's clock", notes
-        notes.append(
-            f"the camera's clock goes back {_times(back)}: stamps go by the time in the film"
-        )
+        if not (back := _steps_back(dates_ns)):
+            return dates_ns, "camera's clock", notes
+        notes.append(f"the camera's clock goes back {back}: stamps follow the time in the film")
     began_ns = next((one.date_ns - one.begin_ns for one in subtitles if one.date_ns is not None), 0)
     stamps_ns = [began_ns + one.begin_ns for one in subtitles]
-    if back := _count_back(stamps_ns):
-        notes.append(f"the time in the film goes back {_times(back)}: fixes are sorted by it")
-    clock = "camera's clock" if dates_ns else "time in the film"
-    return np.array(stamps_ns, np.int64), clock, notes
+    if back := _steps_back(stamps_ns):
+        notes.append(f"the time in the film goes back {back}: fixes are sorted by it")
+    return stamps_ns, "camera's clock" if dates_ns else "time in the film", notes
 
 
-def _count_back(times_ns: Sequence[int]) -> int:
-    return sum(b < a for a, b in pairwise(times_ns))
+def _steps_back(times_ns: Sequence[int]) -> str:
+    """Number of times that a clock goes back, in words; empty: never."""
+    count = sum(b < a for a, b in pairwise(times_ns))
+    return f"{count} times" if count > 1 else "once" * count
 
 
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
-
-
-def _altitudes(subtitles: Sequence[Subtitle]) -> tuple[list[float], list[str]]:
-    """One kind of altitude for all, and what is to be said of it."""
-    if any(math.isfinite(one.altitude) for one in subtitles):
-        return [one.altitude for one in subtitles], []
-    heights = [one.height for one in subtitles]
-    if any(map(math.isfinite, heights)):
-        return heights, ["altitudes are above where it took off: it says no others"]
-    return heights, ["it says no altitudes"]
-
-
-def _loss(subtitles: Sequence[Subtitle], is_cut: bool) -> Loss:
+def _loss(text: str, subtitles: Sequence[_Subtitle]) -> Loss:
     numbers = [one.number for one in subtitles]
     loss = Loss(sum(max(0, b - a - 1) for a, b in pairwise(numbers)))
     if loss.messages:
         loss.notes.append(f"{loss.messages} subtitles are missing or damaged")
-    if is_cut:
+    if _ends_cut(text):
         loss.notes.append("cut off within the last subtitle")
     return loss
+
+
+def _ends_cut(text: str) -> bool:
+    """True if the last subtitle holds only a part of what others hold, or more than text."""
+    *others, last = (_form(said) for _, said in _split(text))
+    if _NO_TEXT.search(last):
+        return True
+    return last not in others and any(
+        whole.startswith(last) or last.startswith(f"{whole}\n") for whole in set(others)
+    )
+
+
+def _form(said: str) -> str:
+    """A subtitle's text without its figures and blanks."""
+    return re.sub(r"\s*\n\s*", "\n", _FIGURES.sub("0", said)).strip()
