@@ -192,7 +192,7 @@ def _numbers(values: Mapping[str, Any], name: str) -> Floats:
 
 
 def _is_scaled(before: Size, after: Size) -> bool:
-    """Whether the sizes have the same aspect ratio, but for rounding."""
+    """True if the sizes have the same aspect ratio, but for rounding."""
     (width, height), (new_width, new_height) = before, after
     return (
         abs(new_width - width * new_height / height) <= 1

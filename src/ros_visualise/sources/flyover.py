@@ -296,7 +296,7 @@ def _draw_tree(canvas: Canvas, random: np.random.Generator, centre: Points, radi
 
 
 def _claim(taken: Canvas, centre: Points, radius: float) -> bool:
-    """Whether a place on the map is free; from then on it is not."""
+    """True if a place on the map is free; from then on it is not."""
     x, y, r = int(centre[0]), int(centre[1]), int(radius)
     place = taken[max(0, y - r) : y + r, max(0, x - r) : x + r]
     if cv2.countNonZero(place):

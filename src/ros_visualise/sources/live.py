@@ -45,14 +45,14 @@ class Address:
 
 
 def is_live(source: str) -> bool:
-    """Whether it names a camera: a device, its number, a URL, ``test`` or ``lavfi:GRAPH``."""
+    """True if it names a camera: a device, its number, a URL, ``test`` or ``lavfi:GRAPH``."""
     if Path(source).exists():
         return Path(source).is_char_device()
     return source == "test" or source.isdecimal() or "://" in source or source.startswith("lavfi:")
 
 
 def may_read_files(uri: str) -> bool:
-    """Whether it is anything but a device, the test pattern or a URL, as lavfi's film of a file."""
+    """True if it is anything but a device, the test pattern or a URL, as lavfi's film of a file."""
     is_url = "://" in uri and not uri.startswith(("file:", "lavfi:"))
     is_device = uri.isdecimal() or re.fullmatch(r"/dev/video\d+", uri)
     return not (uri == "test" or is_device or is_url)

@@ -40,7 +40,7 @@ def open_recording(path: str | Path) -> Recording:
 
 
 def is_recording(path: str | Path) -> bool:
-    """Whether there is something for `open_recording`, be it damaged; a video is none."""
+    """True if there is something for `open_recording`, be it damaged; a video is none."""
     path = Path(path)
     try:
         return path.is_dir() or (path.is_file() and format_of(_head(path)) is not None)
@@ -106,7 +106,7 @@ def _open_folder(path: Path) -> Recording:
 
 
 def is_recorded_folder(path: Path) -> bool:
-    """Whether a folder is one recording, as of ROS 2; those somewhere below it do not count."""
+    """True if a folder is one recording, as of ROS 2; those somewhere below it do not count."""
     return path.is_dir() and _format_of_folder(path) is not None
 
 

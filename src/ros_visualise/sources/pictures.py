@@ -28,7 +28,7 @@ _AS_SHOWN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # upright, as its EXIF da
 
 
 def is_pictures(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is called as a picture, or is a folder with pictures directly in it."""
+    """True if a path is called as a picture, or is a folder with pictures directly in it."""
     path = Path(path)
     return bool(_in_folder(path)) if path.is_dir() else path.suffix.lower() in SUFFIXES
 

@@ -116,7 +116,7 @@ def read_trajectory(
 
 
 def has_poses(recording: Recording, topic: str) -> bool:
-    """Whether a recording has a topic of that name that a way can be read from, or such frames."""
+    """True if a recording has a topic of that name that a way can be read from, or such frames."""
     name = topic.partition(":")[0].lstrip("/")
     return any(name == one.lstrip("/") for one in topics_of(recording, _KINDS))
 

@@ -29,7 +29,7 @@ _MOST_S = Decimal(2**63 // 10**9 - 1)
 
 
 def is_trajectory_file(path: Path) -> bool:
-    """Whether a file's first line that is no comment has as many numbers as one of a trajectory."""
+    """True if a file's first line that is no comment has as many numbers as one of a trajectory."""
     try:
         with open_file(path) as file:
             head = file.read(_HEAD_SIZE).decode("utf-8-sig", "replace")

@@ -13,7 +13,7 @@ def of_date(drive):
     """All that is calibrated, by the names in the files, and T_cam0_velodyne."""
     date = drive.parent
     return read_matrices(date / "calib_cam_to_cam.txt"), rigid(
-        CalibrationFile(date / "calib_velo_to_cam.txt"), of=[]
+        CalibrationFile(date / "calib_velo_to_cam.txt"), needed_for=[]
     )
 
 

@@ -66,7 +66,7 @@ def test_many_damaged_files_are_one_line(opened, changeable):
     recording = opened(changeable)
     assert messages(recording, "/cam02/image_rect") == []
     (note,) = recording.loss.notes
-    assert note.endswith("not a PNG image; 5 such files are left out")
+    assert note.endswith("not a PNG image; 5 such files skipped")
 
 
 def test_damaged_lines_of_times_are_filled(opened, changeable, drive_0009):

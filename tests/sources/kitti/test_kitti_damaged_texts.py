@@ -41,7 +41,7 @@ def test_a_damaged_place_of_the_scanner_is_said(opened, changeable, spoil):
     assert children(recording) == {"odom", "imu_link", *FRAMES}
     (note,) = recording.loss.notes
     assert note.startswith("../calib_imu_to_velo.txt: ")
-    assert note.endswith("missing or damaged; left out: imu_link -> velodyne")
+    assert note.endswith("missing or damaged; skipped: imu_link -> velodyne")
     assert not recording.notes
 
 
@@ -53,7 +53,7 @@ def test_a_damaged_place_of_the_cameras_is_said(opened, changeable, name, change
     assert children(recording) == {"odom", "imu_link", "velodyne"}
     assert "/cam03/camera_info" in recording.topics
     (note,) = recording.loss.notes
-    said = f"../calib_velo_to_cam.txt: {name} is missing or damaged; left out: {', '.join(FRAMES)}"
+    said = f"../calib_velo_to_cam.txt: {name} is missing or damaged; skipped: {', '.join(FRAMES)}"
     assert note == said
 
 
@@ -73,7 +73,7 @@ def test_a_damaged_camera_is_said(opened, changeable, name, left_out, count, cha
     assert len(infos) == 4 - bool(count)
     assert len(messages(recording, "/cam02/image_rect")) == 5
     (note,) = recording.loss.notes
-    said = f"../calib_cam_to_cam.txt: {name} is missing or damaged; left out: {left_out}"
+    said = f"../calib_cam_to_cam.txt: {name} is missing or damaged; skipped: {left_out}"
     assert note == said
     assert recording.loss.messages == count
 
@@ -92,7 +92,7 @@ def test_a_file_that_may_not_be_read_is_said(opened, changeable):
     path.unlink()
     path.mkdir()
     (note,) = opened(changeable).loss.notes
-    assert note == "../calib_imu_to_velo.txt: Is a directory; left out: imu_link -> velodyne"
+    assert note == "../calib_imu_to_velo.txt: Is a directory; skipped: imu_link -> velodyne"
 
 
 def test_a_folder_that_may_not_be_read_is_said(opened, changeable, monkeypatch):
@@ -126,7 +126,7 @@ def test_turns_without_their_times_are_said(opened, changeable, what, kept, lost
     topic = f"/velodyne_points/scan_{what}"
     assert len(messages(recording, topic)) == 5 - lost
     assert recording.loss.messages == lost
-    said = f"{lost} of 5 times are missing or damaged; left out: so many messages of {topic}"
+    said = f"{lost} of 5 times are missing or damaged; skipped: as many messages of {topic}"
     expected = [f"velodyne_points/timestamps_{what}.txt: {said}"] if lost else []
     assert recording.loss.notes == expected
 

@@ -131,12 +131,12 @@ def test_damaged_calibration_is_said(opened, sequence):
     for cut in (whole.index(b"Tr:") + 2, len(whole) - 2):
         path.write_bytes(whole[:cut])
         (note,) = opened(sequence).loss.notes
-        said = "Tr is missing or damaged; left out: base_link -> velodyne"
+        said = "Tr is missing or damaged; skipped: base_link -> velodyne"
         assert note == f"calib.txt: {said}"
     path.write_bytes(whole.replace(b"P2:", b"P9:"))
     recording = opened(sequence)
     (note,) = recording.loss.notes
-    said = "P2 is missing or damaged; left out: /cam02/camera_info, cam02_optical"
+    said = "P2 is missing or damaged; skipped: /cam02/camera_info, cam02_optical"
     assert note == f"calib.txt: {said}"
     assert recording.loss.messages == 5
 
@@ -172,7 +172,7 @@ def test_poses_that_are_cut_off_are_said(opened, sequence, kept):
     assert "/odom" not in recording.topics if not kept else True
     assert len(messages(recording, "/odom")) == kept
     (note,) = recording.loss.notes
-    said = f"{5 - kept} of 5 poses are missing or damaged; left out: so many of /odom, /tf"
+    said = f"{5 - kept} of 5 poses are missing or damaged; skipped: as many of /odom, /tf"
     assert note == f"../../poses/04.txt: {said}"
 
 

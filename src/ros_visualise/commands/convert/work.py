@@ -100,7 +100,7 @@ def _find_unwritable(recording: Recording, part: Part, encoder: Encoder) -> dict
 
 
 def _passes(kind: TopicType, encoder: Encoder) -> bool:
-    """Whether its messages are written as the bytes that they are."""
+    """True if its messages are written as the bytes that they are."""
     return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 

@@ -22,7 +22,7 @@ def _open(path: Path) -> Recording:
 
 
 def _is_listed(path: Path) -> bool:
-    """Whether the folder's metadata names a file."""
+    """True if the folder's metadata names a file."""
     metadata = path.parent / METADATA
     if not metadata.is_file():
         return False
@@ -31,7 +31,7 @@ def _is_listed(path: Path) -> bool:
 
 
 def _are_parts(files: Sequence[Path]) -> bool:
-    """Whether they are what ROS 2 leaves of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
+    """True if they are what ROS 2 leaves of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
     names = {re.sub(r"_\d+(?=\.\w+$)", "", file.name) for file in files}
     return len(names) == 1 and {file.suffix for file in files} <= {".db3", ".mcap"}
 

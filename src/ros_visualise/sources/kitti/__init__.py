@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.sources.kitti.files import find_folder, find_whole, has_folder, is_sequence
+from ros_visualise.sources.kitti.files import find_folder, find_folders, find_whole, is_sequence
 from ros_visualise.sources.kitti.odometry import open_sequence
 from ros_visualise.sources.kitti.raw import open_drive
 from ros_visualise.sources.recordings.series import SeriesRecording
@@ -30,15 +30,15 @@ __all__ = ["find_whole", "is_kitti", "open_kitti"]
 
 
 def is_kitti(path: str | Path) -> bool:
-    """Whether it is a folder of KITTI's, or one above some."""
-    return has_folder(Path(path))
+    """True if it is a folder of KITTI's, or one above some."""
+    return bool(find_folders(Path(path)))
 
 
 def open_kitti(path: str | Path) -> SeriesRecording:
     """A drive, a sequence, or a folder above that holds one.
 
     Raises:
-        OpenError: there is none, more than one, or one without frames.
+        OpenError: no such folder, more than one, or one without frames.
     """
     folder = find_folder(Path(path))
     return open_sequence(folder) if is_sequence(folder) else open_drive(folder)

@@ -26,44 +26,43 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import transforms
-from ros_visualise.sources.kitti.files import read_lines
+from ros_visualise.sources.kitti.files import Findings, read_lines
 from ros_visualise.sources.kitti.sensors import optical_frame
 from ros_visualise.sources.series import DamagedFile
 
 Matrices = dict[str, Floats]
-"""Name in a file -> its numbers, in a row; none where they are damaged."""
+"""Name in a file -> its numbers, in a row; empty if damaged."""
 
 _COUNTS = {"P": 12, "Tr": 12, "K": 9, "R": 9, "D": 5, "T": 3, "S": 2}
-"""How many numbers a row has, by what its name begins with."""
+"""First letters of a row's name -> count of its numbers."""
 _TURN_ERROR = 0.01  # of files with few digits
 _LARGEST = 2**16  # side of an image
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
-    """One camera: its calibration, and T_velodyne_camera, 4x4; None where they are not known."""
+class KittiCamera:
+    """One camera: its calibration, and T_velodyne_camera, 4x4; None where they are unknown."""
 
     info: CameraInfo | None = None
     T_velodyne_camera: Floats | None = None
 
 
 class CalibrationFile:
-    """What a file tells, and what is left out because it is damaged.
+    """The rows of a file, and what is skipped because it is damaged.
 
     Args:
-        path: of the file; None where there is none, which is no damage.
+        path: the file; None: it is missing, which is no damage.
 
     Attributes:
-        rows: those that can be read, and those that cannot.
-        messages: how many are left out.
+        rows: the readable rows, and empty arrays for the others.
     """
 
     def __init__(self, path: Path | None) -> None:
         self._path, self._why = path, ""
-        self._lacking: list[str] = []
-        self._left_out: list[str] = []
+        self._lacking: dict[str, None] = {}
+        self._skipped: dict[str, None] = {}
+        self._messages = 0
         self.rows: Matrices = {}
-        self.messages = 0
         try:
             self.rows = {} if path is None else read_matrices(path)
         except DamagedFile as error:
@@ -71,52 +70,49 @@ class CalibrationFile:
 
     @property
     def exists(self) -> bool:
-        """Whether there is such a file."""
+        """True if there is such a file."""
         return self._path is not None
 
-    def tells(self, names: Sequence[str], of: Sequence[str], messages: int = 0) -> bool:
-        """Whether these rows are whole; if not, `damage` tells of it.
+    def has(self, names: Sequence[str], needed_for: Sequence[str], messages: int = 0) -> bool:
+        """True if these rows are whole; if not, `report` names what is skipped.
 
         Args:
-            names: of the rows.
-            of: what they are needed for, and is left out without: topics and frames.
-            messages: how many are then left out.
+            names: names of the rows.
+            needed_for: topics and frames that are skipped without them.
+            messages: number of messages that are then skipped.
         """
         lacking = [name for name in names if not len(self.rows.get(name, ()))]
         if lacking:
-            self._lacking += [name for name in lacking if name not in self._lacking]
-            self._left_out += [thing for thing in of if thing not in self._left_out]
-            self.messages += messages
+            self._lacking |= dict.fromkeys(lacking)
+            self._skipped |= dict.fromkeys(needed_for)
+            self._messages += messages
         return not lacking
 
-    def damage(self) -> DamagedFile | None:
-        """What to say of it; None where all was told that was asked for, or there is no file."""
+    def report(self, findings: Findings) -> None:
+        """Note the damage, if the file lacks anything that was asked for."""
         if self._path is None or not self._lacking:
-            return None
-        more = f" and {len(self._lacking) - 1} more" if len(self._lacking) > 1 else ""
-        verb = "are" if more else "is"
-        why = self._why or f"{self._lacking[0]}{more} {verb} missing or damaged"
-        return DamagedFile(self._path, f"{why}; left out: {', '.join(self._left_out)}")
+            return
+        first, more = next(iter(self._lacking)), len(self._lacking) - 1
+        which = f"{first} and {more} more are" if more else f"{first} is"
+        why = self._why or f"{which} missing or damaged"
+        error = DamagedFile(self._path, f"{why}; skipped: {', '.join(self._skipped)}")
+        findings.lose(error, self._messages)
 
 
 def read_matrices(path: Path) -> Matrices:
-    """The lines ``NAME: NUMBERS`` of a file.
-
-    Raises:
-        DamagedFile: it may not be read.
-    """
+    """The lines ``NAME: NUMBERS`` of a file; raises DamagedFile if it is unreadable."""
     pairs = [line.partition(":")[::2] for line in read_lines(path) if line.strip()]
     return {name.strip(): _numbers(name.strip(), values) for name, values in pairs}
 
 
 def is_rotation(R: Floats) -> bool:
-    """Whether a matrix (3, 3) turns, and nothing else."""
+    """True if a matrix (3, 3) is a pure rotation."""
     return bool(np.abs(R @ R.T - np.eye(3)).max() < _TURN_ERROR and np.linalg.det(R) > 0)
 
 
-def rigid(file: CalibrationFile, of: Sequence[str]) -> Floats | None:
-    """The 4x4 transform of ``R`` and ``T``, or None; ``of``: what it is needed for."""
-    if not file.tells(("R", "T"), of):
+def rigid(file: CalibrationFile, needed_for: Sequence[str]) -> Floats | None:
+    """The 4x4 transform of ``R`` and ``T``, or None; for ``needed_for``: see `CalibrationFile`."""
+    if not file.has(("R", "T"), needed_for):
         return None
     return transforms.from_parts(file.rows["R"].reshape(3, 3), file.rows["T"])
 
@@ -133,47 +129,43 @@ def raw_camera(
     T_cam0_velodyne: Floats | None,
     rectified: bool,
     images: int,
-) -> Camera:
+) -> KittiCamera:
     """A camera of a raw drive, from ``calib_cam_to_cam.txt`` and ``calib_velo_to_cam.txt``."""
     of, rows = f"{number:02d}", cam_to_cam.rows
     names = ("P_rect", "S_rect") if rectified else ("P_rect", "S", "K", "D", "R_rect")
     info = T = None
-    if cam_to_cam.tells([f"{name}_{of}" for name in names], [f"/cam{of}/camera_info"], images):
+    if cam_to_cam.has([f"{name}_{of}" for name in names], [f"/cam{of}/camera_info"], images):
         P = rows[f"P_rect_{of}"].reshape(3, 4)
-        info = _rectified(P, rows, of) if rectified else _raw(P, rows, of)
-    is_placed = cam_to_cam.tells((f"P_rect_{of}", "R_rect_00"), [optical_frame(number)])
+        info = _pinhole(P, *rows[f"S_rect_{of}"]) if rectified else _raw(P, rows, of)
+    is_placed = cam_to_cam.has((f"P_rect_{of}", "R_rect_00"), [optical_frame(number)])
     if is_placed and T_cam0_velodyne is not None:
         T_rect0_cam0 = transforms.from_parts(rows["R_rect_00"].reshape(3, 3), np.zeros(3))
         T = _place(rows[f"P_rect_{of}"].reshape(3, 4), T_rect0_cam0 @ T_cam0_velodyne)
-    return Camera(info, T)
+    return KittiCamera(info, T)
 
 
 def sequence_camera(
     number: int, calib: CalibrationFile, size: tuple[int, int], T_rect0_base: Floats, images: int
-) -> Camera:
+) -> KittiCamera:
     """A camera of the odometry benchmark, from ``calib.txt``; images there are rectified.
 
-    Its place is that in whatever frame camera 0 is known in.
+    Its pose is relative to the base frame of ``T_rect0_base``.
     """
     needing = [f"/cam{number:02d}/camera_info", optical_frame(number)]
-    if not calib.tells((f"P{number}",), needing, images):
-        return Camera()
+    if not calib.has((f"P{number}",), needing, images):
+        return KittiCamera()
     P = calib.rows[f"P{number}"].reshape(3, 4)
-    return Camera(_pinhole(P, *size), _place(P, T_rect0_base))
-
-
-def offset(P: Floats) -> Floats:
-    """Where rectified camera 0 is in the frame of the camera of ``P``, (3,) metres."""
-    return np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), np.float64)
+    return KittiCamera(_pinhole(P, *size), _place(P, T_rect0_base))
 
 
 def _place(P: Floats, T_rect0_base: Floats) -> Floats:
-    T_camera_rect0 = transforms.from_parts(np.eye(3), offset(P))
+    """T_base_camera, 4x4, of the camera of ``P``; rectified cameras share their axes."""
+    T_camera_rect0 = transforms.from_parts(np.eye(3), np.linalg.solve(P[:, :3], P[:, 3]))
     return transforms.inverse(T_camera_rect0 @ T_rect0_base)
 
 
 def _numbers(name: str, values: str) -> Floats:
-    """The numbers of a row; none where they cannot be those of its name."""
+    """The numbers of a row; empty if they are implausible."""
     none = np.zeros(0)
     try:
         row = np.array([float(value) for value in values.split()])
@@ -185,7 +177,7 @@ def _numbers(name: str, values: str) -> Floats:
 
 
 def _is_likely(kind: str, row: Floats) -> bool:
-    """Whether a row can be a rotation, a camera's matrix, a size."""
+    """True if a row can be a rotation, a camera's matrix, a size."""
     if kind == "R":
         return is_rotation(row.reshape(3, 3))
     if kind == "Tr":
@@ -197,20 +189,14 @@ def _is_likely(kind: str, row: Floats) -> bool:
     return kind != "S" or bool(((row >= 1) & (row < _LARGEST)).all())
 
 
-def _rectified(P: Floats, rows: Matrices, of: str) -> CameraInfo:
-    width, height = rows[f"S_rect_{of}"]
-    return _pinhole(P, int(width), int(height))
-
-
-def _pinhole(P: Floats, width: int, height: int) -> CameraInfo:
-    return CameraInfo(height, width, K=P[:, :3].copy(), D=np.zeros(5), P=_own(P))
+def _pinhole(P: Floats, width: float, height: float) -> CameraInfo:
+    return CameraInfo(int(height), int(width), K=P[:, :3].copy(), D=np.zeros(5), P=_own(P))
 
 
 def _raw(P: Floats, rows: Matrices, of: str) -> CameraInfo:
     size, K, D, R = (rows[f"{name}_{of}"] for name in ("S", "K", "D", "R_rect"))
-    return CameraInfo(
-        int(size[1]), int(size[0]), K=K.reshape(3, 3), D=D, R=R.reshape(3, 3), P=_own(P)
-    )
+    width, height = map(int, size)
+    return CameraInfo(height, width, K=K.reshape(3, 3), D=D, R=R.reshape(3, 3), P=_own(P))
 
 
 def _own(P: Floats) -> Floats:

@@ -1,10 +1,10 @@
-"""Numbered files of frames, and files of lines; also damaged ones."""
+"""KITTI's folders, from any path at or above them, and the files of frames and lines in them."""
 
 from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ros_visualise.core.errors import OpenError, TooLarge
@@ -13,7 +13,18 @@ from ros_visualise.core.regular_files import read_file, read_text
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 
+CAMERAS = range(4)
+"""0 and 1 are gray, 2 and 3 in colour; 0 and 2 left, 1 and 3 right."""
+
+PARTS = {"oxts", "velodyne_points", *(f"image_{camera:02d}" for camera in CAMERAS)}
+"""The folders of a raw drive's sensors."""
+
 _CUT_OFF = "(cut off)"
+_PART_DEPTH = 2  # of image_02/data in a drive
+_DEPTH = 3  # of the folder above a benchmark: dataset/sequences/00
+_MOST_FOLDERS = 2000  # searched in, for example in a home folder
+_SEQUENCE_PARTS = {"velodyne", *(f"image_{camera}" for camera in CAMERAS)}
+_LISTED = 5
 
 
 @dataclass(frozen=True)
@@ -29,30 +40,45 @@ class Files:
         return len(self.names)
 
     def path(self, index: int) -> Path:
-        """The file at a place in the list."""
+        """Path of a file, by its place in the list."""
         return self.folder / self.names[index]
 
     def read(self, index: int) -> bytes:
-        """The bytes of a file.
-
-        Raises:
-            DamagedFile: it is empty, gone, too large, or may not be read.
-        """
+        """The bytes of a file; raises DamagedFile if it is empty, too large or unreadable."""
         path = self.path(index)
         try:
             check_file(path.stat().st_size)
             data = read_file(path)
-        except TooLarge as error:
-            raise DamagedFile(path, str(error)) from None
-        except OSError as error:
-            raise DamagedFile(path, error.strerror or str(error)) from None
+        except (OSError, TooLarge) as error:
+            raise DamagedFile(path, _reason(error)) from None
         if not data:
             raise DamagedFile(path, "empty")
         return data
 
 
+@dataclass
+class Findings:
+    """Notes on the files of a folder, and what of them is lost."""
+
+    folder: Path
+    notes: list[str] = field(default_factory=list)
+    loss: Loss = field(default_factory=Loss)
+
+    def lose(self, error: DamagedFile, messages: int = 0) -> None:
+        """Note a damaged file beside the frames, and the number of messages that it costs."""
+        self.loss.messages += messages
+        self.loss.bytes += error.size
+        self.loss.notes.append(f"{os.path.relpath(error.path, self.folder)}: {error.why}")
+
+    def compare(self, sensor: str, frames: int, times: int) -> None:
+        """Note the missing frames of a sensor, of those that its file of times counts."""
+        if frames < times:
+            self.loss.messages += times - frames
+            self.loss.notes.append(f"{sensor}: {times - frames} of {times} frames are missing")
+
+
 def list_files(folder: Path, *suffixes: str) -> Files:
-    """The numbered files of the first of these kinds that is there; perhaps none."""
+    """The numbered files of the first of these kinds that a folder has; perhaps none."""
     try:
         with os.scandir(folder) as items:
             files = [(item.name, item.stat().st_size) for item in items if item.is_file()]
@@ -68,63 +94,29 @@ def list_files(folder: Path, *suffixes: str) -> Files:
 
 
 def read_lines(path: Path) -> list[str]:
-    """The lines of a text; in place of a last one that is cut off, words that nobody can read.
+    """The lines of a text; a last line that is cut off is replaced by unreadable words.
 
     Raises:
-        DamagedFile: it may not be read, or is too large.
+        DamagedFile: the file is unreadable or too large.
     """
     try:
         check_numbers(path.stat().st_size)
         text = read_text(path)
-    except TooLarge as error:
-        raise DamagedFile(path, str(error)) from None
-    except OSError as error:
-        raise DamagedFile(path, error.strerror or str(error)) from None
+    except (OSError, TooLarge) as error:
+        raise DamagedFile(path, _reason(error)) from None
     lines = text.splitlines()
     if len(lines) > 1 and not text.endswith("\n") and _last_word(lines[-1]) < _last_word(lines[-2]):
         lines[-1] = _CUT_OFF
     return lines
 
 
-def _last_word(line: str) -> int:
-    """Its length; KITTI's numbers are as long as one another, but for their signs."""
-    return len((line.split() or [""])[-1].lstrip("-"))
-
-
-def add_damage(loss: Loss, folder: Path, error: DamagedFile, messages: int = 0) -> None:
-    """Say what a damaged file costs, by its name as seen from the folder that is read."""
-    loss.messages += messages
-    loss.bytes += error.size
-    loss.notes.append(f"{os.path.relpath(error.path, folder)}: {error.why}")
-
-
-def add_missing(loss: Loss, sensor: str, frames: int, times: int) -> None:
-    """Say how many frames of a sensor are missing, of those that its file of times counts."""
-    if frames < times:
-        loss.messages += times - frames
-        loss.notes.append(f"{sensor}: {times - frames} of {times} frames are missing")
-
-
-CAMERAS = range(4)
-"""0 and 1 are gray, 2 and 3 in colour; 0 and 2 left, 1 and 3 right."""
-
-PARTS = {"oxts", "velodyne_points", *(f"image_{camera:02d}" for camera in CAMERAS)}
-"""The folders of a raw drive's sensors."""
-
-_PART_DEPTH = 2  # of image_02/data in a drive
-_DEPTH = 3  # of the folder above a benchmark: dataset/sequences/00
-_MOST_FOLDERS = 2000  # looked into, where somebody gives their home folder
-_SEQUENCE_PARTS = {"velodyne", *(f"image_{camera}" for camera in CAMERAS)}
-_LISTED = 5
-
-
 def find_folder(path: Path) -> Path:
     """The drive or the benchmark's sequence in ``path``, which may be that folder itself.
 
     Raises:
-        OpenError: there is none, or more than one.
+        OpenError: no such folder, or more than one.
     """
-    found = _find(path)
+    found = find_folders(path)
     if not found:
         raise OpenError(
             f"{path}: no KITTI drive in it; give a folder that holds oxts, velodyne_points or"
@@ -137,50 +129,15 @@ def find_folder(path: Path) -> Path:
     return found[0]
 
 
-def has_folder(path: Path) -> bool:
-    """Whether there is a drive or a sequence in it."""
-    return bool(_find(path))
-
-
-def find_whole(part: Path) -> Path | None:
-    """The drive or the sequence of which a folder is a part, if it is one."""
-    above = part.absolute().parents[:_PART_DEPTH]
-    return next((folder for folder in above if _is_drive(folder) or is_sequence(folder)), None)
-
-
-def is_sequence(folder: Path) -> bool:
-    """Whether it is a sequence of the odometry benchmark."""
-    names = _names(folder)
-    if not names & {"times.txt", "calib.txt"}:
-        return False
-    return bool(names & _SEQUENCE_PARTS) or poses_file(folder).is_file()
-
-
-def poses_file(sequence: Path) -> Path:
-    """Where the benchmark keeps a sequence's ground truth: ``poses/04.txt``."""
-    sequence = sequence.absolute()
-    return sequence.parents[1] / "poses" / f"{sequence.name}.txt"
-
-
-def is_unsynced(drive: Path) -> bool | None:
-    """Whether a drive's name says that it is neither synchronised nor rectified; None: nothing."""
-    found = re.search(r"_(sync|extract)\b", drive.absolute().name)
-    return None if found is None else found[1] == "extract"
-
-
-def _is_drive(folder: Path) -> bool:
-    """Whether it holds a sensor's folder as the raw drives have it: with its ``data`` below."""
-    return any((folder / name / "data").is_dir() for name in _names(folder) & PARTS)
-
-
-def _find(path: Path) -> list[Path]:
-    level, looked_into = [path], 0
+def find_folders(path: Path) -> list[Path]:
+    """All drives and sequences in a folder, as far as a search of bounded length finds them."""
+    level, searched = [path], 0
     found: list[Path] = []
     for _ in range(_DEPTH + 1):
         below: list[Path] = []
         for folder in level:
-            looked_into += 1
-            if looked_into > _MOST_FOLDERS:
+            searched += 1
+            if searched > _MOST_FOLDERS:
                 return found
             if _is_drive(folder) or is_sequence(folder):
                 found.append(folder)
@@ -188,6 +145,31 @@ def _find(path: Path) -> list[Path]:
                 below += _folders(folder)
         level = below
     return found
+
+
+def find_whole(part: Path) -> Path | None:
+    """The drive or the sequence that a folder belongs to, if any."""
+    above = part.absolute().parents[:_PART_DEPTH]
+    return next((folder for folder in above if _is_drive(folder) or is_sequence(folder)), None)
+
+
+def is_sequence(folder: Path) -> bool:
+    """True if it is a sequence of the odometry benchmark."""
+    names = _names(folder)
+    if not names & {"times.txt", "calib.txt"}:
+        return False
+    return bool(names & _SEQUENCE_PARTS) or poses_file(folder).is_file()
+
+
+def poses_file(sequence: Path) -> Path:
+    """The benchmark's file with a sequence's ground truth: ``poses/04.txt``."""
+    sequence = sequence.absolute()
+    return sequence.parents[1] / "poses" / f"{sequence.name}.txt"
+
+
+def _is_drive(folder: Path) -> bool:
+    """True if it holds a sensor's folder as the raw drives have it: with its ``data`` below."""
+    return any((folder / name / "data").is_dir() for name in _names(folder) & PARTS)
 
 
 def _folders(folder: Path) -> list[Path]:
@@ -204,3 +186,12 @@ def _names(folder: Path) -> set[str]:
         return set(os.listdir(folder))
     except OSError:
         return set()
+
+
+def _last_word(line: str) -> int:
+    """Length of a line's last word; KITTI's numbers have equal lengths, but for their signs."""
+    return len((line.split() or [""])[-1].lstrip("-"))
+
+
+def _reason(error: OSError | TooLarge) -> str:
+    return getattr(error, "strerror", None) or str(error)

@@ -1,8 +1,8 @@
 """A sequence of KITTI's odometry benchmark.
 
 Its images are rectified, its scans are already compensated for the car's motion. Times are seconds
-since the sequence began, and are kept so. The ground truth is where rectified camera 0 is in its
-own first frame; here it is where base_link is in ``odom``, which is base_link at the first frame.
+since the sequence began, and are kept so. The ground truth is the pose of rectified camera 0 in its
+own first frame; here it is the pose of base_link in ``odom``, which is base_link at the first one.
 
 base_link is the point on the road below the scanner, with the scanner's axes; without a scanner's
 calibration it is below camera 0. Their heights, 1.73 m and 1.65 m, are on KITTI's page of the
@@ -20,32 +20,30 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.data import Floats, Header, Odometry, PointCloud
+from ros_visualise.data import Floats, Header, Odometry
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
 from ros_visualise.sources.kitti.files import (
     CAMERAS,
     Files,
-    add_damage,
-    add_missing,
+    Findings,
     list_files,
     poses_file,
     read_lines,
 )
-from ros_visualise.sources.kitti.raw import Places, camera_series
 from ros_visualise.sources.kitti.sensors import (
     BASE,
     MAP,
     ODOM,
     VELODYNE,
-    Scanner,
-    moving_transforms,
+    Places,
+    camera_series,
+    moving_series,
     optical_frame,
-    path_series,
+    scanner_series,
     static_series,
 )
-from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import DamagedFile, Series
 
@@ -54,7 +52,9 @@ _PERIOD_NS = _NS // 10
 _POSE_TOPICS = 2  # messages of one pose: odom, tf
 T_BASE_VELODYNE = transforms.from_parts(np.eye(3), [0, 0, 1.73])
 T_BASE_CAM0 = transforms.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 1.65])
-"""Looking straight ahead, where no calibration tells more."""
+"""Looking straight ahead, where there is no calibration."""
+
+_Times = dict[str, npt.NDArray[np.int64]]
 
 
 def open_sequence(folder: Path) -> SeriesRecording:
@@ -68,36 +68,37 @@ def open_sequence(folder: Path) -> SeriesRecording:
     scans = list_files(folder / "velodyne", "bin")
     if scans:
         parts = {"velodyne": scans, **parts}
-    loss = Loss()
+    findings = Findings(folder)
     frames = max((files.numbers[-1] + 1 for files in parts.values()), default=0)
-    truth = _read_truth(folder, frames, loss)
+    truth = _read_truth(frames, findings)
     if truth:
         parts["poses"] = Files(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
     if not parts:
         raise OpenError(f"{folder}: holds no frames; unpack the benchmark's images or scans there")
-    times, notes = _stamp(folder, parts, loss)
+    times = _stamp(parts, findings)
     start_ns = min(int(one.min()) for one in times.values())
     calib = CalibrationFile(path if (path := folder / "calib.txt").exists() else None)
-    T_rect0_velodyne = _find_scanner(calib, notes)
+    T_rect0_velodyne = _find_scanner(calib, findings.notes)
     series, places = _sensors(images, scans, times, calib, T_rect0_velodyne)
-    if error := calib.damage():
-        add_damage(loss, folder, error, calib.messages)
+    calib.report(findings)
     if truth:
         poses = _poses_of_base(np.stack(list(truth.values())), T_rect0_velodyne)
         series = [*_truth_series(start_ns, times["poses"], poses), *series]
         places = [(MAP, ODOM, np.eye(4)), *places]
     series = [static_series(start_ns, places), *series]
     size = sum(files.size for files in parts.values())
+    notes, loss = findings.notes, findings.loss
     return SeriesRecording(folder, "KITTI odometry", size, series, notes, loss=loss)
 
 
-def _read_truth(folder: Path, frames: int, loss: Loss) -> dict[int, Floats]:
+def _read_truth(frames: int, findings: Findings) -> dict[int, Floats]:
     """T_first_camera0, 4x4, by the number of the frame; the file has one for each, or is damaged.
 
     Args:
-        frames: how many there are.
+        frames: number of frames.
+        findings: of the sequence's folder.
     """
-    path = poses_file(folder)
+    path = poses_file(findings.folder)
     if not path.exists():
         return {}
     try:
@@ -108,8 +109,8 @@ def _read_truth(folder: Path, frames: int, loss: Loss) -> dict[int, Floats]:
     found = {number: T for number, T in enumerate(poses) if T is not None}
     whole = max([frames, *(number for number, line in enumerate(lines, 1) if line.strip())])
     if missing := whole - len(found):
-        why = f"{missing} of {whole} poses are missing or damaged; left out: so many of /odom, /tf"
-        add_damage(loss, folder, DamagedFile(path, why), missing * _POSE_TOPICS)
+        why = f"{missing} of {whole} poses are missing or damaged; skipped: as many of /odom, /tf"
+        findings.lose(DamagedFile(path, why), missing * _POSE_TOPICS)
     return found
 
 
@@ -125,44 +126,38 @@ def _parse_pose(line: str) -> Floats | None:
 
 
 def _find_scanner(calib: CalibrationFile, notes: list[str]) -> Floats | None:
-    """T_rect0_velodyne, if it is known; files without it are as good as others."""
+    """T_rect0_velodyne, if it is known; not all sequences have it."""
     if not calib.exists:
         notes.append("no calib.txt: no camera has its camera_info and its frame")
         return None
     if "Tr" not in calib.rows and calib.rows and all(map(len, calib.rows.values())):
-        notes.append("calib.txt has no Tr: where the scanner is, is not known")
+        notes.append("calib.txt has no Tr: the scanner's pose is unknown")
         return None
-    is_told = calib.tells(("Tr",), [f"{BASE} -> {VELODYNE}"])
-    return calibration.rigid_3x4(calib.rows["Tr"]) if is_told else None
+    is_known = calib.has(("Tr",), [f"{BASE} -> {VELODYNE}"])
+    return calibration.rigid_3x4(calib.rows["Tr"]) if is_known else None
 
 
-def _stamp(
-    folder: Path, parts: dict[str, Files], loss: Loss
-) -> tuple[dict[str, npt.NDArray[np.int64]], list[str]]:
-    path = folder / "times.txt"
+def _stamp(parts: dict[str, Files], findings: Findings) -> _Times:
+    path = findings.folder / "times.txt"
     lines = stamps.read_times(path, _parse_seconds)
-    sensors = []
-    for name, files in parts.items():
-        known = stamps.place(lines, files.numbers)
-        times = {number: known[number] for number in files.numbers if number in known}
-        sensors.append(stamps.Stamps(name, path, files.numbers, times))
-    lacking = [one.name for one in sensors if one.lacking]
-    notes, damaged = stamps.complete(sensors, True, 0, dict.fromkeys(parts, _PERIOD_NS))
+    found = [stamps.FrameTimes(name, path, lines, files.numbers) for name, files in parts.items()]
+    lacking = [one.name for one in found if one.lacking]
+    periods_ns = dict.fromkeys(parts, _PERIOD_NS)
+    times, damaged = stamps.complete(found, findings.notes, True, 0, periods_ns)
     is_part = lacking == ["poses"] and len(parts) > 1  # with the poses of the whole sequence
     if damaged and is_part:
         stamped = damaged[0].why.partition("; ")[2]
-        notes.append(f"poses: more than the {len(lines)} times of times.txt; {stamped}")
+        findings.notes.append(f"poses: more than the {len(lines)} times of times.txt; {stamped}")
     elif damaged:
-        add_damage(loss, folder, damaged[0])
+        findings.lose(damaged[0])
     for name, files in parts.items():
         if name != "poses":
-            add_missing(loss, name, len(files), len(lines))
-    found = {one.name: [one.times[number] for number in one.numbers] for one in sensors}
-    return {name: np.array(times, np.int64) for name, times in found.items()}, notes
+            findings.compare(name, len(files), len(lines))
+    return times
 
 
 def _parse_seconds(line: str) -> int | None:
-    """Seconds since the start, as ns; None on a line that holds none."""
+    """Seconds since the start, as ns; None on a line without them."""
     try:
         seconds = float(line)
     except ValueError:
@@ -173,29 +168,26 @@ def _parse_seconds(line: str) -> int | None:
 def _sensors(
     images: dict[int, Files],
     scans: Files,
-    times: dict[str, npt.NDArray[np.int64]],
+    times: _Times,
     calib: CalibrationFile,
     T_rect0_velodyne: Floats | None,
 ) -> tuple[list[Series], Places]:
+    series: list[Series] = []
     places: Places = []
+    parent, above = BASE, transforms.inverse(T_BASE_CAM0)
     if T_rect0_velodyne is not None:
         places.append((BASE, VELODYNE, T_BASE_VELODYNE))
-    series = []
+        parent, above = VELODYNE, T_rect0_velodyne
     if scans:
-        scanner = Scanner(scans, times["velodyne"], VELODYNE)
-        made = Series("/velodyne_points", PointCloud, times["velodyne"], scanner.cloud, slow=True)
-        series.append(made)
+        series.append(scanner_series(scans, times["velodyne"]))
     for number, files in images.items():
         if not files:
             continue
-        above = transforms.inverse(T_BASE_CAM0) if T_rect0_velodyne is None else T_rect0_velodyne
         size = sensors.first_size(files)
         camera = calibration.sequence_camera(number, calib, size, above, len(files))
         series += camera_series(number, "image_rect", files, times[f"image_{number}"], camera.info)
-        if camera.T_velodyne_camera is None:
-            continue
-        parent = BASE if T_rect0_velodyne is None else VELODYNE
-        places.append((parent, optical_frame(number), camera.T_velodyne_camera))
+        if camera.T_velodyne_camera is not None:
+            places.append((parent, optical_frame(number), camera.T_velodyne_camera))
     return series, places
 
 
@@ -222,11 +214,8 @@ def _truth_series(start_ns: int, stamps_ns: npt.NDArray[np.int64], T: Floats) ->
             header=Header(int(stamps_ns[index]), ODOM),
         )
 
-    return [
-        path_series(start_ns, stamps_ns, positions_xyz, quats_xyzw),
-        moving_transforms(stamps_ns, positions_xyz, quats_xyzw),
-        Series("/odom", Odometry, stamps_ns, odometry),
-    ]
+    moving = moving_series(start_ns, stamps_ns, positions_xyz, quats_xyzw)
+    return [*moving, Series("/odom", Odometry, stamps_ns, odometry)]
 
 
 def _velocities(

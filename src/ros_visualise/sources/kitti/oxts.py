@@ -1,4 +1,4 @@
-"""The OXTS RT3003 of KITTI: position on the Earth, attitude, turn rates and accelerations.
+"""The OXTS RT3003 of KITTI: GPS position, attitude, angular velocity and acceleration.
 
 ``odom`` is KITTI's own Mercator map with the axes east, north and up; its origin is where base_link
 was at the first sample. base_link is the point on the road below the IMU, with the IMU's axes.
@@ -19,13 +19,7 @@ from ros_visualise.core.limits import check_numbers
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
 from ros_visualise.geometry import geodesy, rotations, transforms
 from ros_visualise.sources.kitti.files import Files
-from ros_visualise.sources.kitti.sensors import (
-    BASE,
-    IMU,
-    ODOM,
-    moving_transforms,
-    path_series,
-)
+from ros_visualise.sources.kitti.sensors import BASE, IMU, ODOM, moving_series
 from ros_visualise.sources.series import DamagedFile, Series
 
 T_BASE_IMU = transforms.from_parts(np.eye(3), [0, 0, 0.93])
@@ -73,12 +67,12 @@ def _parse(path: Path, data: bytes) -> Floats:
     if len(numbers) != len(_AT):
         raise DamagedFile(path, f"{len(numbers)} of {len(_AT)} numbers")
     if not np.isfinite(numbers).all() or abs(numbers[_AT["lat"]]) >= 90:
-        raise DamagedFile(path, "a value is not a number, or not a place on the Earth")
+        raise DamagedFile(path, "a value is not a number, or not a position on the Earth")
     return numbers
 
 
 class Samples:
-    """What the OXTS measured.
+    """Measurements of the OXTS.
 
     Args:
         rows: (N, 30), at least one, as in its files.
@@ -94,19 +88,13 @@ class Samples:
         self._horizontal_m = self._get("pos_accuracy")[:, 0]
         self._horizontal_mps = self._get("vel_accuracy")[:, 0]
         self._imu_to_base = transforms.inverse(T_BASE_IMU)[:3, 3]
-        self.positions_xyz = self._positions()
-
-    @property
-    def quats_xyzw(self) -> Floats:
-        """(N, 4): from base_link to odom."""
-        return self._quats
+        self._positions = self._find_positions()
 
     def series(self, start_ns: int) -> list[Series]:
         """Its topics."""
-        stamps_ns, poses = self._stamps_ns, (self.positions_xyz, self._quats)
+        stamps_ns, poses = self._stamps_ns, (self._positions, self._quats)
         return [
-            path_series(start_ns, stamps_ns, *poses),
-            moving_transforms(stamps_ns, *poses),
+            *moving_series(start_ns, stamps_ns, *poses),
             Series("/imu/data", Imu, stamps_ns, self.imu),
             Series("/gps/fix", NavSatFix, stamps_ns, self.fix),
             Series("/gps/vel", TwistStamped, stamps_ns, self.velocity),
@@ -136,18 +124,18 @@ class Samples:
         )
 
     def velocity(self, index: int) -> TwistStamped:
-        """The velocity of the IMU, and its turn rates, in the axes of odom: east, north, up."""
+        """Linear and angular velocity of the IMU in the axes of odom: east, north, up."""
         angular = self._R[index] @ self._rates[index]
         return TwistStamped(self._enu_mps[index], angular, self._header(index, ODOM))
 
     def odometry(self, index: int) -> Odometry:
-        """Where base_link is, and its velocity in its own axes; unknown covariances are 0."""
+        """Pose of base_link, and its velocity in its own axes; unknown covariances are 0."""
         lever = np.cross(self._rates[index], self._imu_to_base)
         pose, twist = np.zeros((6, 6)), np.zeros((6, 6))
         pose[:3, :3] = _covariance(self._horizontal_m[index])
         twist[:3, :3] = self._R[index].T @ _covariance(self._horizontal_mps[index]) @ self._R[index]
         return Odometry(
-            self.positions_xyz[index],
+            self._positions[index],
             self._quats[index],
             linear_xyz=self._R[index].T @ self._enu_mps[index] + lever,
             angular_xyz=self._rates[index],
@@ -157,7 +145,7 @@ class Samples:
             header=self._header(index, ODOM),
         )
 
-    def _positions(self) -> Floats:
+    def _find_positions(self) -> Floats:
         first_latitude = float(self._rows[0, _AT["lat"]])
         imu = geodesy.kitti_mercator(self._get("lat", "lon", "alt"), first_latitude)
         base = imu + self._R @ self._imu_to_base

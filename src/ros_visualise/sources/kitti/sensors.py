@@ -1,4 +1,4 @@
-"""Images of KITTI's cameras, checked when they are read and decoded when somebody looks."""
+"""Topics of KITTI's cameras and scanner, and the frames and transforms of the car."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise import data as messages
 from ros_visualise.core.errors import TooLarge
 from ros_visualise.core.limits import check_image
 from ros_visualise.core.regular_files import open_file
@@ -29,9 +30,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.data import (
-    Path as PathMessage,
-)
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.series import DamagedFile, Series, single
@@ -39,14 +37,25 @@ from ros_visualise.sources.series import DamagedFile, Series, single
 MAP, ODOM, BASE = "map", "odom", "base_link"
 IMU, VELODYNE = "imu_link", "velodyne"
 
+Places = list[tuple[str, str, Floats]]
+"""(Parent, child, T_parent_child) of frames."""
+
+_POINT = np.dtype([(name, np.float32) for name in ("x", "y", "z", "intensity")])
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_CHUNK = 12  # length, type and CRC around a chunk's data
+_COLOR_BYTES = 3  # of a pixel
+_PATIENCE = 8
+
+_Stamps = npt.NDArray[np.int64]
+
 
 def optical_frame(camera: int) -> str:
     """The optical frame of a camera."""
     return f"cam{camera:02d}_optical"
 
 
-def static_series(start_ns: int, places: Sequence[tuple[str, str, Floats]]) -> Series:
-    """``/tf_static``: one message with all of (parent, child, T_parent_child)."""
+def static_series(start_ns: int, places: Places) -> Series:
+    """``/tf_static``: one message with all of these frames."""
     sent = tuple(
         TransformStamped(child, *transforms.to_pose(T), Header(start_ns, parent))
         for parent, child, T in places
@@ -54,154 +63,107 @@ def static_series(start_ns: int, places: Sequence[tuple[str, str, Floats]]) -> S
     return single("/tf_static", Transforms(sent), start_ns)
 
 
-def path_series(
-    start_ns: int, stamps_ns: npt.NDArray[np.int64], positions_xyz: Floats, quats_xyzw: Floats
-) -> Series:
-    """``/path``: the whole way in one latched message at the start, so that a bag stays small."""
+def moving_series(
+    start_ns: int, stamps_ns: _Stamps, positions_xyz: Floats, quats_xyzw: Floats
+) -> Sequence[Series]:
+    """``/path``: the whole way in one latched message, which keeps a bag small; and ``/tf``."""
     order = np.argsort(stamps_ns, kind="stable")
-    header = Header(start_ns, ODOM)
-    path = PathMessage(stamps_ns[order], positions_xyz[order], quats_xyzw[order], header)
-    return single("/path", path, start_ns)
+    poses = positions_xyz[order], quats_xyzw[order]
+    path = messages.Path(stamps_ns[order], *poses, Header(start_ns, ODOM))
 
-
-def moving_transforms(
-    stamps_ns: npt.NDArray[np.int64], positions_xyz: Floats, quats_xyzw: Floats
-) -> Series:
-    """``/tf``: where base_link is in odom."""
-
-    def make(index: int) -> Transforms:
+    def transform(index: int) -> Transforms:
         header = Header(int(stamps_ns[index]), ODOM)
         return Transforms(
             (TransformStamped(BASE, positions_xyz[index], quats_xyzw[index], header),)
         )
 
-    return Series("/tf", Transforms, stamps_ns, make)
+    return single("/path", path, start_ns), Series("/tf", Transforms, stamps_ns, transform)
 
 
-_POINT = np.dtype([(name, np.float32) for name in ("x", "y", "z", "intensity")])
+def scanner_series(files: Files, stamps_ns: _Stamps) -> Series:
+    """``/velodyne_points``, each scan stamped with the time at which the scanner looked ahead.
 
-
-class Scanner:
-    """The scans, each stamped with the time at which the scanner looked ahead.
-
-    Points are in metres; intensity is 0 to 1. The times at which a turn began and ended are
-    published beside them. Points have no times of their own: KITTI's files do not keep their order.
+    Points are in metres; intensity is 0 to 1. They have no times of their own, as KITTI's files do
+    not keep their order.
 
     Args:
         files: of four 32-bit floats a point; or of text, as unsynced drives have them.
         stamps_ns: (N,).
     """
 
-    def __init__(self, files: Files, stamps_ns: npt.NDArray[np.int64], frame_id: str) -> None:
-        self._files, self._stamps_ns, self._frame_id = files, stamps_ns, frame_id
-
-    def cloud(self, index: int) -> PointCloud:
-        """One turn of the scanner.
-
-        Raises:
-            DamagedFile: it does not end with a whole point, or is no scan.
-        """
-        rows = self._rows(index)
-        header = Header(int(self._stamps_ns[index]), self._frame_id)
+    def cloud(index: int) -> PointCloud:
+        rows = _read_scan(files.path(index), files.read(index))
+        header = Header(int(stamps_ns[index]), VELODYNE)
         return PointCloud(rows.view(_POINT)[:, 0], bool(np.isfinite(rows).all()), header)
 
-    def _rows(self, index: int) -> npt.NDArray[np.float32]:
-        path, data = self._files.path(index), self._files.read(index)
-        if path.suffix == ".txt":
-            try:
-                numbers = np.array(data.split(), np.float32)
-            except ValueError:
-                raise DamagedFile(path, "holds more than numbers") from None
-            if numbers.size % 4:
-                raise DamagedFile(path, "cut off")
-            return numbers.reshape(-1, 4)
-        if len(data) % _POINT.itemsize:
-            raise DamagedFile(path, "cut off, or no scan: it does not end with a whole point")
-        return np.frombuffer(data, np.dtype("<f4")).reshape(-1, 4)
+    return Series("/velodyne_points", PointCloud, stamps_ns, cloud, slow=True)
 
 
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_CHUNK = 12  # length, type and CRC around a chunk's data
-_COLOR_BYTES = 3  # of a pixel
-_PATIENCE = 8
+def _read_scan(path: Path, data: bytes) -> npt.NDArray[np.float32]:
+    if path.suffix == ".txt":
+        try:
+            numbers = np.array(data.split(), np.float32)
+        except ValueError:
+            raise DamagedFile(path, "holds more than numbers") from None
+        if numbers.size % 4:
+            raise DamagedFile(path, "cut off")
+        return numbers.reshape(-1, 4)
+    if len(data) % _POINT.itemsize:
+        raise DamagedFile(path, "cut off, or no scan: it does not end with a whole point")
+    return np.frombuffer(data, np.dtype("<f4")).reshape(-1, 4)
 
 
-class Demand:
-    """Tells whether a camera's images are in use, so that decoding ahead is worth it."""
-
-    def __init__(self) -> None:
-        self._left = 0
-        self._lock = threading.Lock()
-
-    def renew(self) -> None:
-        """An image was looked at."""
-        with self._lock:
-            self._left = _PATIENCE
-
-    def take(self) -> bool:
-        """Whether to decode one more: yes, unless nobody looked at the last few."""
-        with self._lock:
-            self._left -= 1
-            return self._left >= 0
+def camera_series(
+    number: int, name: str, files: Files, stamps_ns: _Stamps, info: CameraInfo | None
+) -> list[Series]:
+    """A camera's images and, if it is calibrated, its camera_info."""
+    room = f"/cam{number:02d}"
+    images = _Images(files, stamps_ns, number >= 2, optical_frame(number), info)
+    series = [Series(f"{room}/{name}", Image, stamps_ns, images.image, slow=True)]
+    if info is not None:
+        series.append(Series(f"{room}/camera_info", CameraInfo, stamps_ns, images.info))
+    return series
 
 
-class Camera:
-    """The images of one camera.
-
-    Args:
-        files: PNG files.
-        stamps_ns: (N,).
-        color: as bgr8 rather than mono8.
-        frame_id: its optical frame.
-        info: its calibration, if it is known.
-    """
+class _Images:
+    """The images of one camera, checked when they are read; decoded ahead while they are in use."""
 
     def __init__(
-        self,
-        files: Files,
-        stamps_ns: npt.NDArray[np.int64],
-        color: bool,
-        frame_id: str,
-        info: CameraInfo | None,
+        self, files: Files, stamps_ns: _Stamps, color: bool, frame_id: str, info: CameraInfo | None
     ) -> None:
         self._files, self._stamps_ns = files, stamps_ns
         self._color, self._frame_id, self._info = color, frame_id, info
-        self._demand = Demand()
+        self._lock = threading.Lock()
+        self._ahead = 0  # so many are decoded ahead until one is used
 
     def image(self, index: int) -> Image:
-        """An image; decoded ahead while images are in use.
-
-        Raises:
-            DamagedFile: it is not a PNG, or cut off, or corrupt.
-        """
         path, data = self._files.path(index), self._files.read(index)
         height, width = check_png(path, data)
-        decoded = decode(path, data, self._color) if self._demand.take() else None
+        with self._lock:
+            self._ahead -= 1
+            is_in_use = self._ahead >= 0
+        decoded = _decode(path, data, self._color) if is_in_use else None
         shape = (height, width, 3) if self._color else (height, width)
-        pixels = Deferred(shape, np.uint8, partial(self._look, path, data, decoded))
+        pixels = Deferred(shape, np.uint8, partial(self._pixels, path, data, decoded))
         encoding = "bgr8" if self._color else "mono8"
         info = None if self._info is None else self.info(index)
         return Image(pixels, encoding, self._header(index), info)
 
     def info(self, index: int) -> CameraInfo:
-        """The calibration that goes with an image."""
         assert self._info is not None, "only of a calibrated camera"
         return replace(self._info, header=self._header(index))
 
     def _header(self, index: int) -> Header:
         return Header(int(self._stamps_ns[index]), self._frame_id)
 
-    def _look(self, path: Path, data: bytes, decoded: Pixels | None) -> Pixels:
-        self._demand.renew()
-        return decode(path, data, self._color) if decoded is None else decoded
+    def _pixels(self, path: Path, data: bytes, decoded: Pixels | None) -> Pixels:
+        with self._lock:
+            self._ahead = _PATIENCE
+        return _decode(path, data, self._color) if decoded is None else decoded
 
 
-def decode(path: Path, data: bytes, color: bool) -> Pixels:
-    """The pixels of a PNG: (height, width, 3) in the order BGR, or (height, width).
-
-    Raises:
-        DamagedFile: OpenCV cannot decode it.
-    """
+def _decode(path: Path, data: bytes, color: bool) -> Pixels:
+    """The pixels of a PNG: (height, width, 3) in the order BGR, or (height, width)."""
     flags = (cv2.IMREAD_COLOR if color else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_IGNORE_ORIENTATION
     pixels: Pixels | None = None
     with contextlib.suppress(cv2.error):
@@ -232,7 +194,7 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
         if zlib.crc32(view[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
             raise DamagedFile(path, "damaged: its checksum is wrong")
         at = end + 4
-    width, height = read_size(data)
+    width, height = _read_size(data)
     if not width or not height:
         raise DamagedFile(path, "a PNG image without a size")
     try:
@@ -242,22 +204,19 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
     return height, width
 
 
-def read_size(head: bytes) -> tuple[int, int]:
+def first_size(files: Files) -> tuple[int, int]:
+    """Width and height of the first readable image; 0, 0 without one."""
+    for index in range(len(files)):
+        with contextlib.suppress(OSError), open_file(files.path(index)) as file:
+            size = _read_size(file.read(24))
+            if all(size):
+                return size
+    return 0, 0
+
+
+def _read_size(head: bytes) -> tuple[int, int]:
     """Width and height in the first 24 bytes of a PNG; 0, 0 of anything else."""
     if len(head) < 24 or not head.startswith(_SIGNATURE) or head[12:16] != b"IHDR":
         return 0, 0
     width, height = struct.unpack_from(">II", head, len(_SIGNATURE) + 8)
     return width, height
-
-
-def first_size(files: Files) -> tuple[int, int]:
-    """Width and height of the first image that says so; 0, 0 where none does."""
-    for index in range(len(files)):
-        try:
-            with open_file(files.path(index)) as file:
-                size = read_size(file.read(24))
-        except OSError:
-            continue
-        if all(size):
-            return size
-    return 0, 0

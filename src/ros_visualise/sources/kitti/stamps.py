@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.sources.kitti.files import read_lines
 from ros_visualise.sources.series import DamagedFile
@@ -19,40 +19,48 @@ Times = dict[int, int]
 
 _NS = 1_000_000_000
 _LINE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d(\.\d+)?)")
-_LAST_NS = 2**32 * _NS  # the latest that ROS 1 can say
+_LAST_NS = 2**32 * _NS  # the latest stamp of ROS 1
 
 
-@dataclass
-class Stamps:
+class FrameTimes:
     """The times of one sensor's frames.
 
+    Args:
+        name: folder of the sensor.
+        path: file of its times, which may be missing.
+        lines: the time on each line of that file; None on those without one.
+        numbers: numbers of its frames.
+
     Attributes:
-        name: of the sensor's folder.
-        path: of its file of times, which need not be there.
-        numbers: of the frames that there are.
-        times: of those whose time is known.
-        missing: how many more times there are, of frames that are not.
+        times: of the frames whose time is known.
+        more: number of times of missing frames.
     """
 
-    name: str
-    path: Path
-    numbers: Sequence[int]
-    times: Times = field(default_factory=dict)
-    missing: int = 0
+    def __init__(
+        self, name: str, path: Path, lines: Sequence[int | None], numbers: Sequence[int]
+    ) -> None:
+        self.name, self.path, self.numbers = name, path, numbers
+        # A line belongs to the frame of its own number, counted from 0; of a part of a drive whose
+        # list was cut with it, the first line belongs to the first frame.
+        is_part = bool(numbers) and numbers[-1] >= len(lines) > numbers[-1] - numbers[0]
+        first = numbers[0] if is_part else 0
+        known = {first + line: time for line, time in enumerate(lines) if time is not None}
+        self.times: Times = {number: known[number] for number in numbers if number in known}
+        self.more = len(known) - len(self.times)
 
     @property
     def lacking(self) -> list[int]:
-        """The numbers of the frames whose time is not known."""
+        """The numbers of the frames without a time."""
         return [number for number in self.numbers if number not in self.times]
 
     @property
     def gaps(self) -> str:
-        """How many are lacking, in words."""
+        """Number of lacking times, in words."""
         return f"{len(self.lacking)} of {len(self.numbers)} times are missing or damaged"
 
 
 def read_times(path: Path, parse: Callable[[str], int | None]) -> list[int | None]:
-    """The time on each line of a file in ns; None on those without one. It need not be there."""
+    """The time on each line of a file in ns, None on those without one; of no file, nothing."""
     try:
         return [parse(line) for line in read_lines(path)]
     except DamagedFile:
@@ -60,7 +68,7 @@ def read_times(path: Path, parse: Callable[[str], int | None]) -> list[int | Non
 
 
 def parse_time(line: str) -> int | None:
-    """``2011-09-26 13:08:24.973999360`` as ns since 1970, whatever the time zone here."""
+    """``2011-09-26 13:08:24.973999360`` as ns since 1970, whatever the local time zone."""
     found = _LINE.fullmatch(line.strip())
     if found is None:
         return None
@@ -71,29 +79,19 @@ def parse_time(line: str) -> int | None:
     return stamp_ns if 0 <= stamp_ns < _LAST_NS else None
 
 
-def place(lines: Sequence[int | None], numbers: Sequence[int]) -> Times:
-    """The time of each number of a frame that the lines can mean.
-
-    A line belongs to the frame of its own number, counted from 0; of a part of a drive whose
-    list was cut with it, the first line belongs to the first frame.
-    """
-    first = 0
-    if numbers and numbers[-1] >= len(lines) > numbers[-1] - numbers[0]:
-        first = numbers[0]
-    return {first + line: time for line, time in enumerate(lines) if time is not None}
-
-
-def read_stamps(name: str, path: Path, numbers: Sequence[int]) -> Stamps:
-    """The times of frames from a ``timestamps.txt``, which need not be there."""
-    known = place(read_times(path, parse_time), numbers)
-    times = {number: known[number] for number in numbers if number in known}
-    return Stamps(name, path, numbers, times, len(known) - len(times))
+def read_stamps(name: str, path: Path, numbers: Sequence[int]) -> FrameTimes:
+    """The times of frames from a ``timestamps.txt``, which may be missing."""
+    return FrameTimes(name, path, read_times(path, parse_time), numbers)
 
 
 def complete(
-    sensors: Sequence[Stamps], synced: bool, start_ns: int, periods_ns: Mapping[str, int]
-) -> tuple[list[str], list[DamagedFile]]:
-    """Give each frame a time, and say what was done for each sensor.
+    sensors: Sequence[FrameTimes],
+    notes: list[str],
+    synced: bool,
+    start_ns: int,
+    periods_ns: Mapping[str, int],
+) -> tuple[dict[str, npt.NDArray[np.int64]], list[DamagedFile]]:
+    """The stamps of all frames by sensor, and the files that lack some.
 
     Times that are missing are those of another sensor's frame of the same number (of a synced
     drive, where equal numbers are one turn of the scanner); else they are counted on from the
@@ -101,33 +99,31 @@ def complete(
 
     Args:
         sensors: in the order in which the others are asked; their ``times`` are completed.
+        notes: gets a note on each sensor without a file of times.
         periods_ns: by the sensors' names.
-
-    Returns:
-        A line for each sensor without a file of times, and the files that do not tell all.
     """
-    notes, damaged = [], []
+    damaged = []
     known = {one.name: dict(one.times) for one in sensors}
     for one in sensors:
         if not one.lacking:
             continue
         gaps = one.gaps
-        sources = _borrow(one, one.lacking, known) if synced else []
+        sources = _borrow(one, known) if synced else []
         if one.lacking:
-            sources.append(_count(one, one.lacking, known, synced, start_ns, periods_ns[one.name]))
+            sources.append(_count(one, known, synced, start_ns, periods_ns[one.name]))
         stamped = f"frames without one are stamped {', '.join(sources)}"
         if one.path.exists():
             damaged.append(DamagedFile(one.path, f"{gaps}; {stamped}"))
         else:
-            notes.append(f"{one.name}: no times, as there is no {one.path.name}; {stamped}")
-    return notes, damaged
+            notes.append(f"{one.name}: no times, as {one.path.name} is missing; {stamped}")
+    found = {one.name: [one.times[number] for number in one.numbers] for one in sensors}
+    return {name: np.array(times, np.int64) for name, times in found.items()}, damaged
 
 
-def _borrow(one: Stamps, lacking: Sequence[int], known: Mapping[str, Times]) -> list[str]:
+def _borrow(one: FrameTimes, known: Mapping[str, Times]) -> list[str]:
     sources = []
     for name, times in known.items():
-        given = {number: times[number] for number in lacking if number in times}
-        given = {number: time for number, time in given.items() if number not in one.times}
+        given = {number: times[number] for number in one.lacking if number in times}
         if given:
             one.times.update(given)
             sources.append(f"as {name}'s of the same number")
@@ -135,12 +131,7 @@ def _borrow(one: Stamps, lacking: Sequence[int], known: Mapping[str, Times]) -> 
 
 
 def _count(
-    one: Stamps,
-    lacking: Sequence[int],
-    known: Mapping[str, Times],
-    synced: bool,
-    start_ns: int,
-    period_ns: int,
+    one: FrameTimes, known: Mapping[str, Times], synced: bool, start_ns: int, period_ns: int
 ) -> str:
     basis = dict(one.times)
     if not basis:
@@ -152,7 +143,7 @@ def _count(
             basis = {one.numbers[0]: begin_ns}
     period_ns = _period(basis) or period_ns
     numbers = np.array(sorted(basis))
-    for number in lacking:
+    for number in one.lacking:
         nearest = int(numbers[np.abs(numbers - number).argmin()])
         one.times[number] = max(0, basis[nearest] + (number - nearest) * period_ns)
     begin = np.datetime64(min(basis.values()), "ns")

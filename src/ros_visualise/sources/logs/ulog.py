@@ -49,7 +49,7 @@ class Table:
         return len(self.times_us)
 
     def has(self, *fields: str) -> bool:
-        """Whether it has all of these fields."""
+        """True if it has all of these fields."""
         return all(field in self._columns for field in fields)
 
     def raw(self, field: str) -> npt.NDArray[Any]:

@@ -322,7 +322,7 @@ class Records:
         return self._topics[name, instance]
 
     def _goes_on(self, place: int) -> bool:
-        """Whether another record follows, or the end."""
+        """True if another record follows, or the end."""
         end = len(self._data)
         return place == end or bool(self._end_of(place, end))
 
@@ -361,7 +361,7 @@ class Records:
         return True
 
     def _is_likely(self, place: int, end: int) -> bool:
-        """Whether a record begins with what its kind does."""
+        """True if a record begins with what its kind does."""
         start, kind = place + _HEAD.size, self._data[place + 2]
         if kind == _SYNC_KIND:
             return self._data[start:end] == _SYNC

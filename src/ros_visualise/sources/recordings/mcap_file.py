@@ -94,7 +94,6 @@ class McapFile:
         self._found: Counter[int] = Counter()
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        """As `Storage.select`."""
         wanted = {n for n, channel in self.channels.items() if query.asks_for(channel)}
         holds = np.array([not wanted.isdisjoint(s) for s in self._channel_sets] + [bool(wanted)])
         rows = self._rows
@@ -106,7 +105,6 @@ class McapFile:
         return np.flatnonzero(is_asked)
 
     def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        """As `Storage.open_piece`."""
         records = self._load(piece) or b""
         wanted = {
             number: (channel.topic, channel.type_name, channel.definitions)
@@ -137,7 +135,6 @@ class McapFile:
                 self._compare(piece, counts)
 
     def extras(self) -> Iterator[Extra]:
-        """As `Storage.extras`."""
         for offset, length in self._extras:
             try:
                 check_file(length)
@@ -150,12 +147,11 @@ class McapFile:
                 add_note(self._loss, f"{self._label}{note}")
 
     def close(self) -> None:
-        """As `Storage.close`."""
         with self._lock:
             self._file.close()
 
     def _is_all(self, piece: int, query: Query, wanted: Collection[int]) -> bool:
-        """Whether all that a piece holds, by its index, is asked for."""
+        """True if all that a piece holds, by its index, is asked for."""
         row = self._rows[piece]
         is_in_time = query.start_ns <= row["start_ns"] and row["end_ns"] < query.stop_ns
         held = self._channel_sets[row["channels"]] if row["channels"] != UNKNOWN else None

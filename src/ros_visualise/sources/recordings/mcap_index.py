@@ -112,11 +112,11 @@ class Index:
 
     @property
     def is_described(self) -> bool:
-        """Whether it knows all channels that its pieces name, and their schemas."""
+        """True if it knows all channels that its pieces name, and their schemas."""
         return all(map(self.knows, self.channel_sets))
 
     def knows(self, channels: Iterable[int]) -> bool:
-        """Whether it knows these channels, and their schemas."""
+        """True if it knows these channels, and their schemas."""
         found = [self.channels.get(channel) for channel in channels]
         return all(one and (not one.schema_id or one.schema_id in self.schemas) for one in found)
 
@@ -173,7 +173,7 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
 
 
 def _hides(file: BinaryIO, size: int, index: Index) -> bool:
-    """Whether there are messages between the chunks that an index names, or after them.
+    """True if there are messages between the chunks that an index names, or after them.
 
     Between them are records of other kinds, few if any.
 
@@ -293,7 +293,7 @@ def read_statistics(body: bytes) -> Statistics | None:
 
 
 def _is_there(file: BinaryIO, row: np.void) -> bool:
-    """Whether a chunk is where the index has it."""
+    """True if a chunk is where the index has it."""
     file.seek(int(row["offset"]))
     head = file.read(CHUNK_HEAD_BYTES)
     try:
@@ -304,7 +304,7 @@ def _is_there(file: BinaryIO, row: np.void) -> bool:
 
 
 def _is_extra(file: BinaryIO, offset: int, length: int) -> bool:
-    """Whether an attachment or metadata is where the index has it."""
+    """True if an attachment or metadata is where the index has it."""
     file.seek(offset)
     head = file.read(HEAD_BYTES)
     if len(head) < HEAD_BYTES or head[0] not in (Opcode.ATTACHMENT, Opcode.METADATA):

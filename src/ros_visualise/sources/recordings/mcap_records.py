@@ -178,7 +178,7 @@ def read_channel(body: Records) -> Channel | None:
 
 
 def _is_short_tail(records: Records, position: int) -> bool:
-    """Whether whole records, too short to be messages, end a piece."""
+    """True if whole records, too short to be messages, end a piece."""
     while position + HEAD_BYTES <= len(records):
         position += HEAD_BYTES + HEAD.unpack_from(records, position)[1]
     return position == len(records)

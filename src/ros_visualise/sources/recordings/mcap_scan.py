@@ -142,7 +142,7 @@ class _Pieces:
 
     @property
     def differs(self) -> bool:
-        """Whether the file counts other messages than were found."""
+        """True if the file counts other messages than were found."""
         found = +Counter(self._index.counts)
         return self._statistics is not None and _counted(self._statistics, found) != found
 

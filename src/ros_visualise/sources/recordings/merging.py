@@ -95,7 +95,6 @@ class MergedRecording:
 
     @property
     def compression(self) -> str:
-        """As `Recording.compression`."""
         found = {name for storage in self._storages for name in storage.compressions}
         return self._compression or ", ".join(sorted(found))
 
@@ -105,11 +104,9 @@ class MergedRecording:
         stop_ns: int | None = None,
         topics: Collection[str] | None = None,
     ) -> Generator[Entry, None, None]:
-        """As `Recording.read`."""
         return calibrated(self._read, self.topics, start_ns, stop_ns, topics)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        """As `Recording.stamps_ns`."""
         found: dict[str, list[npt.NDArray[np.int64]]] = {topic: [] for topic in self.topics}
         query = Query(chosen=self._chosen)
         for storage in self._storages:
@@ -121,11 +118,9 @@ class MergedRecording:
         return {topic: np.sort(np.concatenate([empty, *parts])) for topic, parts in found.items()}
 
     def extras(self) -> Iterator[Extra]:
-        """As `Recording.extras`."""
         return chain(self._extras, *(storage.extras() for storage in self._storages))
 
     def close(self) -> None:
-        """As `Recording.close`."""
         self._closed.set()
         for storage in self._storages:
             storage.close()

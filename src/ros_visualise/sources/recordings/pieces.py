@@ -70,11 +70,9 @@ class ChunkPiece:
 
     @property
     def stamp_ns(self) -> int | None:
-        """As `Piece.stamp_ns`."""
         return self._places[self._next][0] if self._next < len(self._places) else None
 
     def read(self, before_ns: int) -> Iterator[Entry]:
-        """As `Piece.read`."""
         places, channels, count = self._places, self._channels, len(self._places)
         while self._next < count:
             stamp_ns, number, start, stop, publish_ns, sequence = places[self._next]
@@ -90,7 +88,6 @@ class ChunkPiece:
                 yield Entry(topic, stamp_ns, message)
 
     def forget(self) -> None:
-        """As `Keeper.forget`."""
         self._records = None
         self._ahead.clear()
 

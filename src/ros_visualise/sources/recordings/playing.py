@@ -104,7 +104,7 @@ class PlayableRecording:
         return self.time.place_ns(self._recording.end_ns)
 
     def is_frame(self, batch: Batch) -> bool:
-        """Whether a person steps to it."""
+        """True if a person steps to it."""
         return self._is_stepped(batch[-1])
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:

@@ -193,23 +193,18 @@ class CompressedMessages:
         self.compressions: Collection[str] = ("zstd",) if is_known else storage.compressions
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        """As `Storage.select`."""
         return self._storage.select(query)
 
     def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        """As `Storage.open_piece`."""
         return _DecompressedPiece(self._storage.open_piece(piece, query, shelf), self._decompress)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """As `Storage.stamps_ns`."""
         return self._storage.stamps_ns()
 
     def extras(self) -> Iterator[Extra]:
-        """As `Storage.extras`."""
         return self._storage.extras()
 
     def close(self) -> None:
-        """As `Storage.close`."""
         self._storage.close()
 
     def _decompress(self, entry: Entry) -> bool:

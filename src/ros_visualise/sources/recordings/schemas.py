@@ -109,7 +109,7 @@ def ros_name(name: str) -> str:
 
 
 def is_latched(offered_qos_profiles: str) -> bool:
-    """Whether rosbag2's note of its publishers' QoS, in numbers or words, has a latched one."""
+    """True if rosbag2's note of its publishers' QoS, in numbers or words, has a latched one."""
     return bool(_TRANSIENT_LOCAL.search(offered_qos_profiles))
 
 

@@ -97,7 +97,6 @@ class SeriesRecording:
         return {one.topic: np.sort(one.stamps_ns) for one in self._series}
 
     def extras(self) -> Iterator[Extra]:
-        """As `Recording.extras`; there is nothing."""
         return iter(())
 
     def close(self) -> None:
@@ -155,7 +154,7 @@ class SeriesRecording:
 
 def _note(errors: Sequence[str]) -> str:
     """One line for each folder, with its first damaged file."""
-    more = f"; {len(errors)} such files are left out" if len(errors) > 1 else ""
+    more = f"; {len(errors)} such files skipped" if len(errors) > 1 else ""
     return f"{errors[0]}{more}"
 
 

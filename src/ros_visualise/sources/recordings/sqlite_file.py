@@ -106,12 +106,10 @@ class SqliteFile:
             add_note(loss, f"{label}{why}; messages that are there: {sum(self.counts.values())}")
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        """As `Storage.select`."""
         is_empty = not self._topics(query) or not len(self.starts_ns)
         return np.arange(0 if is_empty else 1)
 
     def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        """As `Storage.open_piece`."""
         return StreamedPiece(self._entries(query))
 
     def _entries(self, query: Query) -> Iterator[Entry]:
@@ -131,7 +129,6 @@ class SqliteFile:
         yield from self._salvaged(query, last)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """As `Storage.stamps_ns`."""
         rows = self._rows if self._rows is not None else self._scan()[0]
         topics, numbers = np.unique(rows["topic"], return_counts=True)
         if not self._is_closed:
@@ -141,11 +138,9 @@ class SqliteFile:
             yield int(topic), rows["stamp_ns"][rows["topic"] == topic]
 
     def extras(self) -> Iterator[Extra]:
-        """As `Storage.extras`; there is nothing."""
         return iter(())
 
     def close(self) -> None:
-        """As `Storage.close`."""
         self._is_closed = True
         with suppress(sqlite3.ProgrammingError):  # it is closed already
             self._database.interrupt()
@@ -198,7 +193,7 @@ class SqliteFile:
         return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] if len(rows) else []
 
     def _serves(self) -> bool:
-        """Whether SQLite can read the file in order of time, and none of its end is missing.
+        """True if SQLite can read the file in order of time, and none of its end is missing.
 
         Raises:
             sqlite3.DatabaseError: the file is damaged.

@@ -120,7 +120,7 @@ def _channel(
 
 
 def _is_table(database: sqlite3.Connection, name: str) -> bool:
-    """Whether there is such a table whose values are all stored; what is computed has no end."""
+    """True if there is such a table whose values are all stored; what is computed has no end."""
     found = database.execute(
         "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)
     ).fetchall()
@@ -131,7 +131,7 @@ def _is_table(database: sqlite3.Connection, name: str) -> bool:
 
 @damage_by_name()
 def has_index(database: sqlite3.Connection) -> bool:
-    """Whether SQLite can give the messages in order of time without sorting them."""
+    """True if SQLite can give the messages in order of time without sorting them."""
     plan = database.execute(
         "EXPLAIN QUERY PLAN SELECT data FROM messages ORDER BY timestamp, id"
     ).fetchall()
@@ -173,7 +173,7 @@ def cut_rows(path: Path, page_bytes: int) -> set[int]:
 
 
 def is_spilled(payload_bytes: int, page_bytes: int) -> bool:
-    """Whether a row goes on on pages of its own."""
+    """True if a row goes on on pages of its own."""
     return payload_bytes > page_bytes - 35
 
 

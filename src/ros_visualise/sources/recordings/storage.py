@@ -38,7 +38,7 @@ class Channel:
     labels: tuple[tuple[str, str], ...] = ()
 
     def is_like(self, other: Channel) -> bool:
-        """Whether both are of one type; that of ROS 1 and ROS 2 counts as one."""
+        """True if both are of one type; that of ROS 1 and ROS 2 counts as one."""
         if self.type_name != other.type_name:
             return False
         if self.definitions is None or other.definitions is None:
@@ -61,11 +61,11 @@ class Query(NamedTuple):
 
     @property
     def is_ever(self) -> bool:
-        """Whether it asks for every stamp."""
+        """True if it asks for every stamp."""
         return self.start_ns <= -LATEST_NS and self.stop_ns >= LATEST_NS
 
     def asks_for(self, channel: Channel) -> bool:
-        """Whether messages of a channel are wanted, and can be read or copied."""
+        """True if messages of a channel are wanted, and can be read or copied."""
         if channel.definitions is None or not (self.topics is None or channel.topic in self.topics):
             return False
         return self.chosen is None or channel.is_like(self.chosen[channel.topic])
@@ -91,11 +91,9 @@ class StreamedPiece:
 
     @property
     def stamp_ns(self) -> int | None:
-        """As `Piece.stamp_ns`."""
         return None if self._next is None else self._next.stamp_ns
 
     def read(self, before_ns: int) -> Iterator[Entry]:
-        """As `Piece.read`."""
         while self._next is not None and self._next.stamp_ns < before_ns:
             entry, self._next = self._next, next(self._entries, None)
             yield entry

@@ -63,7 +63,6 @@ class VideoRecording:
         return {_TOPIC: np.array([entry.stamp_ns for entry in self.read()], np.int64)}
 
     def extras(self) -> Iterator[Extra]:
-        """As `Recording.extras`; there is nothing."""
         return iter(())
 
     def close(self) -> None:

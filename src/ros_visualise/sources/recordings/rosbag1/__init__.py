@@ -32,7 +32,7 @@ def open_rosbag1(path: Path) -> Recording:
 
 
 def is_split_bag(files: Sequence[Path]) -> bool:
-    """Whether they are the parts of one, as ``rosbag record --split`` names them.
+    """True if they are the parts of one, as ``rosbag record --split`` names them.
 
     That is ``NAME_0.bag``, ``NAME_1.bag``, ...; the name may end with when each part was begun.
     """

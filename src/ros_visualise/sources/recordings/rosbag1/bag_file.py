@@ -84,7 +84,6 @@ class BagFile:
         return found - {""} or {"none"}
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        """As `Storage.select`."""
         wanted = {n for n, channel in self.channels.items() if query.asks_for(channel)}
         is_asked = np.array([not wanted.isdisjoint(c.counts) for c in self._chunks], bool)
         if query.start_ns > -(2**63):
@@ -94,7 +93,6 @@ class BagFile:
         return np.flatnonzero(is_asked)
 
     def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        """As `Storage.open_piece`."""
         chunk = self._chunks[piece]
         wanted = {
             number: (channel.topic, channel.type_name, channel.definitions)
@@ -123,7 +121,6 @@ class BagFile:
         return ChunkPiece(places, wanted, self._records(content), load, shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """As `Storage.stamps_ns`."""
         for chunk in self._chunks:
             with self._lock:
                 entries = self._entries(chunk)
@@ -131,11 +128,9 @@ class BagFile:
                 yield number, entries["stamp_ns"][entries["connection"] == number]
 
     def extras(self) -> Iterator[Extra]:
-        """As `Storage.extras`; there is nothing."""
         return iter(())
 
     def close(self) -> None:
-        """As `Storage.close`."""
         with self._lock:
             self._file.close()
 
@@ -174,7 +169,7 @@ class BagFile:
     def _is_short(
         self, content: Content, entries: npt.NDArray[Any], spans: npt.NDArray[np.int64]
     ) -> bool:
-        """Whether there are messages in a chunk beside those that its index names."""
+        """True if there are messages in a chunk beside those that its index names."""
         for start, end in gaps(content, entries, spans):
             walk = self._reader.walk(content._replace(start=start, end=end))
             if len(walk.entries):

@@ -214,7 +214,7 @@ def count(connections: NDArray[Any]) -> dict[int, int]:
 
 
 def _is_likely(entries: NDArray[Any], chunk: Chunk) -> bool:
-    """Whether an index has each of its messages once, and in the chunk's time."""
+    """True if an index has each of its messages once, and in the chunk's time."""
     stamps, offsets = entries["stamp_ns"], entries["offset"]
     is_in_time = (stamps >= chunk.start_ns) & (stamps <= chunk.end_ns)
     return bool(is_in_time.all()) and len(np.unique(offsets)) == len(offsets)

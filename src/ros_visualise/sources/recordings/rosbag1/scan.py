@@ -164,7 +164,7 @@ class Scan:
         return Chunk(position, min(times), max(times), counts), end
 
     def _goes_on(self, position: int) -> bool:
-        """Whether something other than one more index record follows, and is whole."""
+        """True if something other than one more index record follows, and is whole."""
         try:
             record = records.read_record(self._file, position, self._size)
         except Damaged:
