@@ -182,9 +182,7 @@ def test_what_is_flagged_not_valid_is_left_out(flight):
     recording = write()
     odometry = read(recording, "/odom")
     assert len(odometry) == 636 - 111
-    assert recording.notes == [
-        "111 of 636 positions are not valid (xy_valid, z_valid) and are left out"
-    ]
+    assert recording.notes == ["111 of 636 positions are not valid (xy_valid, z_valid); skipped"]
     assert not any(one.linear_xyz.any() for one in odometry)
 
 
@@ -243,7 +241,7 @@ def test_a_sample_with_a_wrong_time_is_left_out_and_counted(flight, bit, number)
     assert len(read(recording, "/odom")) == 635
     assert (recording.end_ns - recording.start_ns) / 1e9 == pytest.approx(6.5, abs=0.1)
     assert recording.loss.messages == 1
-    assert recording.loss.notes == ["1 sample left out, with a time that cannot be its own"]
+    assert recording.loss.notes == ["1 sample skipped: implausible timestamps"]
 
 
 def test_a_wrong_time_within_the_flight_is_found_by_those_before_and_after_it():

@@ -41,7 +41,7 @@ LOG = HEAD + FORMAT + added(3, "gyro") + b"".join(SAMPLES)
 
 def values(data, name="gyro"):
     [topic] = [one for one in Records(data).topics if one.name == name]
-    return np.frombuffer(topic.samples, topic.layout.dtype)
+    return np.frombuffer(topic.samples, topic.dtype)
 
 
 def test_every_topic_is_as_pyulog_reads_it(recordings):
@@ -51,7 +51,7 @@ def test_every_topic_is_as_pyulog_reads_it(recordings):
     assert len(topics) == len(theirs.data_list) == 70
     for one in theirs.data_list:
         topic = topics[one.name, one.multi_id]
-        found = np.frombuffer(topic.samples, topic.layout.dtype)
+        found = np.frombuffer(topic.samples, topic.dtype)
         assert list(found.dtype.names) == [field.field_name for field in one.field_data]
         for name, column in one.data.items():
             np.testing.assert_array_equal(found[name], column)
@@ -101,7 +101,7 @@ def test_samples_of_a_topic_whose_record_is_missing_are_counted(tmp_path):
     (tmp_path / "a.ulg").write_bytes(data)
     loss = read_ulog(tmp_path / "a.ulg", ["gyro"]).loss
     assert loss.messages == 5
-    assert loss.notes == ["5 samples of topics that it does not describe"]
+    assert loss.notes == ["5 samples of undescribed topics"]
 
 
 def test_parts_that_were_appended_after_a_crash_are_read():
@@ -144,7 +144,7 @@ def test_many_large_types_take_bounded_memory():
     limits.set_max_memory(256 << 20)
     try:
         found = Records(HEAD + b"".join(types + topics + rows))
-        names = sum(len(one.layout.dtype.names) for one in found.topics)
+        names = sum(len(one.dtype.names) for one in found.topics)
     finally:
         limits.set_max_memory(limits.DEFAULT_MEMORY)
     assert names <= (256 << 20) // 256 // 4

@@ -28,72 +28,10 @@ from ros_visualise.data import (
 )
 from ros_visualise.data import Path as PathMessage
 from ros_visualise.geometry import rotations
-from ros_visualise.sources.logs.ulog import Log, Table, read_ulog
+from ros_visualise.sources.logs.ulog import LogTable, ULog, read_ulog
 from ros_visualise.sources.logs.uorb import uorb_series
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series, single
-
-_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])  # half a turn about north-east
-_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about forward
-
-
-def to_enu(ned: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the world."""
-    north, east, down = np.moveaxis(np.asarray(ned, np.float64), -1, 0)
-    return np.stack([east, north, -down], axis=-1)
-
-
-def to_flu(frd: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the body."""
-    return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
-
-
-def to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:
-    """Quaternions x, y, z, w (..., 4) of FLU in ENU, of w, x, y, z of FRD in NED."""
-    quat_xyzw = np.roll(np.asarray(quat_wxyz, np.float64), -1, axis=-1)
-    turned = rotations.multiply(rotations.multiply(_ENU_NED, quat_xyzw), _FRD_FLU)
-    return rotations.normalise(turned)
-
-
-_HELD_US = 100_000
-
-
-class Attitude:
-    """The attitude at any time; it is held for a moment before the first sample and after the last.
-
-    Args:
-        table: ``vehicle_attitude``, or None where it was not logged.
-    """
-
-    def __init__(self, table: Table | None) -> None:
-        none = np.zeros(0, np.int64)
-        self.times_us = none if table is None else table.times_us
-        if table is not None:
-            quats = table.vector("q", 4)
-            norms = np.linalg.norm(quats, axis=1)
-            whole = (norms > 0.5) & (norms < 1.5)
-            self.times_us = self.times_us[whole]
-            self._quats = to_attitude(quats[whole])
-
-    def is_known(self, times_us: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """(N,) whether it is known at these times."""
-        if not len(self.times_us):
-            return np.zeros(len(times_us), bool)
-        first, last = self.times_us[[0, -1]]
-        known: npt.NDArray[np.bool_] = np.logical_and(
-            times_us >= first - _HELD_US, times_us <= last + _HELD_US
-        )
-        return known
-
-    def at(self, times_us: npt.NDArray[np.int64]) -> Floats:
-        """(N, 4) x, y, z, w; where it is not known, that of the map."""
-        if not len(self.times_us):
-            return np.tile([0.0, 0.0, 0.0, 1.0], (len(times_us), 1))
-        places = np.interp(times_us, self.times_us, np.arange(len(self.times_us)))
-        before = places.astype(int)
-        after = np.minimum(before + 1, len(self.times_us) - 1)
-        return rotations.slerp(self._quats[before], self._quats[after], places - before)
-
 
 _TOPICS = (
     "vehicle_attitude",
@@ -109,26 +47,30 @@ _NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
 _UNKNOWN = np.zeros((3, 3))
 _NO_FIX, _FIX, _GBAS = -1, 0, 2
 _STATUS = {0: _NO_FIX, 1: _NO_FIX, 5: _GBAS, 6: _GBAS}
-"""PX4's fix_type, where it is no plain fix -> status of sensor_msgs/NavSatFix.
+"""PX4's fix_type, unless it is a plain fix -> status of sensor_msgs/NavSatFix.
 
-RTK has a base on the ground; whose corrections a differential fix (4) has is not known.
+RTK has a base on the ground; the origin of a differential fix's (4) corrections is unknown.
 """
 _NO_COVARIANCE, _APPROXIMATED = 0, 1
+_HELD_US = 100_000
+_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])  # half a turn about north-east
+_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about forward
+
+_Times = npt.NDArray[np.int64]
 
 
-def open_ulog(path: str | Path) -> SeriesRecording:
+def open_ulog(path: Path) -> SeriesRecording:
     """Open a ``.ulg`` file; stamps are in UTC where the log has GPS time, else since the start.
 
     Raises:
         OpenError: it is not a ULog file, or holds no positions.
     """
-    path = Path(path)
     log = read_ulog(path, _TOPICS)
     tables = log.tables
     gps = tables.get("vehicle_gps_position") or tables.get("sensor_gps")
     utc_us = _utc_offset_us(gps)
     clock = "time since start" if utc_us is None else "UTC"
-    made = _Series(tables, gps, utc_us or 0)
+    made = _FlightTopics(tables, gps, utc_us or 0)
     if not made.series:
         raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
     series = made.series + _as_logged(log, made.series, utc_us or 0)
@@ -136,15 +78,15 @@ def open_ulog(path: str | Path) -> SeriesRecording:
     return SeriesRecording(path, f"PX4 ULog ({clock})", size, series, made.notes, loss=log.loss)
 
 
-def _as_logged(log: Log, made: list[Series], utc_us: int) -> list[Series]:
-    """All topics of PX4's own, over the time of those that were made of them."""
+def _as_logged(log: ULog, made: list[Series], utc_us: int) -> list[Series]:
+    """All topics as PX4 logged them, over the time of those that were made from them."""
     stamps_us = np.concatenate([one.stamps_ns for one in made]) // 1000 - utc_us
     span = int(stamps_us.min()), int(stamps_us.max())
     tables = {name: table.within(*span) for name, table in log.all.items()}
     return list(uorb_series(tables, log.formats, utc_us))
 
 
-def _utc_offset_us(gps: Table | None) -> int | None:
+def _utc_offset_us(gps: LogTable | None) -> int | None:
     """UTC minus the vehicle's clock; the median, as the latency of the receiver varies."""
     if gps is None or not gps.has("time_utc_usec"):
         return None
@@ -155,19 +97,19 @@ def _utc_offset_us(gps: Table | None) -> int | None:
     return int(np.median(utc_us[known] - gps.times_us[known]))
 
 
-class _Series:
-    """Makes topics from the tables in the log.
+class _FlightTopics:
+    """Topics made from the tables of the log.
 
     Attributes:
         series: the topics.
-        notes: what was left out, and why.
+        notes: what was skipped, and why.
     """
 
-    def __init__(self, tables: dict[str, Table], gps: Table | None, utc_us: int) -> None:
+    def __init__(self, tables: dict[str, LogTable], gps: LogTable | None, utc_us: int) -> None:
         self.notes: list[str] = []
         self.series: list[Series] = []
         self._utc_us = utc_us
-        self._attitude = Attitude(tables.get("vehicle_attitude"))
+        self._attitude = _Attitude(tables.get("vehicle_attitude"))
         self._rates = tables.get("vehicle_angular_velocity")
         position = tables.get("vehicle_local_position")
         if position is not None:
@@ -176,10 +118,10 @@ class _Series:
         if gps is not None:
             self._add_fixes(gps)
 
-    def _stamps_ns(self, times_us: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def _stamps_ns(self, times_us: _Times) -> _Times:
         return (times_us + self._utc_us) * 1000
 
-    def _add_positions(self, all_of_them: Table) -> None:
+    def _add_positions(self, all_of_them: LogTable) -> None:
         flags = all_of_them.column("xy_valid", 1) * all_of_them.column("z_valid", 1)
         finite = np.isfinite(all_of_them.columns("x", "y", "z")).all(axis=1)
         valid = (flags != 0) & finite
@@ -189,12 +131,12 @@ class _Series:
         if known.any():
             self._add_odometry(all_of_them.where(known))
 
-    def _add_odometry(self, local: Table) -> None:
+    def _add_odometry(self, local: LogTable) -> None:
         stamps_ns = self._stamps_ns(local.times_us)
-        positions = to_enu(local.columns("x", "y", "z"))
+        positions = _to_enu(local.columns("x", "y", "z"))
         quats = self._attitude.at(local.times_us)
         moving = (local.column("v_xy_valid", 1) * local.column("v_z_valid", 1)) != 0
-        along = to_enu(local.columns("vx", "vy", "vz"))
+        along = _to_enu(local.columns("vx", "vy", "vz"))
         linear = (np.swapaxes(rotations.to_matrix(quats), -1, -2) @ along[..., None])[..., 0]
         linear = np.where(moving[:, None] & np.isfinite(linear), linear, 0)
         angular = self._angular(local.times_us)
@@ -226,7 +168,7 @@ class _Series:
             single("/path", path, start_ns),
         ]
 
-    def _add_imu(self, sensors: Table | None) -> None:
+    def _add_imu(self, sensors: LogTable | None) -> None:
         """At the stamps of accelerometer and gyroscope, else of the attitude."""
         times_us = self._attitude.times_us if sensors is None else sensors.times_us
         if not len(times_us):
@@ -235,8 +177,8 @@ class _Series:
         accelerations = np.zeros((len(times_us), 3))
         angular = self._angular(times_us)
         if sensors is not None:
-            accelerations = to_flu(sensors.vector("accelerometer_m_s2", 3))
-            angular = to_flu(sensors.vector("gyro_rad", 3))
+            accelerations = _to_flu(sensors.vector("accelerometer_m_s2", 3))
+            angular = _to_flu(sensors.vector("gyro_rad", 3))
         stamps_ns = self._stamps_ns(times_us)
         has_rates = sensors is not None or self._rates is not None
 
@@ -253,7 +195,7 @@ class _Series:
 
         self.series.append(Series("/imu/data", Imu, stamps_ns, imu))
 
-    def _add_fixes(self, gps: Table) -> None:
+    def _add_fixes(self, gps: LogTable) -> None:
         stamps_ns = self._stamps_ns(gps.times_us)
         places = _places(gps)
         types = gps.column("fix_type").astype(int)
@@ -274,19 +216,19 @@ class _Series:
 
         self.series.append(Series("/gps/fix", NavSatFix, stamps_ns, fix))
 
-    def _angular(self, times_us: npt.NDArray[np.int64]) -> Floats:
+    def _angular(self, times_us: _Times) -> Floats:
         if self._rates is None:
             return np.zeros((len(times_us), 3))
-        rates = to_flu(self._rates.vector("xyz", 3))
+        rates = _to_flu(self._rates.vector("xyz", 3))
         columns = [np.interp(times_us, self._rates.times_us, column) for column in rates.T]
         return np.stack(columns, axis=1)
 
     def _note(self, count: int, of: int, what: str) -> None:
         if count:
-            self.notes.append(f"{count} of {of} {what} and are left out")
+            self.notes.append(f"{count} of {of} {what}; skipped")
 
 
-def _places(gps: Table) -> Floats:
+def _places(gps: LogTable) -> Floats:
     """Latitude, longitude and altitude above the ellipsoid (N, 3), in the units of any version.
 
     A log without the altitude above the ellipsoid gives the one above the sea.
@@ -296,3 +238,56 @@ def _places(gps: Table) -> Floats:
         return gps.columns("latitude_deg", "longitude_deg", high)
     high = "alt_ellipsoid" if gps.has("alt_ellipsoid") else "alt"
     return gps.columns("lat", "lon", high) * [1e-7, 1e-7, 1e-3]
+
+
+class _Attitude:
+    """Attitude at any time; it is held for a moment before the first sample and after the last.
+
+    Args:
+        table: ``vehicle_attitude``, or None if it was not logged.
+    """
+
+    def __init__(self, table: LogTable | None) -> None:
+        none = np.zeros(0, np.int64)
+        self.times_us = none if table is None else table.times_us
+        if table is not None:
+            quats = table.vector("q", 4)
+            norms = np.linalg.norm(quats, axis=1)
+            whole = (norms > 0.5) & (norms < 1.5)
+            self.times_us = self.times_us[whole]
+            self._quats = _to_attitude(quats[whole])
+
+    def is_known(self, times_us: _Times) -> npt.NDArray[np.bool_]:
+        """(N,) true for times at which it is known."""
+        if not len(self.times_us):
+            return np.zeros(len(times_us), bool)
+        first, last = self.times_us[[0, -1]]
+        found: npt.NDArray[np.bool_] = times_us >= first - _HELD_US
+        return found & (times_us <= last + _HELD_US)
+
+    def at(self, times_us: _Times) -> Floats:
+        """(N, 4) x, y, z, w; where it is unknown, that of the map."""
+        if not len(self.times_us):
+            return np.tile([0.0, 0.0, 0.0, 1.0], (len(times_us), 1))
+        places = np.interp(times_us, self.times_us, np.arange(len(self.times_us)))
+        before = places.astype(int)
+        after = np.minimum(before + 1, len(self.times_us) - 1)
+        return rotations.slerp(self._quats[before], self._quats[after], places - before)
+
+
+def _to_enu(ned: npt.ArrayLike) -> Floats:
+    """Vectors (..., 3) of the world."""
+    north, east, down = np.moveaxis(np.asarray(ned, np.float64), -1, 0)
+    return np.stack([east, north, -down], axis=-1)
+
+
+def _to_flu(frd: npt.ArrayLike) -> Floats:
+    """Vectors (..., 3) of the body."""
+    return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
+
+
+def _to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:
+    """Quaternions x, y, z, w (..., 4) of FLU in ENU, of w, x, y, z of FRD in NED."""
+    quat_xyzw = np.roll(np.asarray(quat_wxyz, np.float64), -1, axis=-1)
+    turned = rotations.multiply(rotations.multiply(_ENU_NED, quat_xyzw), _FRD_FLU)
+    return rotations.normalise(turned)

@@ -9,7 +9,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,25 +29,36 @@ _LONGEST = 0xFFFF  # of a sample, as records say their size in 16 bits
 _DEEPEST = 8
 _MOST_TYPES = 4096  # PX4 has 300
 
-Format = list[tuple[str, int, str]]
-"""The fields of a type: what each is of, how many (0: one, no array), and its name."""
+MAGIC = b"ULog\x01\x12\x35"
+_HEADER_BYTES = 16
+_HEAD = struct.Struct("<HB")
+_SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_SIZES = {"O": (2, 2), "B": (40, 0xFFFF), "S": (8, 8), "R": (2, 2), "F": (4, 0xFFFF)}
+_SIZES |= {"A": (4, 0xFFFF), "D": (2, 0xFFFF), "L": (9, 0xFFFF), "C": (11, 0xFFFF)}
+_SIZES |= dict.fromkeys("IMPQ", (2, 0xFFFF))
+_LIMITS = {ord(kind): sizes for kind, sizes in _SIZES.items()}
+_SYNC_KIND, _DATA, _FORMAT, _ADD, _DROPOUT, _FLAGS = map(ord, "SDFAOB")
+_TEXTS_AT = {_FORMAT: 0, _ADD: 3, ord("L"): 9, ord("C"): 11}
+_KEYS_AT = {ord("I"): 0, ord("P"): 0, ord("M"): 1, ord("Q"): 1}
+_TEXT = re.compile(rb"[^\x00-\x08\x0e-\x1f\x7f]*\0*")
+_KEY = re.compile(rb"[\w\[\]]+ [\w /.-]+")
+_LONGEST_RECORD = _HEAD.size + 0xFFFF
+_LEVELS = b"01234567"  # of what was logged as text
+_CHAIN = 3  # so many whole records in a row do not come about by chance
+_APPENDED = 1  # of the flags that a reader has to know
+_FIRST_SEARCH, _MOST_SEARCH = 1 << 9, 1 << 20
+_MOST_DAMAGES = 10_000  # of a file with more, the rest is not worth its time
+_APPENDED_AT = struct.Struct("<3Q")
+
+UlogFields = list[tuple[str, int, str]]
+"""The fields of a type: the type of each, its count (0: one, no array), and its name."""
 
 
 class BadFormat(ValueError):
-    """A type that no sample can be of."""
+    """An invalid type."""
 
 
-class Layout(NamedTuple):
-    """How a sample lies: its fields, those of types inside others too, without padding at its end.
-
-    ``longest`` is its size with that padding, which loggers leave out.
-    """
-
-    dtype: np.dtype[np.void]
-    longest: int
-
-
-class Formats:
+class UlogTypes:
     """The types of a file by name; the first of a name counts.
 
     Attributes:
@@ -55,14 +66,14 @@ class Formats:
     """
 
     def __init__(self) -> None:
-        self.by_name: dict[str, Format] = {}
-        self._all: dict[str, Format] = {}
+        self.by_name: dict[str, UlogFields] = {}
+        self._all: dict[str, UlogFields] = {}
         self._sizes: dict[str, tuple[int, int]] = {}
         self._bad: dict[str, int] = {}  # how many types there were
         self._left = object_limit() // 4  # fields, which are objects of numpy's
 
     def add(self, text: str) -> bool:
-        """Take over a description, as ``name:type field;type[3] other;``; whether it is one."""
+        """Add a description, ``name:type field;type[3] other;``; true if it is valid."""
         name, _, rest = text.partition(":")
         found = [_FIELD.fullmatch(part.strip()) for part in rest.split(";") if part.strip()]
         fields = [(one[1], int(one[2] or 0), one[3]) for one in found if one]
@@ -75,10 +86,10 @@ class Formats:
         return True
 
     def sizes(self, name: str) -> tuple[int, int]:
-        """The least and most bytes of a sample.
+        """The least and most bytes of a sample, without and with padding at its end.
 
         Raises:
-            BadFormat: it is not described, within itself, or too long.
+            BadFormat: the type is not described, contains itself, or is too long.
         """
         if self._bad.get(name) == len(self._all):
             raise BadFormat("its type is not described")
@@ -89,13 +100,13 @@ class Formats:
             self._sizes[name] = whole - self._padding(name), whole
         return self._sizes[name]
 
-    def layout(self, name: str) -> Layout:
-        """How a sample lies.
+    def dtype(self, name: str) -> np.dtype[np.void]:
+        """The layout of a sample, with the fields of types inside it, without padding at its end.
 
         Raises:
-            BadFormat: as `sizes`; or it has no time, or there are too many fields in this file.
+            BadFormat: as `sizes`; or it has no timestamp, or this file has too many fields.
         """
-        least, most = self.sizes(name)
+        least, _ = self.sizes(name)
         fields: list[tuple[str, str]] = []
         self._flatten(name, "", fields)
         while fields and fields[-1][0].startswith(_PADDING):
@@ -106,7 +117,7 @@ class Formats:
             raise BadFormat("two of its fields share a name") from None
         if dict(fields).get(_TIME) != _BASIC["uint64_t"] or dtype.itemsize != least:
             raise BadFormat("it has no timestamp")
-        return Layout(dtype, most)
+        return dtype
 
     def _size(self, name: str, depth: int) -> int:
         if name in _BASIC:
@@ -142,46 +153,24 @@ class Formats:
                 found.append((f"{prefix}{label}{place}", _BASIC[kind]))
 
 
-def columns(layout: Layout, samples: bytearray) -> dict[str, npt.NDArray[np.generic]]:
-    """The samples by field, each an array (N,)."""
-    table = np.frombuffer(samples, layout.dtype)
-    return {name: table[name] for name in layout.dtype.names or ()}
-
-
-MAGIC = b"ULog\x01\x12\x35"
-_HEADER_BYTES = 16
-_HEAD = struct.Struct("<HB")
-_SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
-_SIZES = {"O": (2, 2), "B": (40, 0xFFFF), "S": (8, 8), "R": (2, 2), "F": (4, 0xFFFF)}
-_SIZES |= {"A": (4, 0xFFFF), "D": (2, 0xFFFF), "L": (9, 0xFFFF), "C": (11, 0xFFFF)}
-_SIZES |= dict.fromkeys("IMPQ", (2, 0xFFFF))
-_LIMITS = {ord(kind): sizes for kind, sizes in _SIZES.items()}
-_SYNC_KIND, _DATA, _FORMAT, _ADD, _DROPOUT, _FLAGS = map(ord, "SDFAOB")
-_TEXTS_AT = {_FORMAT: 0, _ADD: 3, ord("L"): 9, ord("C"): 11}
-_KEYS_AT = {ord("I"): 0, ord("P"): 0, ord("M"): 1, ord("Q"): 1}
-_TEXT = re.compile(rb"[^\x00-\x08\x0e-\x1f\x7f]*\0*")
-_KEY = re.compile(rb"[\w\[\]]+ [\w /.-]+")
-_LONGEST_RECORD = _HEAD.size + 0xFFFF
-_LEVELS = b"01234567"  # of what was logged as text
-_CHAIN = 3  # so many whole records in a row do not come about by chance
-_APPENDED = 1  # of the flags that a reader has to know
-_FIRST_SEARCH, _MOST_SEARCH = 1 << 9, 1 << 20
-_MOST_DAMAGES = 10_000  # of a file with more, the rest is not worth its time
-_APPENDED_AT = struct.Struct("<3Q")
-
-
 class UnknownFlags(Exception):
-    """The file is of a kind that only later readers know."""
+    """The file needs a later reader."""
 
 
 @dataclass
-class Topic:
+class LoggedTopic:
     """The samples of one instance of a topic, as they lie in the file."""
 
     name: str
     instance: int
-    layout: Layout
+    dtype: np.dtype[np.void]
     samples: bytearray = field(default_factory=bytearray)
+
+    @property
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The samples by field, each an array (N,)."""
+        table = np.frombuffer(self.samples, self.dtype)
+        return {name: table[name] for name in self.dtype.names or ()}
 
 
 class _Added(NamedTuple):
@@ -194,25 +183,25 @@ class _Added(NamedTuple):
 
 
 class Records:
-    """What the records of a file hold.
+    """The records of a file, by what they hold.
 
     Every byte is looked at a bounded number of times, whatever the file says of itself, and what
     is kept is no larger than the file.
 
     Attributes:
-        topics: those that have samples.
-        formats: the types that it describes.
-        dropouts_ms: how long the logger itself had lost data, each time.
-        strangers: samples of topics that it does not describe.
-        damaged: bytes that belong to no record.
-        cut: bytes of a last record that is not whole.
+        topics: topics with samples.
+        formats: the types that the file describes.
+        dropouts_ms: durations of the logger's own dropouts.
+        strangers: number of samples of undescribed topics.
+        damaged: number of bytes that belong to no record.
+        cut: bytes of a last record that is cut off.
 
     Raises:
-        UnknownFlags: it cannot be read.
+        UnknownFlags: the file needs a later reader.
     """
 
     def __init__(self, data: bytes) -> None:
-        self.formats = Formats()
+        self.formats = UlogTypes()
         self.dropouts_ms: list[int] = []
         self.strangers = self.damaged = self.cut = 0
         self._data = data
@@ -220,18 +209,18 @@ class Records:
         self._added: dict[int, _Added] = {}
         self._least = np.full(1 << 16, -1, np.int32)  # bytes of a sample, by the topic's number
         self._most = np.full(1 << 16, -1, np.int32)
-        self._topics: dict[tuple[str, int], Topic | None] = {}
+        self._topics: dict[tuple[str, int], LoggedTopic | None] = {}
         ends = [*self._appended(), len(data)]
         for start, end in zip([_HEADER_BYTES, *ends], ends, strict=False):
             self._read(start, end)
 
     @property
-    def topics(self) -> Iterator[Topic]:
-        """Those with samples."""
+    def topics(self) -> Iterator[LoggedTopic]:
+        """Topics with samples."""
         return (topic for topic in self._topics.values() if topic is not None and topic.samples)
 
     def _appended(self) -> list[int]:
-        """Where parts begin that were written after the vehicle had crashed."""
+        """Beginnings of the parts that were written after the vehicle had crashed."""
         if len(self._data) < _HEADER_BYTES + _HEAD.size:
             return []
         size, kind = _HEAD.unpack_from(self._data, _HEADER_BYTES)
@@ -259,7 +248,7 @@ class Records:
             place = found or end
 
     def _end_of(self, place: int, end: int) -> int:
-        """Where a record there ends; 0 where there is none."""
+        """End of the record at a place; 0 without one."""
         if place + _HEAD.size > end:
             return 0
         size, kind = _HEAD.unpack_from(self._data, place)
@@ -268,7 +257,7 @@ class Records:
         return int(following) if least <= size <= most and following <= end else 0
 
     def _take(self, place: int, end: int) -> bool:
-        """Keep what a record holds; whether it is one."""
+        """Keep the content of a record; false if it is none."""
         start, kind = place + _HEAD.size, self._data[place + 2]
         if kind == _DATA:
             return self._add_sample(start, end)
@@ -310,15 +299,14 @@ class Records:
     def _number(self, at: int) -> int:
         return self._data[at] | self._data[at + 1] << 8
 
-    def _topic(self, name: str, instance: int) -> Topic | None:
-        """None where its samples cannot be read."""
+    def _topic(self, name: str, instance: int) -> LoggedTopic | None:
+        """None if its samples cannot be read."""
         if (name, instance) not in self._topics:
             try:
-                layout = self.formats.layout(name)
+                dtype = self.formats.dtype(name)
+                self._topics[name, instance] = LoggedTopic(name, instance, dtype)
             except BadFormat:
                 self._topics[name, instance] = None
-            else:
-                self._topics[name, instance] = Topic(name, instance, layout)
         return self._topics[name, instance]
 
     def _goes_on(self, place: int) -> bool:
@@ -327,7 +315,7 @@ class Records:
         return place == end or bool(self._end_of(place, end))
 
     def _find(self, start: int, end: int) -> int | None:
-        """Where the next record begins that others follow."""
+        """Beginning of the next record that others follow."""
         size = _FIRST_SEARCH
         while start < end:
             block = np.frombuffer(self._data, np.uint8, min(size + 16, end - start), start)
@@ -339,7 +327,7 @@ class Records:
         return None
 
     def _candidates(self, block: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.intp]:
-        """Where in a block a kind of record is followed by what belongs to it."""
+        """Places in a block at which a likely head of a record is."""
         kinds = block[2 : 2 + count]
         sizes = block[:count] | block[1 : 1 + count].astype(np.int32) << 8
         numbers = block[3 : 3 + count] | block[4 : 4 + count].astype(np.int32) << 8
@@ -361,7 +349,7 @@ class Records:
         return True
 
     def _is_likely(self, place: int, end: int) -> bool:
-        """True if a record begins with what its kind does."""
+        """True if a record begins as its kind does."""
         start, kind = place + _HEAD.size, self._data[place + 2]
         if kind == _SYNC_KIND:
             return self._data[start:end] == _SYNC

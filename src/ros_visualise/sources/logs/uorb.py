@@ -17,8 +17,8 @@ import numpy as np
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
-from ros_visualise.sources.logs.ulog import Table
-from ros_visualise.sources.logs.ulog_records import Format
+from ros_visualise.sources.logs.ulog import LogTable
+from ros_visualise.sources.logs.ulog_records import UlogFields
 from ros_visualise.sources.series import Series
 
 log = logging.getLogger(__name__)
@@ -29,9 +29,9 @@ _RULE = "=" * 80
 
 
 def uorb_series(
-    tables: Mapping[str, Table], formats: Mapping[str, Format], utc_us: int
+    tables: Mapping[str, LogTable], formats: Mapping[str, UlogFields], utc_us: int
 ) -> Iterator[Series]:
-    """A series for each table, by its name; one that ROS cannot describe is left out and said.
+    """A series for each table, by its name; a topic that ROS cannot describe is skipped.
 
     Args:
         formats: PX4's types by name, those inside others too.
@@ -42,17 +42,17 @@ def uorb_series(
         try:
             definitions.define(type_name(table.name), define(table.name, formats))
         except (DamagedMessage, KeyError) as error:
-            log.warning("%s is left out: %s", name, error)
+            log.warning("%s skipped: %s", name, error)
             continue
         yield _series(name, table, formats, definitions, utc_us)
 
 
 def type_name(name: str) -> str:
-    """That of a ROS message: ``vehicle_attitude`` is ``px4_msgs/msg/VehicleAttitude``."""
+    """Type of a topic's ROS messages: ``px4_msgs/msg/VehicleAttitude``."""
     return f"{_PACKAGE}/msg/{_camel(name)}"
 
 
-def define(name: str, formats: Mapping[str, Format]) -> str:
+def define(name: str, formats: Mapping[str, UlogFields]) -> str:
     """The definition of a type, with those inside it, as ROS writes them.
 
     Raises:
@@ -65,7 +65,11 @@ def define(name: str, formats: Mapping[str, Format]) -> str:
 
 
 def _series(
-    name: str, table: Table, formats: Mapping[str, Format], definitions: Definitions, utc_us: int
+    name: str,
+    table: LogTable,
+    formats: Mapping[str, UlogFields],
+    definitions: Definitions,
+    utc_us: int,
 ) -> Series:
     stamps_ns = (table.times_us + utc_us) * 1000
     kind = type_name(table.name)
@@ -79,11 +83,11 @@ def _series(
 
 
 def _message(
-    table: Table,
+    table: LogTable,
     type: str,
     prefix: str,
     index: int,
-    formats: Mapping[str, Format],
+    formats: Mapping[str, UlogFields],
     definitions: Definitions,
 ) -> Any:
     """One message, or one inside another, from the columns whose names begin with a prefix."""
@@ -95,19 +99,19 @@ def _message(
                 _message(table, kind, f"{one}.", index, formats, definitions) for one in names
             ]
         else:
-            found = np.array([table.raw(one)[index] for one in names], _ros(kind))
+            found = np.array([table.raw[one][index] for one in names], _ros(kind))
         values.append(found if count else found[0])
     return definitions.types[type_name(type)](*values)
 
 
-def _inner(name: str, formats: Mapping[str, Format]) -> Iterator[str]:
+def _inner(name: str, formats: Mapping[str, UlogFields]) -> Iterator[str]:
     for kind, _, _ in formats[name]:
         if kind in formats:
             yield kind
             yield from _inner(kind, formats)
 
 
-def _fields(name: str, formats: Mapping[str, Format]) -> str:
+def _fields(name: str, formats: Mapping[str, UlogFields]) -> str:
     lines = []
     for kind, count, field in formats[name]:
         own = _camel(kind) if kind in formats else _ros(kind)
