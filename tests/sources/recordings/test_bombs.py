@@ -115,7 +115,7 @@ def test_of_a_packed_file_its_own_name_is_told(tmp_path):
     [file] = (tmp_path / "bag").glob("*.db3")
     packed = file.rename(file.with_name(f"{file.name}.zstd"))
     packed.write_bytes(zstandard.compress(bytes(9 * MB)))
-    with pytest.raises(OpenError, match=re.escape(f"{packed}: no ROS 2 bag that can be read")):
+    with pytest.raises(OpenError, match=re.escape(f"{packed}: unreadable ROS 2 bag")):
         open_recording(tmp_path / "bag")
 
 

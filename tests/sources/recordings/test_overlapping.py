@@ -10,7 +10,7 @@ from mcap.writer import CompressionType
 
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import merging
-from ros_visualise.sources.recordings.pieces import Shelf
+from ros_visualise.sources.recordings.pieces import PieceCache
 
 CHUNKS, PER_CHUNK = 50, 8
 COMPRESSIONS = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
@@ -36,7 +36,7 @@ def test_they_are_read_in_order_however_much_is_kept(
     capacity: int,
 ) -> None:
     messages = overlapping(tmp_path / "a.mcap", 10_000, compression)
-    monkeypatch.setattr(merging, "Shelf", lambda: Shelf(capacity))
+    monkeypatch.setattr(merging, "PieceCache", lambda: PieceCache(capacity))
     recording = open_recording(tmp_path / "a.mcap")
     assert written(recording.read()) == in_order(messages)
     middle = CHUNKS * PER_CHUNK // 2
@@ -50,7 +50,7 @@ def test_no_more_is_kept_than_there_is_room_for(
 ) -> None:
     overlapping(tmp_path / "a.mcap", 50_000, CompressionType.LZ4)
     whole, capacity, chunk = CHUNKS * PER_CHUNK * 50_000, 2_000_000, PER_CHUNK * 50_000
-    monkeypatch.setattr(merging, "Shelf", lambda: Shelf(capacity))
+    monkeypatch.setattr(merging, "PieceCache", lambda: PieceCache(capacity))
     recording = open_recording(tmp_path / "a.mcap")
     gc.collect()
     tracemalloc.start()
@@ -66,7 +66,7 @@ def test_they_end_when_the_recording_is_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     overlapping(tmp_path / "a.mcap", 1000, CompressionType.NONE)
-    monkeypatch.setattr(merging, "Shelf", lambda: Shelf(1000))
+    monkeypatch.setattr(merging, "PieceCache", lambda: PieceCache(1000))
     recording = open_recording(tmp_path / "a.mcap")
     entries = recording.read()
     assert next(entries).stamp_ns == 1

@@ -161,7 +161,7 @@ def test_one_broken_file_of_several_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"SQLite format 3\x00", b"text" * 2000])
 def test_a_broken_file_alone_is_said_in_a_line(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.db3").write_bytes(content)
-    with pytest.raises(OpenError, match=r"a\.db3: no ROS 2 bag that can be read") as caught:
+    with pytest.raises(OpenError, match=r"a\.db3: unreadable ROS 2 bag") as caught:
         open_rosbag2(tmp_path / "a.db3")
     assert "\n" not in str(caught.value)
 
@@ -262,7 +262,7 @@ def test_a_cut_of_a_database_without_an_index_is_said(tmp_path: Path, tenth: int
     file.write_bytes(file.read_bytes()[: file.stat().st_size * tenth // 10 + tenth])
     recording = open_rosbag2(file)
     assert 0 < len(written(recording.read())) < len(messages)
-    assert recording.loss.notes[0].startswith("cut off or damaged, read where it can be: ")
+    assert recording.loss.notes[0].startswith("cut off or damaged, read as far as possible: ")
     recording.close()
 
 

@@ -262,8 +262,9 @@ class _Attitude:
         if not len(self.times_us):
             return np.zeros(len(times_us), bool)
         first, last = self.times_us[[0, -1]]
-        found: npt.NDArray[np.bool_] = times_us >= first - _HELD_US
-        return found & (times_us <= last + _HELD_US)
+        known: npt.NDArray[np.bool_] = times_us >= first - _HELD_US
+        known &= times_us <= last + _HELD_US
+        return known
 
     def at(self, times_us: _Times) -> Floats:
         """(N, 4) x, y, z, w; where it is unknown, that of the map."""

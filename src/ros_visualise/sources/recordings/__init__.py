@@ -1,4 +1,4 @@
-"""Recordings of many topics: bags, MCAP files, KITTI folders, flight logs; what all of them are.
+"""Recordings of many topics: bags, MCAP files, KITTI folders, flight logs; what they share.
 
 `ros_visualise.sources.opening.open_recording` opens one.
 """
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from ros_visualise.messages.recorded import TopicType
 
 Extra = Attachment | Metadata
-"""What a recording holds beside its messages: a file, or texts by name; as MCAP has them."""
+"""Content of a recording beside its messages: a file, or texts by name, in the form of MCAP."""
+
+_MOST_NOTES = 20
 
 
 class Entry(NamedTuple):
@@ -34,11 +36,11 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """What a recording says of a topic; ``messages`` counts those that are there.
+    """A topic of a recording; ``messages`` counts the recorded ones.
 
     ``digest`` is the MD5 or hash of its type as the recording has it. ``unreadable`` is empty,
-    or says why its messages can not be read. ``other_types``: name -> digest of those whose
-    messages are left out, as the topic is of ``type``.
+    or says why its messages cannot be read. ``other_types``: name -> digest of the types whose
+    messages are skipped, as the topic is of ``type``.
     """
 
     type: TopicType
@@ -49,19 +51,12 @@ class TopicInfo:
     other_types: Mapping[str, str] = field(default_factory=dict)
 
 
-def left_out(topic: str, messages: int, type_name: str, chosen: str) -> str:
-    """What to say of messages of another type than the ``chosen`` one, that of their topic."""
-    difference = f"of {chosen}" if type_name != chosen else "of another one by that name"
-    noun = "message" if messages == 1 else "messages"
-    return f"{topic}: {messages} {noun} of {type_name} left out: the topic is {difference}"
-
-
 @dataclass
 class Loss:
-    """What of a recording could not be read, as far as it was read by now.
+    """Unreadable content of a recording, as far as it was read by now.
 
     ``notes`` are for people, a line each: ``cut off after 12.3 of 40.1 MB``. There is one wherever
-    something is lost, also where nobody knows how much.
+    something is lost, also an unknown amount.
     """
 
     messages: int = 0
@@ -71,6 +66,32 @@ class Loss:
     def __bool__(self) -> bool:
         return bool(self.notes)
 
+    def add(self, note: str = "", messages: int = 0, size: int = 0) -> None:
+        """Count lost messages and bytes; notes are kept once each, and up to a number."""
+        self.messages += messages
+        self.bytes += size
+        if note and len(self.notes) < _MOST_NOTES and note not in self.notes:
+            self.notes.append(note)
+        elif note and len(self.notes) == _MOST_NOTES:
+            self.notes.append("and more")
+
+
+class PartialLoss(NamedTuple):
+    """The loss of one file of a recording; each note begins with its label."""
+
+    whole: Loss
+    label: str = ""
+
+    def add(self, note: str = "", messages: int = 0, size: int = 0) -> None:
+        """Count lost messages and bytes of this file, as `Loss.add`."""
+        self.whole.add(note and f"{self.label}{note}", messages, size)
+
+    def absorb(self, found: Loss) -> None:
+        """Count all that was found lost in this file."""
+        self.add("", found.messages, found.bytes)
+        for note in found.notes:
+            self.add(note)
+
 
 class Recording(Protocol):
     """An opened recording; one thread at a time reads it.
@@ -79,7 +100,7 @@ class Recording(Protocol):
         path: the file or folder.
         format: for people and ``info``: ``rosbag 2.0``, ``mcap``, ``rosbag2``, ``KITTI raw``.
         size: bytes of all its files.
-        start_ns, end_ns: stamps of the first and the last message; equal where there is none.
+        start_ns, end_ns: stamps of the first and the last message; equal without messages.
         topics: by name, in the order of their names.
         loss: what could not be read.
     """
@@ -106,14 +127,14 @@ class Recording(Protocol):
 
         Args:
             start_ns, stop_ns: the first stamp, and the one before which to end; absolute times.
-            topics: of these alone.
+            topics: only these.
         """
 
     def stamps_ns(self) -> Mapping[str, NDArray[np.int64]]:
-        """The stamps of each topic's messages in their order, from the index where there is one."""
+        """The stamps of each topic's messages in their order, from the index if possible."""
 
     def extras(self) -> Iterator[Extra]:
-        """What it holds beside its messages, in the order of the file; damaged ones are a loss."""
+        """Content beside the messages, in the order of the file; damaged extras are a loss."""
 
     def close(self) -> None:
-        """Let go of its files; may be called from any thread, and ends what is being read."""
+        """Close its files; may be called from any thread, and ends all reading."""

@@ -1,4 +1,4 @@
-"""Where in an MCAP file its messages are: a row per chunk, or per run of messages outside.
+"""The index of an MCAP file's messages: a row per chunk, or per run of messages outside.
 
 The mcap library's ``get_summary()`` does not look at the summary's checksum, and takes three times
 as long where there are many chunks.
@@ -9,14 +9,12 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
@@ -26,14 +24,14 @@ from ros_visualise.sources.recordings.mcap_records import (
     HEAD,
     HEAD_BYTES,
     MAGIC,
-    Damaged,
     chunk_head,
-    read_channel,
-    read_schema,
+    describing,
+    parse,
 )
+from ros_visualise.sources.recordings.unpacking import DamagedData
 
 UNKNOWN = -1
-"""A count of messages, or a set of channels, that only the piece itself tells."""
+"""Count of messages, or set of channels, of a piece without an index."""
 
 _MESSAGE_INDEX_HEAD = struct.Struct("<HI")
 _ENTRY_BYTES = 16
@@ -62,10 +60,10 @@ _EXTRA_INDEX = struct.Struct("<QQ")
 
 @dataclass
 class Index:
-    """The pieces of a file, and what it says of its channels.
+    """The pieces of a file, and its channels.
 
-    ``extras``: where its attachments and records of metadata begin, and their lengths. ``ends``:
-    where the index records behind each of its chunks end, where the file says so.
+    ``extras``: places and lengths of its attachments and records of metadata. ``ends``: end of the
+    index records behind each of its chunks, as far as the file declares it.
     """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -87,7 +85,7 @@ class Index:
         channels: Collection[int] | None = None,
         is_chunk: bool = True,
     ) -> None:
-        """Add a piece: where it is in the file, and what it holds as far as that is known."""
+        """Add a piece: its place in the file, and its content as far as that is known."""
         start_ns = min(span_ns[0], _STAMP_LIMIT)
         end_ns = min(span_ns[1], _STAMP_LIMIT)
         number = UNKNOWN if channels is None else self._number(frozenset(channels))
@@ -98,12 +96,13 @@ class Index:
         for channel, count in messages.items():
             self.counts[channel] = self.counts.get(channel, 0) + count
 
-    def describe(self, schemas: Iterable[Schema], channels: Iterable[Channel]) -> None:
+    def describe(self, found: Iterable[Schema | Channel]) -> None:
         """Add schemas and channels; the first of a number counts."""
-        for schema in schemas:
-            self.schemas.setdefault(schema.id, schema)
-        for channel in channels:
-            self.channels.setdefault(channel.id, channel)
+        for one in found:
+            if isinstance(one, Schema):
+                self.schemas.setdefault(one.id, one)
+            else:
+                self.channels.setdefault(one.id, one)
 
     @property
     def rows(self) -> npt.NDArray[np.void]:
@@ -128,12 +127,12 @@ class Index:
 
 
 def read_index(file: BinaryIO, size: int) -> Index | None:
-    """The index that the writer put at the file's end; None where there is none, or not of all.
+    """The index at the file's end; None if it is missing, or not of all messages.
 
     Source: the MCAP format specification, "Summary Section".
 
     Raises:
-        Damaged: it is not that of the file; says why.
+        DamagedData: it does not match the file; says why.
     """
     summary = _read_summary(file, size)
     if summary is None:
@@ -141,7 +140,7 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
     try:
         index, statistics, chunks = _parse_summary(summary)
     except struct.error:
-        raise Damaged("a record in it is too short") from None
+        raise DamagedData("a record in it is too short") from None
     if statistics is None or not chunks or not index.is_described:
         return None
     index.counts = dict(statistics.channel_message_counts)
@@ -157,19 +156,19 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
 
 
 def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chunks: int) -> None:
-    """Hold an index against itself and, at its ends, against the file."""
+    """Check an index against itself and, at its ends, against the file."""
     rows = index.rows
     if statistics.chunk_count != chunks:
-        raise Damaged(f"it counts {statistics.chunk_count} chunks, and names {chunks}")
+        raise DamagedData(f"it counts {statistics.chunk_count} chunks, and names {chunks}")
     if index.counts and statistics.message_count != sum(index.counts.values()):
-        raise Damaged("its counts of messages contradict each other")
+        raise DamagedData("its counts of messages contradict each other")
     is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])
     if not is_within.all() or not index.counts.keys() <= index.channels.keys():
-        raise Damaged("it names what there cannot be")
+        raise DamagedData("it names places outside of the file")
     if not all(_is_there(file, rows[i]) for i in {0, chunks - 1}):
-        raise Damaged("its chunks are not where it says")
+        raise DamagedData("its chunks are not where it says")
     if not all(_is_extra(file, min(offset, size), n) for offset, n in index.extras):
-        raise Damaged("its attachments are not where it says")
+        raise DamagedData("its attachments are not where it says")
 
 
 def _hides(file: BinaryIO, size: int, index: Index) -> bool:
@@ -178,7 +177,7 @@ def _hides(file: BinaryIO, size: int, index: Index) -> bool:
     Between them are records of other kinds, few if any.
 
     Raises:
-        Damaged: there is another chunk, or no record where one should be.
+        DamagedData: another chunk was found, or no record where one should be.
     """
     order = np.argsort(index.rows["offset"])
     starts = [*index.rows["offset"][order].tolist(), None]
@@ -193,7 +192,7 @@ def _hides(file: BinaryIO, size: int, index: Index) -> bool:
             if kind == Opcode.MESSAGE:
                 return True
             if kind in (0, Opcode.CHUNK, Opcode.MESSAGE_INDEX) or position > (start or position):
-                raise Damaged("there is more in the file than it names")
+                raise DamagedData("the file holds more than it names")
             position += HEAD_BYTES + length
         position = end
     return False
@@ -232,11 +231,11 @@ def _read_summary(file: BinaryIO, size: int) -> bytes | None:
         return None
     file.seek(max(0, min(start, end) - _DATA_END.size))
     if start >= end or _DATA_END.unpack(file.read(_DATA_END.size))[:2] != (Opcode.DATA_END, 4):
-        raise Damaged("it is not where the file says")
+        raise DamagedData("it is not where the file says")
     summary = file.read(end - start)
     checked = footer[: HEAD_BYTES + 16]  # the checksum covers the footer up to itself
     if crc and zlib.crc32(checked, zlib.crc32(summary)) != crc:
-        raise Damaged("it is not what its checksum says")
+        raise DamagedData("it is not what its checksum says")
     return summary
 
 
@@ -251,16 +250,14 @@ def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
         if kind == Opcode.CHUNK_INDEX:
             _add_chunk(index, body)
             chunks += 1
-        elif kind == Opcode.SCHEMA and (schema := read_schema(body)):
-            index.describe([schema], [])
-        elif kind == Opcode.CHANNEL and (channel := read_channel(body)):
-            index.describe([], [channel])
+        elif one := describing(kind, body):
+            index.describe([one])
         elif kind in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
             index.extras.append(_EXTRA_INDEX.unpack_from(body))
         elif kind == Opcode.STATISTICS:
             statistics = read_statistics(body)
     if position != len(summary):
-        raise Damaged("its summary ends in a record")
+        raise DamagedData("its summary ends in a record")
     index.extras.sort()
     return index, statistics, chunks
 
@@ -284,27 +281,25 @@ def _add_chunk(index: Index, body: bytes) -> None:
 
 
 def read_statistics(body: bytes) -> Statistics | None:
-    """What the file says that it holds, or None where that is damaged."""
-    try:
-        statistics: Statistics = Statistics.read(ReadDataStream(BytesIO(body)))
-    except (EndOfFile, struct.error):
-        return None
-    return statistics
+    """The counts of a file, or None if they are damaged."""
+    with suppress(DamagedData):
+        return parse(Statistics, body)
+    return None
 
 
 def _is_there(file: BinaryIO, row: np.void) -> bool:
-    """True if a chunk is where the index has it."""
+    """True if a chunk is at the place in its row."""
     file.seek(int(row["offset"]))
     head = file.read(CHUNK_HEAD_BYTES)
     try:
         chunk_head(head)
-    except Damaged:
+    except DamagedData:
         return False
     return bool(HEAD.unpack_from(head)[1] + HEAD_BYTES == row["length"])
 
 
 def _is_extra(file: BinaryIO, offset: int, length: int) -> bool:
-    """True if an attachment or metadata is where the index has it."""
+    """True if an attachment or metadata is at a place."""
     file.seek(offset)
     head = file.read(HEAD_BYTES)
     if len(head) < HEAD_BYTES or head[0] not in (Opcode.ATTACHMENT, Opcode.METADATA):

@@ -8,23 +8,23 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Container
+from collections.abc import Container, Iterator
+from contextlib import suppress
 from operator import itemgetter
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from ros_visualise.core.errors import TooLarge
 from ros_visualise.sources.recordings import Extra
 from ros_visualise.sources.recordings.pieces import Place, Records
-from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
+from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_chunk
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
-"""What each record begins with: its kind and the length of the rest."""
+"""Beginning of each record: its kind and the length of the rest."""
 
 HEAD_BYTES = HEAD.size
 CHUNK_HEAD_BYTES = 64
@@ -40,16 +40,15 @@ COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK = struct.Struct("<QQQII")
 _DATA_LENGTH = struct.Struct("<Q")
+_CRC_BYTES = 4
 
-
-class Damaged(Exception):
-    """A record contradicts itself or its checksum; says how."""
+R = TypeVar("R")
 
 
 class ChunkHead(NamedTuple):
     """A chunk's start; its compressed records begin ``data_offset`` after its record does.
 
-    ``end``: where the chunk itself ends, after its record's beginning.
+    ``end``: end of the chunk itself, after its record's beginning.
     """
 
     start_ns: int
@@ -65,7 +64,7 @@ def chunk_head(record: bytes) -> ChunkHead:
     """The start of a chunk, of its first `CHUNK_HEAD_BYTES` bytes.
 
     Raises:
-        Damaged: it is no chunk, or its lengths contradict each other.
+        DamagedData: it is no chunk, or its lengths contradict each other.
     """
     try:
         kind, length = HEAD.unpack_from(record)
@@ -73,11 +72,11 @@ def chunk_head(record: bytes) -> ChunkHead:
         after = HEAD_BYTES + _CHUNK.size + letters
         (data_length,) = _DATA_LENGTH.unpack_from(record, after)
     except struct.error:
-        raise Damaged("its head is damaged") from None
+        raise DamagedData("its head is damaged") from None
     compression = record[after - letters : after].decode("ascii", "replace")
     data_offset = after + _DATA_LENGTH.size
     if kind != Opcode.CHUNK or data_offset - HEAD_BYTES + data_length != length:
-        raise Damaged("its head is damaged")
+        raise DamagedData("its head is damaged")
     return ChunkHead(start_ns, end_ns, size, crc, compression, data_offset, HEAD_BYTES + length)
 
 
@@ -88,31 +87,22 @@ def decompress(record: bytes, check: bool = True) -> Records:
         check: the data against its checksum.
 
     Raises:
-        Damaged: its data cannot be decompressed, or is not what its checksum says.
+        DamagedData: its data cannot be decompressed, or is not what its checksum says.
     """
     head = chunk_head(record)
     if head.compression not in COMPRESSIONS:
-        raise Damaged(f"its compression is {head.compression}; only lz4 and zstd can be read")
+        raise DamagedData(f"its compression is {head.compression}; only lz4 and zstd can be read")
     packed = memoryview(record)[head.data_offset :]
     is_cut = len(record) < head.end
     data: Records = packed
     if head.compression:
-        data = _unpack(head, packed, is_cut)
+        data = unpack_chunk(head.compression, packed, head.uncompressed_size, is_cut)
     if is_cut:
         return _whole_records(data)
     is_changed = check and head.crc and zlib.crc32(data) != head.crc
     if len(data) != head.uncompressed_size or is_changed:
-        raise Damaged("its data is not what its checksum says")
+        raise DamagedData("its data is not what its checksum says")
     return data
-
-
-def _unpack(head: ChunkHead, packed: memoryview, is_cut: bool) -> bytes:
-    try:
-        if is_cut:
-            return unpack_all(head.compression, packed)
-        return unpack(head.compression, packed, head.uncompressed_size)
-    except (TooLarge, DamagedData) as error:
-        raise Damaged(str(error)) from error
 
 
 def messages(
@@ -143,38 +133,32 @@ def messages(
     return found, position == end or _is_short_tail(records, position)
 
 
-def described(records: Records) -> tuple[dict[int, Schema], dict[int, Channel]]:
+def described(records: Records) -> Iterator[Schema | Channel]:
     """The schemas and channels among records, as far as they can be read."""
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
     position = 0
     while position + HEAD_BYTES <= len(records):
         kind, length = HEAD.unpack_from(records, position)
         body = slice(position + HEAD_BYTES, position + HEAD_BYTES + length)
         position = body.stop
-        if kind == Opcode.SCHEMA and (schema := read_schema(records[body])):
-            schemas.setdefault(schema.id, schema)
-        elif kind == Opcode.CHANNEL and (channel := read_channel(records[body])):
-            channels.setdefault(channel.id, channel)
-    return schemas, channels
+        if found := describing(kind, records[body]):
+            yield found
 
 
-def read_schema(body: Records) -> Schema | None:
-    """A schema, or None where the record is damaged."""
+def describing(kind: int, body: Records) -> Schema | Channel | None:
+    """The schema or channel of a record; None if it is of another kind, or damaged."""
+    types = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
+    with suppress(DamagedData):
+        return parse(types[Opcode(kind)], body) if kind in types else None
+    return None
+
+
+def parse(kind: type[R], body: Records) -> R:
+    """A record by mcap's own parser; raises DamagedData."""
     try:
-        schema: Schema = Schema.read(ReadDataStream(io.BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError):
-        return None
-    return schema
-
-
-def read_channel(body: Records) -> Channel | None:
-    """A channel, or None where the record is damaged."""
-    try:
-        channel: Channel = Channel.read(ReadDataStream(io.BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError):
-        return None
-    return channel
+        found: R = kind.read(ReadDataStream(io.BytesIO(body)))  # type: ignore[attr-defined]
+    except (McapError, struct.error, UnicodeDecodeError, OverflowError):
+        raise DamagedData("it contradicts itself") from None
+    return found
 
 
 def _is_short_tail(records: Records, position: int) -> bool:
@@ -185,7 +169,7 @@ def _is_short_tail(records: Records, position: int) -> bool:
 
 
 def _whole_records(records: Records) -> Records:
-    """They without the last one, if that is cut."""
+    """All records but the last one, if that is cut."""
     position = following = 0
     while following <= len(records):
         position = following
@@ -195,36 +179,22 @@ def _whole_records(records: Records) -> Records:
     return records[:position]
 
 
-_CRC = struct.Struct("<I")
-
-
 def parse_extra(record: bytes) -> Extra:
     """An attachment or a record of metadata, of all its bytes.
 
+    Source: the MCAP format specification, "Attachment" and "Metadata".
+
     Raises:
-        Damaged: it is neither, or not what its checksum says.
+        DamagedData: it is neither, or its checksum is wrong.
     """
     if len(record) < HEAD_BYTES or HEAD.unpack_from(record)[1] != len(record) - HEAD_BYTES:
-        raise Damaged("its length is damaged")
+        raise DamagedData("its length is damaged")
     body = record[HEAD_BYTES:]
-    try:
-        if record[0] == Opcode.METADATA:
-            return _metadata(body)
-        if record[0] == Opcode.ATTACHMENT:
-            return _attachment(body)
-    except (McapError, struct.error, UnicodeDecodeError):
-        raise Damaged("it contradicts itself") from None
-    raise Damaged("it is something else")
-
-
-def _metadata(body: bytes) -> Metadata:
-    found: Metadata = Metadata.read(ReadDataStream(io.BytesIO(body)))
-    return found
-
-
-def _attachment(body: bytes) -> Attachment:
-    (crc,) = _CRC.unpack_from(body, len(body) - _CRC.size)
-    if crc and zlib.crc32(body[: -_CRC.size]) != crc:
-        raise Damaged("its data is not what its checksum says")
-    found: Attachment = Attachment.read(ReadDataStream(io.BytesIO(body)))
-    return found
+    if record[0] == Opcode.METADATA:
+        return parse(Metadata, body)
+    if record[0] != Opcode.ATTACHMENT:
+        raise DamagedData("it is something else")
+    crc = int.from_bytes(body[-_CRC_BYTES:], "little")
+    if len(body) < _CRC_BYTES or (crc and zlib.crc32(body[:-_CRC_BYTES]) != crc):
+        raise DamagedData("its data is not what its checksum says")
+    return parse(Attachment, body)

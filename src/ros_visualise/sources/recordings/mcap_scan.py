@@ -1,4 +1,4 @@
-"""An MCAP file's index where its own is missing or wrong: made from all records that are whole."""
+"""The index of an MCAP file whose own is missing or wrong, made from all whole records."""
 
 from __future__ import annotations
 
@@ -15,11 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 
 from ros_visualise.sources.recordings import Loss
-from ros_visualise.sources.recordings.mcap_index import (
-    Index,
-    indexed_stamps,
-    read_statistics,
-)
+from ros_visualise.sources.recordings.mcap_index import Index, indexed_stamps, read_statistics
 from ros_visualise.sources.recordings.mcap_records import (
     ANY_CHANNEL,
     CHUNK_HEAD_BYTES,
@@ -28,15 +24,13 @@ from ros_visualise.sources.recordings.mcap_records import (
     HEAD,
     HEAD_BYTES,
     MAGIC,
-    Damaged,
     chunk_head,
     decompress,
     described,
+    describing,
     messages,
-    read_channel,
-    read_schema,
 )
-from ros_visualise.sources.recordings.storage import add_note
+from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _RUN_BYTES = 1 << 20
 _COUNTED = (
@@ -48,72 +42,63 @@ _MESSAGE_HEAD = struct.Struct("<H4xQ")
 _CHECKSUM = struct.Struct("<I")
 
 
-def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
-    """The index of all whole records; ``loss`` says what is not.
+def scan(file: BinaryIO, size: int) -> tuple[Index, Loss]:
+    """The index of all whole records, and the rest.
 
     Where the file counts other messages than the index records behind its chunks do, the chunks
-    themselves tell.
+    themselves are read.
     """
-    found = Loss()
-    pieces = _scanned(file, size, found, looks=False)
-    if pieces.differs:
-        found = Loss()
-        pieces = _scanned(file, size, found, looks=True)
+    for opens in (False, True):
+        loss = Loss()
+        pieces = _Pieces(file, loss, opens)
+        for record in walk(file, size, loss):
+            pieces.take(record)
+        pieces.finish()
+        if not pieces.differs:
+            break
     pieces.compare()
     pieces.check()
-    loss.messages += found.messages
-    loss.bytes += found.bytes
-    for note in found.notes:
-        add_note(loss, note)
-    return pieces.index
-
-
-def _scanned(file: BinaryIO, size: int, loss: Loss, looks: bool) -> _Pieces:
-    pieces = _Pieces(file, loss, looks)
-    for record in walk(file, size, loss):
-        pieces.take(record)
-    pieces.finish()
-    return pieces
+    return pieces.index, loss
 
 
 @dataclass
 class _Piece:
     """A chunk, or messages that follow one another outside chunks, from ``start`` to ``end``.
 
-    A chunk's own index follows it, until ``told_end``; ``told_ns``: the least and greatest stamps
-    of its channels.
+    A chunk's own index follows it, until ``index_end``; ``indexed_ns``: the least and greatest
+    stamps of its channels.
     """
 
     start: int
     end: int
-    told_end: int
+    index_end: int
     span_ns: tuple[int, int]
     counts: Counter[int] = field(default_factory=Counter)
-    told_ns: list[int] = field(default_factory=list)
+    indexed_ns: list[int] = field(default_factory=list)
 
 
 class _Pieces:
-    """Makes pieces of records; opens a chunk only where what follows it does not tell enough.
+    """Makes pieces of records; opens only chunks without a whole index behind them.
 
     Args:
-        looks: it opens every chunk.
+        opens: it opens every chunk.
 
     Attributes:
         index: that of all that was added.
     """
 
-    def __init__(self, file: BinaryIO, loss: Loss, looks: bool) -> None:
-        self._file, self._loss, self._looks = file, loss, looks
-        self.index = self._index = Index()
+    def __init__(self, file: BinaryIO, loss: Loss, opens: bool) -> None:
+        self._file, self._loss, self._opens = file, loss, opens
+        self.index = Index()
         self._chunk: _Piece | None = None
         self._run: _Piece | None = None
         self._disputed: list[int] = []  # where chunks begin that hold other than their index says
         self._missing = 0  # messages that those do not hold
         self._statistics: Statistics | None = None
         self._seen: Counter[int] = Counter()
-        self._data_end: Record | None = None
+        self._data_end: McapRecord | None = None
 
-    def take(self, record: Record) -> None:
+    def take(self, record: McapRecord) -> None:
         """Add the next record."""
         self._seen[record.kind] += 1
         if record.kind == Opcode.MESSAGE_INDEX:
@@ -122,14 +107,12 @@ class _Pieces:
         self._end_chunk(next_start=record.start)
         if record.kind == Opcode.MESSAGE:
             self._add_message(record)
-        elif record.kind == Opcode.SCHEMA:
-            self._index.describe(filter(None, [read_schema(self._body(record))]), [])
-        elif record.kind == Opcode.CHANNEL:
-            self._index.describe([], filter(None, [read_channel(self._body(record))]))
+        elif record.kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self.index.describe(filter(None, [describing(record.kind, self._body(record))]))
         elif record.kind == Opcode.CHUNK:
             self._begin_chunk(record)
         elif record.kind in (Opcode.ATTACHMENT, Opcode.METADATA):
-            self._index.extras.append((record.start, record.end - record.start))
+            self.index.extras.append((record.start, record.end - record.start))
         elif record.kind == Opcode.STATISTICS:
             self._statistics = read_statistics(self._body(record))
         elif record.kind == Opcode.DATA_END:
@@ -143,41 +126,39 @@ class _Pieces:
     @property
     def differs(self) -> bool:
         """True if the file counts other messages than were found."""
-        found = +Counter(self._index.counts)
+        found = +Counter(self.index.counts)
         return self._statistics is not None and _counted(self._statistics, found) != found
 
     def compare(self) -> None:
-        """Hold what was found against what the file says that it holds."""
-        counts = self._index.counts
+        """Compare what was found with the counts of the file."""
+        counts = self.index.counts
         found = +Counter(counts)
-        unknown = sum(
-            counts.pop(channel) for channel in counts.keys() - self._index.channels.keys()
-        )
+        unknown = sum(counts.pop(channel) for channel in counts.keys() - self.index.channels.keys())
         if unknown:
-            add_note(self._loss, f"{unknown} messages of channels that it does not describe")
-        told = found if self._statistics is None else _counted(self._statistics, found)
-        missing = (told - found).total()
+            self._loss.add(f"{unknown} messages of undescribed channels")
+        declared = found if self._statistics is None else _counted(self._statistics, found)
+        missing = (declared - found).total()
         if self._statistics is not None:
             missing = max(missing, self._statistics.message_count - found.total())
         self._loss.messages = max(self._loss.messages + unknown, missing, self._missing)
-        for note in self._differences(found, told):
+        for note in self._differences(found, declared):
             if not self._loss.notes:  # which say why
-                add_note(self._loss, note)
+                self._loss.add(note)
 
     def check(self) -> None:
-        """Hold messages outside chunks, which have no checksum of their own, against the file's."""
+        """Check messages outside chunks, which have no checksums, against the file's own."""
         end = self._data_end
         if end is None or self._loss or not self._seen[Opcode.MESSAGE]:
             return
-        (told,) = _CHECKSUM.unpack_from(end.head, HEAD_BYTES)
-        if told and _checksum(self._file, end.start) != told:  # 0: the writer made none
-            add_note(self._loss, "its data is not what its checksum says")
+        (crc,) = _CHECKSUM.unpack_from(end.head, HEAD_BYTES)
+        if crc and _checksum(self._file, end.start) != crc:  # 0: the writer made none
+            self._loss.add("its data is not what its checksum says")
 
-    def _differences(self, found: Counter[int], told: Counter[int]) -> Iterator[str]:
-        """What the file counts, and has not or has more of."""
+    def _differences(self, found: Counter[int], declared: Counter[int]) -> Iterator[str]:
+        """Notes on what the file counts, and lacks or has more of."""
         seen, statistics = self._seen, self._statistics
-        if found != told:
-            there, counted = found.total(), told.total()
+        if found != declared:
+            there, counted = found.total(), declared.total()
             of = f"{counted} messages" if counted != there else f"{there} messages of other topics"
             yield f"its statistics count {of}, {there} are there"
         for what, kind, index in _COUNTED:
@@ -187,19 +168,19 @@ class _Pieces:
             for count in counts:
                 if count != seen[kind]:
                     yield f"its index counts {count} records of kind {what}, {seen[kind]} are there"
-        if statistics is not None and statistics.message_count != told.total():
+        if statistics is not None and statistics.message_count != declared.total():
             yield "its statistics contradict each other"
         for start in self._disputed:
             yield f"the chunk at byte {start} and its index contradict each other"
 
-    def _whole(self, record: Record) -> bytes:
+    def _whole(self, record: McapRecord) -> bytes:
         self._file.seek(record.start)
         return self._file.read(record.end - record.start)
 
-    def _body(self, record: Record) -> bytes:
+    def _body(self, record: McapRecord) -> bytes:
         return self._whole(record)[HEAD_BYTES:]
 
-    def _add_message(self, record: Record) -> None:
+    def _add_message(self, record: McapRecord) -> None:
         found = record.messages or [_MESSAGE_HEAD.unpack_from(record.head, HEAD_BYTES)]
         channels, stamps_ns = zip(*found, strict=True)
         run = self._run
@@ -213,39 +194,40 @@ class _Pieces:
 
     def _end_run(self) -> None:
         if self._run is not None:
-            self._index.compressions.add(COMPRESSIONS[""])
+            self.index.compressions.add(COMPRESSIONS[""])
             self._add(self._run, self._run.span_ns, self._run.counts, is_chunk=False)
         self._run = None
 
-    def _begin_chunk(self, record: Record) -> None:
+    def _begin_chunk(self, record: McapRecord) -> None:
         self._end_run()
         head = chunk_head(record.head)
-        self._index.compressions.add(COMPRESSIONS.get(head.compression, head.compression))
+        self.index.compressions.add(COMPRESSIONS.get(head.compression, head.compression))
         span_ns = (head.start_ns, head.end_ns)
         self._chunk = _Piece(record.start, record.end, record.end, span_ns)
 
-    def _count_in_chunk(self, record: Record) -> None:
+    def _count_in_chunk(self, record: McapRecord) -> None:
         chunk = self._chunk
-        if chunk is None or chunk.told_end != record.start:
+        if chunk is None or chunk.index_end != record.start:
             return
         for channel, stamps_ns in indexed_stamps(self._whole(record)):
             chunk.counts[channel] += len(stamps_ns)
-            chunk.told_ns += [int(stamps_ns.min()), int(stamps_ns.max())] if len(stamps_ns) else []
-            chunk.told_end = record.end
+            if len(stamps_ns):
+                chunk.indexed_ns += [int(stamps_ns.min()), int(stamps_ns.max())]
+            chunk.index_end = record.end
 
     def _end_chunk(self, next_start: int | None = None) -> None:
-        """Add the chunk; ``next_start``: where another record than an index of it follows."""
+        """Add the chunk; ``next_start``: place of the record behind its index."""
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
-        told_ns = (min(chunk.told_ns, default=0), max(chunk.told_ns, default=0))
-        is_told = (
-            not self._looks
-            and chunk.told_end == next_start
-            and bool(chunk.told_ns)
-            and told_ns == chunk.span_ns
+        indexed_ns = (min(chunk.indexed_ns, default=0), max(chunk.indexed_ns, default=0))
+        is_indexed = (
+            not self._opens
+            and chunk.index_end == next_start
+            and bool(chunk.indexed_ns)
+            and indexed_ns == chunk.span_ns
         )
-        if is_told and self._index.knows(chunk.counts):
+        if is_indexed and self.index.knows(chunk.counts):
             self._add(chunk, chunk.span_ns, chunk.counts)
         else:
             self._open_chunk(chunk)
@@ -254,13 +236,11 @@ class _Pieces:
         self._file.seek(chunk.start)
         try:
             records = decompress(self._file.read(chunk.end - chunk.start))
-        except Damaged as damage:
-            self._loss.bytes += chunk.end - chunk.start
-            self._loss.messages += chunk.counts.total()
-            add_note(self._loss, f"the chunk at byte {chunk.start} is damaged: {damage}")
+        except DamagedData as damage:
+            why = f"the chunk at byte {chunk.start} is damaged: {damage}"
+            self._loss.add(why, chunk.counts.total(), chunk.end - chunk.start)
             return
-        schemas, channels = described(records)
-        self._index.describe(schemas.values(), channels.values())
+        self.index.describe(described(records))
         found, _ = messages(records, ANY_CHANNEL, *EVER)
         counts = Counter(channel for _, channel, *_ in found)
         if chunk.counts and chunk.counts != counts:
@@ -272,13 +252,13 @@ class _Pieces:
     def _add(
         self, piece: _Piece, span_ns: tuple[int, int], counts: Counter[int], is_chunk: bool = True
     ) -> None:
-        self._index.count(counts)
+        self.index.count(counts)
         length = piece.end - piece.start
-        self._index.add(piece.start, length, span_ns, counts.total(), set(counts), is_chunk)
+        self.index.add(piece.start, length, span_ns, counts.total(), set(counts), is_chunk)
 
 
 def _counted(statistics: Statistics, found: Counter[int]) -> Counter[int]:
-    """Messages of each channel that has some; of a file that counts but all, as they are found."""
+    """The declared messages of each channel; of a file that counts only all, as they are found."""
     if statistics.channel_message_counts:
         return +Counter(statistics.channel_message_counts)
     total = statistics.message_count
@@ -322,11 +302,11 @@ _SMALL_BYTES = 1 << 16
 _MESSAGE = struct.Struct("<BQHIQ")
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """A record from ``start`` to ``end`` of the file, and its first bytes.
 
-    A chunk that the file's end cuts goes to there.
-    Small messages that follow one another come as one, with their channels and log times.
+    A chunk that is cut off ends with the file. Small messages that follow one another come as one,
+    with their channels and log times.
     """
 
     start: int
@@ -336,11 +316,11 @@ class Record(NamedTuple):
     messages: Sequence[tuple[int, int]] = ()
 
 
-def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
-    """All whole records, and a last chunk; says in ``loss`` what lies between and after them."""
+def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[McapRecord]:
+    """All whole records, and a last chunk; ``loss`` gets what lies between and after them."""
     position = len(MAGIC)
     needed = size
-    last: Record | None = None
+    last: McapRecord | None = None
     while position < size:
         record = _record(file, position, size)
         if record is not None:
@@ -372,15 +352,15 @@ def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
             break
         if found is None:
             break
-        loss.bytes += found - position
-        add_note(loss, f"{found - position} damaged bytes at byte {position}")
+        lost = found - position
+        loss.add(f"{lost} damaged bytes at byte {position}", size=lost)
         position = found
     if last is not None:
         yield last
     _check_end(file, position, size, needed, last, loss)
 
 
-def _record(file: BinaryIO, start: int, size: int) -> Record | None:
+def _record(file: BinaryIO, start: int, size: int) -> McapRecord | None:
     file.seek(start)
     head = file.read(CHUNK_HEAD_BYTES)
     if len(head) < HEAD_BYTES:
@@ -389,11 +369,11 @@ def _record(file: BinaryIO, start: int, size: int) -> Record | None:
     end = start + HEAD_BYTES + length
     if end > size or not _is_likely(kind, length, head):
         return None
-    return Record(start, end, kind, head)
+    return McapRecord(start, end, kind, head)
 
 
-def _run(file: BinaryIO, first: Record, size: int) -> Record | None:
-    """The messages from a small one on that are each followed by another, if there are any."""
+def _run(file: BinaryIO, first: McapRecord, size: int) -> McapRecord | None:
+    """The messages from a small one on that are each followed by another, if any."""
     if first.end - first.start > _SMALL_BYTES:
         return None
     file.seek(first.start)
@@ -415,12 +395,12 @@ def _run(file: BinaryIO, first: Record, size: int) -> Record | None:
         start, after = after, end
     if len(found) < 2:
         return None
-    return Record(first.start, first.start + start, kind_message, first.head, found[:-1])
+    return McapRecord(first.start, first.start + start, kind_message, first.head, found[:-1])
 
 
 def _is_likely(kind: int, length: int, head: bytes) -> bool:
     if kind not in _LENGTHS:
-        return kind != 0  # to be skipped: of a later version, or somebody's own
+        return kind != 0  # to be skipped: of a later version, or private
     if kind == Opcode.CHUNK:
         return _is_chunk(head)
     least, most = _LENGTHS[kind]
@@ -430,20 +410,20 @@ def _is_likely(kind: int, length: int, head: bytes) -> bool:
 def _is_chunk(head: bytes) -> bool:
     try:
         chunk_head(head)
-    except Damaged:
+    except DamagedData:
         return False
     return True
 
 
-def _cut_chunk(file: BinaryIO, start: int, size: int) -> Record | None:
-    """The chunk whose true start is there, and which cannot be as the file has not all of it."""
+def _cut_chunk(file: BinaryIO, start: int, size: int) -> McapRecord | None:
+    """A chunk whose start is whole, and whose end the file lacks."""
     file.seek(start)
     head = file.read(CHUNK_HEAD_BYTES)
-    return Record(start, size, Opcode.CHUNK, head) if _is_chunk(head) else None
+    return McapRecord(start, size, Opcode.CHUNK, head) if _is_chunk(head) else None
 
 
 def _find(file: BinaryIO, start: int, size: int) -> int | None:
-    """Where the next record begins that is followed by others."""
+    """Beginning of the next record that others follow."""
     while start < size:
         file.seek(start)
         block = np.frombuffer(file.read(_SEARCH_BYTES), np.uint8)
@@ -458,7 +438,7 @@ def _find(file: BinaryIO, start: int, size: int) -> int | None:
 
 
 def _candidates(block: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.intp]:
-    """Where in a block a known kind is followed by a length that it may have, below 1 TB."""
+    """Places in a block at which a known kind is followed by a valid length, below 1 TB."""
     kinds = block[:count]
     is_one = (kinds > 0) & (kinds <= max(_LENGTHS))
     for high_byte in (6, 7, 8):
@@ -483,9 +463,9 @@ def _begins_chain(file: BinaryIO, position: int, size: int) -> bool:
 
 
 def _check_end(
-    file: BinaryIO, position: int, size: int, needed: int, last: Record | None, loss: Loss
+    file: BinaryIO, position: int, size: int, needed: int, last: McapRecord | None, loss: Loss
 ) -> None:
-    """Say what is after the last record, and what is missing of the file's ``needed`` bytes."""
+    """Note what follows the last record, and what is missing of the file's ``needed`` bytes."""
     file.seek(position)
     is_closed = last is not None and last.kind == Opcode.FOOTER
     rest = needed - position
@@ -493,9 +473,9 @@ def _check_end(
         return
     loss.bytes += rest
     if is_closed and rest >= len(MAGIC):
-        add_note(loss, f"{rest} bytes after its end are none of its own")
+        loss.add(f"{rest} foreign bytes after its end")
         return
     what = f"{position} of {size} bytes are whole"
     if needed > size:
         what = f"{size} of {needed} bytes or more are there"
-    add_note(loss, f"its end is missing: cut off, or never closed by its recorder; {what}")
+    loss.add(f"its end is missing: cut off, or never closed by its recorder; {what}")

@@ -18,25 +18,20 @@ import numpy.typing as npt
 from ros_visualise.core.errors import OpenError
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo, left_out
+from ros_visualise.sources.recordings import Entry, Extra, Loss, PartialLoss, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
-from ros_visualise.sources.recordings.pieces import Shelf
+from ros_visualise.sources.recordings.pieces import PieceCache
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.storage import (
-    LATEST_NS,
-    Channel,
-    Piece,
-    Query,
-    Storage,
-    add_note,
-)
+from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Piece, Query, Storage
+
+S = TypeVar("S", bound=Storage)
 
 
 def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
     """All entries of all pieces in order of their stamps; of equal ones, the first piece's first.
 
-    A piece is opened when its time has come and let go of at its end: at no time are more open
-    than overlap.
+    A piece is opened when its time has come and dropped at its end: no more pieces are open at
+    the same time than overlap.
 
     Args:
         starts_ns: (N,) the first stamp of each piece, or one before it.
@@ -64,10 +59,10 @@ class MergedRecording:
     Args:
         path, format: as `Recording` has them.
         storages: its files, in their order.
-        loss: to which the files add what they cannot read.
+        loss: to which the files add their own.
         release: called when it is closed.
-        compression: that of the files as a whole; empty: they tell.
-        extras: what it holds beside its files.
+        compression: of the files as a whole; empty: their own.
+        extras: content beside the files.
     """
 
     def __init__(
@@ -83,9 +78,8 @@ class MergedRecording:
         self.path, self.format, self.loss = path, format, loss
         self.size = sum(storage.size for storage in storages)
         self._compression, self._extras = compression, extras
-        topics = Topics(storages, loss)
-        self.topics: Mapping[str, TopicInfo] = topics.by_name
-        self._chosen = topics.chosen
+        self._chosen: dict[str, Channel] = {}
+        self.topics: Mapping[str, TopicInfo] = self._find_topics(storages)
         spans = [(s.starts_ns.min(), s.ends_ns.max()) for s in storages if len(s.starts_ns)]
         self.start_ns = int(min((start for start, _ in spans), default=0))
         self.end_ns = int(max((end for _, end in spans), default=0))
@@ -112,7 +106,7 @@ class MergedRecording:
         for storage in self._storages:
             for number, stamps_ns in storage.stamps_ns():
                 channel = storage.channels.get(number)
-                if channel is not None and query.asks_for(channel):
+                if channel is not None and query.selects(channel):
                     found[channel.topic].append(stamps_ns)
         empty = np.empty(0, np.int64)
         return {topic: np.sort(np.concatenate([empty, *parts])) for topic, parts in found.items()}
@@ -125,6 +119,45 @@ class MergedRecording:
         for storage in self._storages:
             storage.close()
         self._release()
+
+    def _find_topics(self, storages: Sequence[Storage]) -> dict[str, TopicInfo]:
+        """The topics of all files; each is of one type, which can be read if any can."""
+        found: dict[str, list[tuple[Channel, int]]] = {}
+        connections: Counter[str] = Counter()
+        for storage in storages:
+            for number, channel in storage.channels.items():
+                found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
+            connections |= Counter(channel.topic for channel in storage.channels.values())
+        return {
+            topic: self._topic(topic, found[topic], connections[topic]) for topic in sorted(found)
+        }
+
+    def _topic(
+        self, topic: str, channels: Sequence[tuple[Channel, int]], connections: int
+    ) -> TopicInfo:
+        chosen, _ = min(channels, key=lambda pair: (bool(pair[0].unreadable), not pair[1]))
+        self._chosen[topic] = chosen
+        alike = [pair for pair in channels if pair[0].is_like(chosen)]
+        others = [pair for pair in channels if not pair[0].is_like(chosen)]
+        for name in dict.fromkeys(channel.type_name for channel, _ in others):
+            count = sum(count for channel, count in others if channel.type_name == name)
+            if count:
+                self.loss.add(_mixed_types(topic, count, name, chosen.type_name), count)
+        return TopicInfo(
+            TopicType(
+                chosen.type_name,
+                chosen.definitions,
+                LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
+                "\n".join(_distinct(channel.offered_qos.strip() for channel, _ in alike)),
+                _distinct(channel.callerid for channel, _ in alike),
+                tuple(dict(label for channel, _ in alike for label in channel.labels).items()),
+            ),
+            sum(count for _, count in alike),
+            chosen.digest,
+            connections,
+            chosen.unreadable,
+            {channel.type_name: channel.digest for channel, _ in others},
+        )
 
     def _read(
         self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
@@ -145,76 +178,54 @@ class MergedRecording:
         chosen = [storage.select(query) for storage in self._storages]
         ends = np.cumsum([len(pieces) for pieces in chosen])
         starts_ns = [s.starts_ns[p] for s, p in zip(self._storages, chosen, strict=True)]
-
-        shelf = Shelf()
+        cache = PieceCache()
 
         def open_piece(number: int) -> Piece:
             file = int(np.searchsorted(ends, number, side="right"))
             piece = chosen[file][number - ends[file]]
-            return self._storages[file].open_piece(int(piece), query, shelf)
+            return self._storages[file].open_piece(int(piece), query, cache)
 
         return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
 
 
-class Topics:
-    """The topics of several files. Each is of one type, which can be read if any can.
+def open_storages(
+    path: Path,
+    files: Sequence[Path],
+    open_file: Callable[[Path, Schemas, PartialLoss], S],
+    loss: Loss,
+    stack: ExitStack,
+) -> list[S]:
+    """Open the files of a recording; those that cannot be opened are a loss.
 
-    Attributes:
-        by_name: in the order of their names.
-        chosen: of each, a channel of its type.
+    Args:
+        path: the recording.
+        files: its files.
+        open_file: opens one, as `SqliteFile`.
+        loss: of the recording.
+        stack: closes them.
+
+    Raises:
+        OpenError: none can be opened.
     """
-
-    def __init__(self, storages: Sequence[Storage], loss: Loss) -> None:
-        self.by_name: dict[str, TopicInfo] = {}
-        self.chosen: dict[str, Channel] = {}
-        found: dict[str, list[tuple[Channel, int]]] = {}
-        connections: Counter[str] = Counter()
-        for storage in storages:
-            for number, channel in storage.channels.items():
-                found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
-            connections |= Counter(channel.topic for channel in storage.channels.values())
-        for topic in sorted(found):
-            self.by_name[topic] = self._add(topic, found[topic], connections[topic], loss)
-
-    def _add(
-        self, topic: str, channels: Sequence[tuple[Channel, int]], connections: int, loss: Loss
-    ) -> TopicInfo:
-        chosen, _ = min(channels, key=lambda pair: (bool(pair[0].unreadable), not pair[1]))
-        self.chosen[topic] = chosen
-        alike = [pair for pair in channels if pair[0].is_like(chosen)]
-        others = [pair for pair in channels if not pair[0].is_like(chosen)]
-        for name in dict.fromkeys(channel.type_name for channel, _ in others):
-            count = sum(count for channel, count in others if channel.type_name == name)
-            loss.messages += count
-            if count:
-                add_note(loss, left_out(topic, count, name, chosen.type_name))
-        return TopicInfo(
-            TopicType(
-                chosen.type_name,
-                chosen.definitions,
-                LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
-                "\n".join(_told(channel.offered_qos.strip() for channel, _ in alike)),
-                _told(channel.callerid for channel, _ in alike),
-                tuple(dict(label for channel, _ in alike for label in channel.labels).items()),
-            ),
-            sum(count for _, count in alike),
-            chosen.digest,
-            connections,
-            chosen.unreadable,
-            {channel.type_name: channel.digest for channel, _ in others},
-        )
-
-
-def _told(texts: Iterable[str]) -> tuple[str, ...]:
-    """Each of them once, without empty ones."""
-    return tuple(dict.fromkeys(filter(None, texts)))
-
-
-S = TypeVar("S", bound=Storage)
+    schemas = Schemas()
+    storages: list[S] = []
+    failures: list[str] = []
+    for file in files:
+        part = PartialLoss(loss, "" if file == path else f"{file.name}: ")
+        try:
+            storages.append(stack.enter_context(closing(open_file(file, schemas, part))))
+        except OpenError as error:
+            failures.append(str(error))
+            loss.add(str(error).replace(f"{file}: ", f"{file.name}: "))
+            with suppress(OSError):  # a link to a missing file
+                loss.bytes += file.stat().st_size
+    if not storages:
+        raise OpenError(failures[0])
+    return storages
 
 
 def natural(file: Path) -> list[Any]:
-    """Orders ``bag_10`` after ``bag_9``."""
+    """Key that orders ``bag_10`` after ``bag_9``."""
     return [
         (int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)
     ]
@@ -233,35 +244,12 @@ def missing_parts(files: Sequence[Path]) -> list[str]:
     return [f"{stem}{n}{suffix}" for n in range(last) if (stem, suffix, n) not in numbers]
 
 
-def open_storages(
-    path: Path,
-    files: Sequence[Path],
-    open_file: Callable[[Path, Schemas, Loss, str], S],
-    loss: Loss,
-    stack: ExitStack,
-) -> list[S]:
-    """Open the files of a recording; those that cannot be opened are a loss.
+def _mixed_types(topic: str, messages: int, type_name: str, chosen: str) -> str:
+    """A note on skipped messages of another type than the ``chosen`` one of their topic."""
+    difference = f"of {chosen}" if type_name != chosen else "of another type by that name"
+    noun = "message" if messages == 1 else "messages"
+    return f"{topic}: {messages} {noun} of {type_name} skipped: the topic is {difference}"
 
-    Args:
-        path: of the recording.
-        open_file: opens one, as `SqliteFile` does it.
-        stack: closes them.
 
-    Raises:
-        OpenError: none can be opened.
-    """
-    schemas = Schemas()
-    storages: list[S] = []
-    failures: list[str] = []
-    for file in files:
-        try:
-            label = "" if file == path else f"{file.name}: "
-            storages.append(stack.enter_context(closing(open_file(file, schemas, loss, label))))
-        except OpenError as error:
-            failures.append(str(error))
-            add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))
-            with suppress(OSError):  # a link to a file that is not there
-                loss.bytes += file.stat().st_size
-    if not storages:
-        raise OpenError(failures[0])
-    return storages
+def _distinct(texts: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(filter(None, texts)))

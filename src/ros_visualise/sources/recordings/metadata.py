@@ -15,16 +15,16 @@ log = logging.getLogger(__name__)
 
 METADATA = "metadata.yaml"
 CUSTOM = "custom_data"
-"""Where it has texts of people's own; and what a record with them is called elsewhere."""
+"""Name of its private texts, and of a record with them in other formats."""
 
 
 @dataclass(frozen=True)
 class Metadata:
-    """What a ``metadata.yaml`` says, as far as it can be read; None: nothing.
+    """Content of a ``metadata.yaml``, as far as it can be read; None: missing.
 
-    ``compression_mode`` is empty, ``file`` or ``message``. ``custom``: texts by name that somebody
-    gave when it was recorded, or after. ``by_topic`` and ``by_file``: messages, where it counts
-    them. ``damaged``: it is there, and cannot be read.
+    ``compression_mode`` is empty, ``file`` or ``message``. ``custom``: texts by name, given when or
+    after it was recorded. ``by_topic`` and ``by_file``: counts of messages, if any. ``damaged``:
+    why it cannot be read, if it exists.
     """
 
     files: tuple[str, ...] = ()
@@ -37,18 +37,18 @@ class Metadata:
 
 
 def read_metadata(folder: Path) -> Metadata:
-    """What a folder's says; that it is missing is logged."""
+    """Metadata of a folder; a missing file is logged."""
     path = folder / METADATA
     try:
         return _parse(load_yaml(path)["rosbag2_bagfile_information"])
     except FileNotFoundError:
-        log.warning("%s: %s is missing; the files tell what it would say", folder, METADATA)
+        log.warning("%s: %s is missing; reading the files without it", folder, METADATA)
         return Metadata()
     except BadYaml as error:
         why = f"cannot be read: {error}"
     except (OSError, KeyError, TypeError, AttributeError, ValueError):
         why = "cannot be read"
-    return Metadata(damaged=f"{METADATA}: {why}; the files tell what it would say")
+    return Metadata(damaged=f"{METADATA}: {why}; reading the files without it")
 
 
 def _parse(about: Any) -> Metadata:

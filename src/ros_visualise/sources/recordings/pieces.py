@@ -4,25 +4,61 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Protocol
 
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry
 
+_CAPACITY_BYTES = 96 << 20
+
 Records = bytes | memoryview
 """The bytes of one record after another."""
 
 Place = tuple[int, int, int, int, int, int]
-"""A message among records: its stamp, its channel, where its bytes start and where they stop, when
-it was sent, and its number."""
+"""A message among records: its stamp, its channel, start and stop of its bytes, when it was sent,
+and its number."""
+
+
+class PieceCache:
+    """Memory for pieces that are read in turns; the least recently filled is emptied first.
+
+    One that is larger than all of the memory may have that alone.
+    """
+
+    def __init__(self, capacity: int = _CAPACITY_BYTES) -> None:
+        self._capacity = capacity
+        self._sizes: OrderedDict[ChunkPiece, int] = OrderedDict()
+        self._users = 0
+
+    @property
+    def share(self) -> int:
+        """The bytes that each of the present users can keep at the same time."""
+        return self._capacity // max(1, self._users)
+
+    def join(self) -> None:
+        """Count one user more."""
+        self._users += 1
+
+    def leave(self, piece: ChunkPiece) -> None:
+        """Count one user less."""
+        self._users -= 1
+        self._sizes.pop(piece, None)
+        piece.forget()
+
+    def keep(self, piece: ChunkPiece, size: int) -> None:
+        """Count the bytes that a piece keeps now, instead of those before."""
+        self._sizes.pop(piece, None)
+        self._sizes[piece] = size
+        while sum(self._sizes.values()) > self._capacity and len(self._sizes) > 1:
+            oldest, _ = self._sizes.popitem(last=False)
+            oldest.forget()
 
 
 class FileRange:
-    """A part of a file that is read bit by bit, for it is larger than memory should hold.
+    """A part of a file that is too large for memory, and read bit by bit.
 
     Args:
-        read: gives as many bytes as are asked for from a place in the file on.
+        read: gives a number of bytes from a place in the file.
         start, end: of the part, in the file.
     """
 
@@ -47,8 +83,8 @@ class ChunkPiece:
         places: its messages, in order of time.
         channels: topic, type and definitions of them.
         records: in which the places are.
-        load: gives the records again; None where they cannot be read any more.
-        shelf: that of all pieces that are read in turns.
+        load: gives the records again; None if they cannot be read any more.
+        cache: shared by all pieces that are read in turns.
     """
 
     def __init__(
@@ -57,15 +93,15 @@ class ChunkPiece:
         channels: Mapping[int, tuple[str, str, Definitions]],
         records: Records | FileRange,
         load: Callable[[], Records | FileRange | None],
-        shelf: Shelf,
+        cache: PieceCache,
     ) -> None:
         self._places, self._channels = places, channels
-        self._load, self._shelf = load, shelf
+        self._load, self._cache = load, cache
         self._next = 0
         self._records: memoryview | FileRange | None = None
         self._ahead: deque[bytes] = deque()
         if places:
-            shelf.join()
+            cache.join()
             self._keep(records)
 
     @property
@@ -81,13 +117,14 @@ class ChunkPiece:
             data = self._data(start, stop)
             self._next = count if data is None else self._next + 1
             if self._next == count:
-                self._shelf.leave(self)
+                self._cache.leave(self)
             if data is not None:
                 topic, name, definitions = channels[number]
                 message = Recorded(name, data, definitions, stamp_ns, None, publish_ns, sequence)
                 yield Entry(topic, stamp_ns, message)
 
     def forget(self) -> None:
+        """Free its memory; it is loaded again when it is needed."""
         self._records = None
         self._ahead.clear()
 
@@ -107,14 +144,14 @@ class ChunkPiece:
         return data if is_most else bytes(data)
 
     def _keep(self, records: Records | FileRange) -> None:
-        """All of the piece if that is no more than its share; else the next messages alone."""
-        share = self._shelf.share
+        """Keep all of the piece if that is no more than its share; else the next messages."""
+        share = self._cache.share
         if isinstance(records, FileRange):
             self._records = records
             return
         if len(records) <= share:
             self._records = memoryview(records)
-            self._shelf.keep(self, len(records))
+            self._cache.keep(self, len(records))
             return
         size = 0
         for index in range(self._next, len(self._places)):
@@ -124,49 +161,4 @@ class ChunkPiece:
                 size -= stop - start
                 break
             self._ahead.append(bytes(records[start:stop]))
-        self._shelf.keep(self, size)
-
-
-_CAPACITY_BYTES = 96 << 20
-
-
-class Keeper(Protocol):
-    """Who keeps something on a `Shelf`."""
-
-    def forget(self) -> None:
-        """Let go of what it keeps; it can get it again."""
-
-
-class Shelf:
-    """Room for so many bytes; what was put there longest ago has to go first.
-
-    Of one that is larger than all of it, there is room for that alone.
-    """
-
-    def __init__(self, capacity: int = _CAPACITY_BYTES) -> None:
-        self._capacity = capacity
-        self._sizes: OrderedDict[Keeper, int] = OrderedDict()
-        self._users = 0
-
-    @property
-    def share(self) -> int:
-        """The bytes that all who use it now could keep at the same time, each."""
-        return self._capacity // max(1, self._users)
-
-    def join(self) -> None:
-        """One more uses it."""
-        self._users += 1
-
-    def leave(self, keeper: Keeper) -> None:
-        """One less does."""
-        self._users -= 1
-        self._sizes.pop(keeper, None)
-        keeper.forget()
-
-    def keep(self, keeper: Keeper, size: int) -> None:
-        """Somebody keeps so many bytes now, instead of what they kept before."""
-        self._sizes.pop(keeper, None)
-        self._sizes[keeper] = size
-        while sum(self._sizes.values()) > self._capacity and len(self._sizes) > 1:
-            oldest, _ = self._sizes.popitem(last=False)
-            oldest.forget()
+        self._cache.keep(self, size)

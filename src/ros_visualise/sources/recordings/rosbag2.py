@@ -10,15 +10,13 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 import zstandard
 from mcap.records import Metadata as MetadataRecord
 
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_disk
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.sources.recordings import Entry, Extra, Loss, Recording
+from ros_visualise.sources.recordings import Entry, Loss, PartialLoss, Recording
 from ros_visualise.sources.recordings.mcap_file import McapFile
 from ros_visualise.sources.recordings.merging import (
     MergedRecording,
@@ -27,22 +25,26 @@ from ros_visualise.sources.recordings.merging import (
     open_storages,
 )
 from ros_visualise.sources.recordings.metadata import CUSTOM, METADATA, Metadata, read_metadata
-from ros_visualise.sources.recordings.pieces import Shelf
+from ros_visualise.sources.recordings.pieces import PieceCache
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.sqlite_file import SqliteFile
-from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_note
+from ros_visualise.sources.recordings.storage import Piece, Query, Storage
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_all
 
 _PACKED = ".zstd"
 _FILES = (".db3", ".mcap")
 _PART = re.compile(r"(.*_)\d+\.\w+(?:\.zstd)?")
 _BLOCK_BYTES = 8 << 20
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_CDR = b"\0"
+"""Beginning of messages that are not compressed."""
+_CDR_BYTES = 4
 
 
 def open_rosbag2(path: Path) -> Recording:
     """Open a ROS 2 bag: its folder, or one of its SQLite files alone.
 
-    What ``metadata.yaml`` names and what is there may differ: what is there counts.
+    Where ``metadata.yaml`` and the files differ, the files count.
 
     Raises:
         OpenError: nothing of it can be read.
@@ -53,16 +55,16 @@ def open_rosbag2(path: Path) -> Recording:
         files = _files(path, metadata, loss)
     else:
         metadata, files = Metadata(), [path]
-    told = metadata.by_topic if len(files) == 1 else {}
+    declared = metadata.by_topic if len(files) == 1 else {}
     with ExitStack() as stack:
         storages: Sequence[Storage] = open_storages(
-            path, files, partial(_open_file, stack, told), loss, stack
+            path, files, partial(_open_file, stack, declared), loss, stack
         )
         packed = metadata.compression_mode == "message"
         if packed or metadata.compression_mode is None:
             storages = [CompressedMessages(storage, loss, packed) for storage in storages]
         if metadata.damaged:
-            add_note(loss, metadata.damaged)
+            loss.add(metadata.damaged)
         _compare(metadata, list(zip(files, storages, strict=False)), loss)
         release = stack.pop_all().close
     compression = "zstd" if any(file.suffix == _PACKED for file in files) else ""
@@ -73,19 +75,19 @@ def open_rosbag2(path: Path) -> Recording:
 
 
 def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
-    """Those that are named and there; where one lacks or none is named, also the others."""
+    """The named files that exist; if one is missing or none is named, also the others."""
     names = dict.fromkeys(re.split(r"[/\\]", name)[-1] for name in metadata.files)
     found = [folder / name for name in names if (folder / name).is_file()]
     for name in names:
         if folder / name not in found:
-            add_note(loss, f"{name} is missing")
+            loss.add(f"{name} is missing")
     if len(found) < len(names) or not names:
         found += _others(folder, found)
     for name in missing_parts(found) if not names else ():
-        add_note(loss, f"{name} is missing")
+        loss.add(f"{name} is missing")
     for file in _others(folder, found) if names else ():
         if _stem(file) in map(_stem, found):
-            add_note(loss, f"{file.name} is there, and {METADATA} does not name it")
+            loss.add(f"{file.name} is there, and {METADATA} does not name it")
     if not found:
         raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
     return found
@@ -99,7 +101,7 @@ def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
 
 
 def _stem(file: Path) -> str:
-    """What the parts of one bag have in common: ``bag_`` of ``bag_1.db3``."""
+    """Common name of the parts of one bag: ``bag_`` of ``bag_1.db3``."""
     part = _PART.fullmatch(file.name)
     return part[1] + _kind(file) if part else file.name
 
@@ -110,24 +112,19 @@ def _kind(file: Path) -> str:
 
 
 def _open_file(
-    stack: ExitStack,
-    told: Mapping[str, int],
-    file: Path,
-    schemas: Schemas,
-    loss: Loss,
-    label: str,
+    stack: ExitStack, declared: Mapping[str, int], file: Path, schemas: Schemas, loss: PartialLoss
 ) -> Storage:
-    unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
+    unpacked = _unpack(file, loss.whole, stack) if file.suffix == _PACKED else file
     try:
         if _kind(file) == ".mcap":
-            return McapFile(unpacked, schemas, loss, label)
-        return SqliteFile(unpacked, schemas, loss, label, told)
+            return McapFile(unpacked, schemas, loss)
+        return SqliteFile(unpacked, schemas, loss, declared)
     except OpenError as error:
         raise OpenError(str(error).replace(f"{unpacked}: ", f"{file}: ")) from None
 
 
 def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
-    """A packed file as it was, in a folder that goes when the recording is closed."""
+    """The unpacked file, in a folder that is deleted when the recording is closed."""
     try:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="ros_visualise_"))
         target = Path(folder, file.stem)
@@ -137,7 +134,7 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
                 check_disk(Path(folder), len(block))
                 unpacked.write(block)
     except zstandard.ZstdError:
-        add_note(loss, f"{file.name}: its zstd data is damaged")
+        loss.add(f"{file.name}: its zstd data is damaged")
     except OpenError as error:
         raise OpenError(f"{file}: unpacked, it {error}") from None
     except OSError as error:
@@ -146,11 +143,12 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
 
 
 def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: Loss) -> None:
-    """Hold the messages that are there against those that ``metadata.yaml`` counts.
+    """Compare the messages of the files with the counts of ``metadata.yaml``.
 
     Args:
-        opened: the files; which is which does not matter where one could not be opened, as that is
-            noted already.
+        metadata: with the counts.
+        opened: the files; if one could not be opened, which is noted, names may be shifted.
+        loss: gets the first difference.
     """
     topics: Counter[str] = Counter()
     files: Counter[str] = Counter()
@@ -167,48 +165,32 @@ def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: L
     counted += [(f" in {name}", n, files[name]) for name, n in by_file.items() if name in files]
     for where, count, found in counted:
         if count != found and not loss.notes:  # which say why
-            add_note(loss, f"{METADATA} counts {count} messages{where}, {found} are there")
-
-
-_ZSTD = b"\x28\xb5\x2f\xfd"
-_CDR = b"\0"
-"""How messages begin that are not compressed."""
-_CDR_BYTES = 4
+            loss.add(f"{METADATA} counts {count} messages{where}, {found} are there")
 
 
 class CompressedMessages:
-    """A `Storage` that decompresses those messages of another that are compressed with zstd.
+    """A `Storage` that decompresses the zstd messages of another.
 
     Args:
-        storage: where they are.
-        loss: where to say what cannot be decompressed.
-        is_known: whether the bag says that it compresses its messages.
+        storage: the other one.
+        loss: gets what cannot be decompressed.
+        is_declared: the bag says that it compresses its messages.
     """
 
-    def __init__(self, storage: Storage, loss: Loss, is_known: bool) -> None:
-        self._storage, self._loss, self._is_known = storage, loss, is_known
+    def __init__(self, storage: Storage, loss: Loss, is_declared: bool) -> None:
+        self._storage, self._loss, self._is_declared = storage, loss, is_declared
         self._lost: set[tuple[str, int]] = set()
         self.size, self.channels, self.counts = storage.size, storage.channels, storage.counts
         self.starts_ns, self.ends_ns = storage.starts_ns, storage.ends_ns
-        self.compressions: Collection[str] = ("zstd",) if is_known else storage.compressions
+        self.compressions: Collection[str] = ("zstd",) if is_declared else storage.compressions
+        self.select, self.stamps_ns = storage.select, storage.stamps_ns
+        self.extras, self.close = storage.extras, storage.close
 
-    def select(self, query: Query) -> npt.NDArray[np.intp]:
-        return self._storage.select(query)
-
-    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        return _DecompressedPiece(self._storage.open_piece(piece, query, shelf), self._decompress)
-
-    def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        return self._storage.stamps_ns()
-
-    def extras(self) -> Iterator[Extra]:
-        return self._storage.extras()
-
-    def close(self) -> None:
-        self._storage.close()
+    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+        return _DecompressedPiece(self._storage.open_piece(piece, query, cache), self._decompress)
 
     def _decompress(self, entry: Entry) -> bool:
-        """Decompress a message if it is compressed; whether that could be done."""
+        """Decompress a message if it is compressed; false if that fails."""
         message = entry.message
         if message.data[:4] == _ZSTD:
             try:
@@ -219,7 +201,7 @@ class CompressedMessages:
             except TooLarge as error:
                 self._lose(entry, f"{entry.topic}: a message {error}")
                 return False
-        elif self._is_known and (message.data[:1] != _CDR or len(message.data) < _CDR_BYTES):
+        elif self._is_declared and (message.data[:1] != _CDR or len(message.data) < _CDR_BYTES):
             self._lose(entry, "messages that are neither zstd data nor CDR")
             return False
         return True
@@ -227,8 +209,7 @@ class CompressedMessages:
     def _lose(self, entry: Entry, why: str) -> None:
         if (entry.topic, entry.stamp_ns) not in self._lost:
             self._lost.add((entry.topic, entry.stamp_ns))
-            self._loss.messages += 1
-            add_note(self._loss, why)
+            self._loss.add(why, 1)
 
 
 class _DecompressedPiece:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 from rosbags.typesys import (
@@ -21,6 +22,7 @@ from ros_visualise.messages.definitions import (
     parse,
     parts_of,
 )
+from ros_visualise.sources.recordings.storage import Channel
 
 _TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
 
@@ -40,7 +42,7 @@ class Schemas:
     def define(
         self, encoding: Encoding, type_name: str, text: str, is_idl: bool = False
     ) -> Definitions:
-        """The definitions that know a type as its text has it; without a text, as ROS has it.
+        """The definitions with a type as its text has it; without a text, as ROS has it.
 
         Args:
             type_name: ``package/msg/Name``.
@@ -48,19 +50,36 @@ class Schemas:
             is_idl: the text is OMG IDL, else ROS's own language.
 
         Raises:
-            DamagedMessage: the text is no definition, or there is none and ROS has none.
+            DamagedMessage: the text is no definition, or is missing and not known to ROS.
         """
         key = (encoding, type_name, text, is_idl)
         if key not in self._found:
             self._found[key] = self._define(*key)
         return self._found[key]
 
-    def keep(
-        self, encoding: Encoding, type_name: str, text: str, digest: str, why: str
-    ) -> Undecoded:
-        """What to copy messages with whose type cannot be read, and why."""
-        kept = Undecoded(encoding, text, digest, why)
-        return self._undecoded.setdefault((encoding, type_name, text), kept)
+    def complete(
+        self, channel: Channel, encoding: Encoding, text: str, given: str, is_idl: bool
+    ) -> Channel:
+        """A channel with the definitions of its type, or why it cannot be read.
+
+        Args:
+            channel: without definitions.
+            encoding: of its messages.
+            text: definition of its type, as for `define`.
+            given: digest of the type in the recording, if any.
+            is_idl: as for `define`.
+        """
+        name = channel.type_name
+        try:
+            definitions = self.define(encoding, name, text, is_idl)
+        except DamagedMessage as damage:
+            why = str(damage)
+            if is_idl:
+                return replace(channel, unreadable=why)
+            undecoded = Undecoded(encoding, text, given, why)
+            kept = self._undecoded.setdefault((encoding, name, text), undecoded)
+            return replace(channel, definitions=kept, digest=given, unreadable=why)
+        return replace(channel, definitions=definitions, digest=given or _digest(definitions, name))
 
     def _define(self, encoding: Encoding, type_name: str, text: str, is_idl: bool) -> Definitions:
         spaces = self._spaces.setdefault(encoding, [(Definitions(encoding), {})])
@@ -94,8 +113,8 @@ class Schemas:
         return definitions
 
 
-def digest(definitions: Definitions, type_name: str) -> str:
-    """MD5 or RIHS01 of a type; empty where it has none, as one with wide strings."""
+def _digest(definitions: Definitions, type_name: str) -> str:
+    """MD5 or RIHS01 of a type; empty for types without one, such as those with wide strings."""
     try:
         return definitions.digest(type_name)
     except (KeyError, AssertionError, TypesysError):

@@ -1,4 +1,9 @@
-"""The tables of rosbag2's SQLite files, in all versions of theirs."""
+"""The tables of rosbag2's SQLite files in all their versions, and the ends of files that are cut.
+
+SQLite itself fills up a page that is cut with zeros, without a word.
+
+Source: "Database File Format", sqlite.org/fileformat2.html, sections 1.3, 1.6 and 2.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +12,12 @@ import sqlite3
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.core.errors import DamagedMessage, OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
+from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
 
 _NAMES = ("messages", "topics", "message_definitions")
@@ -22,17 +26,17 @@ _VIRTUAL = re.compile(r"\s*CREATE\s+VIRTUAL", re.IGNORECASE)
 
 @contextmanager
 def damage_by_name() -> Iterator[None]:
-    """Whatever Python makes of a damaged file is a `sqlite3.DatabaseError`."""
+    """Turn all that Python raises on a damaged file into `sqlite3.DatabaseError`."""
     try:
         yield
     except MemoryError:  # a length of as much as there never was
-        raise sqlite3.DatabaseError("a length that cannot be") from None
+        raise sqlite3.DatabaseError("an impossible length") from None
     except UnicodeDecodeError:  # in SQLite's own message of what is wrong
-        raise sqlite3.DatabaseError("names that are no text") from None
+        raise sqlite3.DatabaseError("unreadable names") from None
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """The database, not to be changed; with what a writer left beside it if it was killed.
+    """Open a database read-only, with the files beside it of a writer that was killed.
 
     Raises:
         OpenError: it is no database.
@@ -55,11 +59,11 @@ def connect(path: Path) -> sqlite3.Connection:
             reason = error
         else:
             return database
-    raise OpenError(f"{path}: no ROS 2 bag that can be read: {reason}; copy it again")
+    raise OpenError(f"{path}: unreadable ROS 2 bag: {reason}; copy it again")
 
 
 def left_beside(path: Path) -> str:
-    """The file that a writer left beside its database when it was killed; empty: there is none.
+    """Name of the file beside a database whose writer was killed; empty without one.
 
     Source: "Temporary Files Used By SQLite", sqlite.org/tempfiles.html, sections 2.1 and 2.2.
     """
@@ -76,7 +80,7 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
     """The topics of a bag, by their numbers.
 
     Raises:
-        sqlite3.DatabaseError: it is none, or damaged.
+        sqlite3.DatabaseError: it is no bag, or damaged.
     """
     tables = {name for name in _NAMES if _is_table(database, name)}
     if not {"messages", "topics"} <= tables:
@@ -89,10 +93,10 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
 
 
 def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-    """Language and text of each type; without those of a table that is damaged."""
+    """Language and text of each type; of a damaged table, as far as it can be read."""
     sql = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
     found: dict[str, tuple[str, str]] = {}
-    with suppress(sqlite3.DatabaseError), damage_by_name():  # ROS's own are known without
+    with suppress(sqlite3.DatabaseError), damage_by_name():  # ROS's own need none
         for name, language, text in database.execute(sql):
             found[str(name)] = str(language), str(text)
     return found
@@ -109,18 +113,11 @@ def _channel(
     given = str(topic.get("type_description_hash") or "")
     qos = str(topic.get("offered_qos_profiles") or "")
     found = Channel(name, type_name, latched=is_latched(qos), offered_qos=qos)
-    try:
-        known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
-    except DamagedMessage as damage:
-        if language == "ros2idl":
-            return replace(found, unreadable=str(damage))
-        kept = schemas.keep("cdr", type_name, text, given, str(damage))
-        return replace(found, definitions=kept, digest=given, unreadable=str(damage))
-    return replace(found, definitions=known, digest=given or digest(known, type_name))
+    return schemas.complete(found, "cdr", text, given, language == "ros2idl")
 
 
 def _is_table(database: sqlite3.Connection, name: str) -> bool:
-    """True if there is such a table whose values are all stored; what is computed has no end."""
+    """True if a table exists and all its values are stored; computed ones may be endless."""
     found = database.execute(
         "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)
     ).fetchall()
@@ -131,7 +128,7 @@ def _is_table(database: sqlite3.Connection, name: str) -> bool:
 
 @damage_by_name()
 def has_index(database: sqlite3.Connection) -> bool:
-    """True if SQLite can give the messages in order of time without sorting them."""
+    """True if SQLite can read the messages in order of time without sorting them."""
     plan = database.execute(
         "EXPLAIN QUERY PLAN SELECT data FROM messages ORDER BY timestamp, id"
     ).fetchall()
@@ -146,7 +143,7 @@ _CELLS_START = 8
 
 
 def missing_bytes(path: Path, page_bytes: int) -> int:
-    """How much shorter a file is than its own header says."""
+    """Bytes by which a file is shorter than its header declares."""
     with open_file(path) as file:
         file.seek(_PAGE_COUNT_AT)
         pages = int.from_bytes(file.read(4), "big")
@@ -154,7 +151,7 @@ def missing_bytes(path: Path, page_bytes: int) -> int:
 
 
 def cut_rows(path: Path, page_bytes: int) -> set[int]:
-    """The rows whose bytes the end of the file cuts, on the page of rows that it cuts."""
+    """The rows that are cut off at the end of the file, on its last page of rows."""
     size = path.stat().st_size
     with open_file(path) as file:
         file.seek(size - size % page_bytes)
@@ -173,7 +170,7 @@ def cut_rows(path: Path, page_bytes: int) -> set[int]:
 
 
 def is_spilled(payload_bytes: int, page_bytes: int) -> bool:
-    """True if a row goes on on pages of its own."""
+    """True if a row continues on pages of its own."""
     return payload_bytes > page_bytes - 35
 
 

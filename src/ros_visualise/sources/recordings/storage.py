@@ -10,20 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.sources.recordings import Entry, Extra, Loss
-from ros_visualise.sources.recordings.pieces import Shelf
+from ros_visualise.sources.recordings import Entry, Extra
+from ros_visualise.sources.recordings.pieces import PieceCache
 
 LATEST_NS = 2**64
 """After every stamp that a file can hold."""
 
-_MOST_NOTES = 20
+_MOST_NS = 2**63
+"""After every stamp that an index holds."""
+
+Readable = tuple[str, str, Definitions]
+"""Topic, type and definitions of messages."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so.
+    """A stream of messages on a topic; ``unreadable`` says why they cannot be read, if so.
 
-    Without definitions they can not be copied either. ``offered_qos``, ``callerid`` and
+    Without definitions they cannot be copied either. ``offered_qos``, ``callerid`` and
     ``labels``: as `TopicType` has them, of one publisher.
     """
 
@@ -44,12 +48,12 @@ class Channel:
         if self.definitions is None or other.definitions is None:
             return self.definitions is other.definitions
         is_same = self.definitions is other.definitions
-        is_told = bool(self.digest) and self.digest == other.digest
-        return is_same or is_told or self.definitions.encoding != other.definitions.encoding
+        is_alike = bool(self.digest) and self.digest == other.digest
+        return is_same or is_alike or self.definitions.encoding != other.definitions.encoding
 
 
 class Query(NamedTuple):
-    """Which messages are asked for: from a stamp until before another, of some topics or of all.
+    """Selection of messages: from a stamp until before another, of some topics or of all.
 
     ``chosen``: by topic, a channel of the type that is read of it.
     """
@@ -61,14 +65,33 @@ class Query(NamedTuple):
 
     @property
     def is_ever(self) -> bool:
-        """True if it asks for every stamp."""
+        """True if it selects every stamp."""
         return self.start_ns <= -LATEST_NS and self.stop_ns >= LATEST_NS
 
-    def asks_for(self, channel: Channel) -> bool:
-        """True if messages of a channel are wanted, and can be read or copied."""
+    def selects(self, channel: Channel) -> bool:
+        """True if messages of a channel are selected, and can be read or copied."""
         if channel.definitions is None or not (self.topics is None or channel.topic in self.topics):
             return False
         return self.chosen is None or channel.is_like(self.chosen[channel.topic])
+
+    def readable(self, channels: Mapping[int, Channel]) -> dict[int, Readable]:
+        """The selected channels by number."""
+        return {
+            number: (channel.topic, channel.type_name, channel.definitions)
+            for number, channel in channels.items()
+            if self.selects(channel) and channel.definitions
+        }
+
+    def is_within(
+        self, starts_ns: npt.NDArray[np.int64], ends_ns: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        """(N,) true for pieces from one stamp to another that may have selected messages."""
+        found = np.ones(len(starts_ns), bool)
+        if self.start_ns > -_MOST_NS:
+            found &= ends_ns >= self.start_ns
+        if self.stop_ns < _MOST_NS:
+            found &= starts_ns < self.stop_ns
+        return found
 
 
 class Piece(Protocol):
@@ -76,14 +99,14 @@ class Piece(Protocol):
 
     @property
     def stamp_ns(self) -> int | None:
-        """That of its next message; None at its end."""
+        """Stamp of its next message; None at its end."""
 
     def read(self, before_ns: int) -> Iterator[Entry]:
         """Its next messages up to a stamp; none once the file is closed."""
 
 
 class StreamedPiece:
-    """A `Piece` of entries that come one after the other; the next one is there already."""
+    """A `Piece` of entries that come one after the other; the next one is read ahead."""
 
     def __init__(self, entries: Iterator[Entry]) -> None:
         self._entries = entries
@@ -120,24 +143,16 @@ class Storage(Protocol):
         """Those that it uses: ``none``, ``bz2``, ``lz4``, ``zstd``."""
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        """The pieces that may hold what is asked for, in the order of the file."""
+        """The pieces that may hold selected messages, in the order of the file."""
 
-    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
-        """Read the messages of a piece that are asked for; ``shelf``: that of all who are read."""
+    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+        """Read the selected messages of a piece; all pieces of a query share the cache."""
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Channels and stamps of their messages, those of one channel in any number of arrays."""
 
     def extras(self) -> Iterator[Extra]:
-        """As `Recording.extras`."""
+        """See `Recording.extras`."""
 
     def close(self) -> None:
-        """Let go of the file; may be called from any thread."""
-
-
-def add_note(loss: Loss, note: str) -> None:
-    """Say what was lost, unless much of that kind was said already."""
-    if len(loss.notes) < _MOST_NOTES and note not in loss.notes:
-        loss.notes.append(note)
-    elif len(loss.notes) == _MOST_NOTES:
-        loss.notes.append("and more")
+        """Close the file; may be called from any thread."""

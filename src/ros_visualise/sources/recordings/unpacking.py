@@ -1,4 +1,4 @@
-"""Unpacking what recordings compress: to no more than was said, and no more than is allowed."""
+"""Unpacking what recordings compress: to no more than was declared, and no more than is allowed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
+from ros_visualise.core.errors import TooLarge
 from ros_visualise.core.limits import check_unpacked, unpacked_limit
 
 Packed = bytes | memoryview
@@ -16,11 +17,11 @@ _FAULTS = (OSError, ValueError, EOFError, RuntimeError, MemoryError, zstandard.Z
 
 
 class DamagedData(Exception):
-    """The data is not what its compression makes, or not as long as it says."""
+    """Data of a file contradicts itself, its checksum or its declared length; says how."""
 
 
 def unpack(compression: str, packed: Packed, size: int) -> bytes:
-    """Unpack what is said to make so many bytes.
+    """Unpack what is declared to make so many bytes.
 
     Args:
         compression: one of `COMPRESSIONS`.
@@ -37,17 +38,29 @@ def unpack(compression: str, packed: Packed, size: int) -> bytes:
 
 
 def unpack_all(compression: str, packed: Packed) -> bytes:
-    """Unpack what there is, where nobody says how much, or where it may be cut off.
+    """Unpack data of undeclared length, or which may be cut off.
 
     Raises:
         TooLarge: it is more than is allowed.
         DamagedData: it cannot be unpacked.
     """
     if compression == "zstd":
-        check_unpacked(_told_size(packed), len(packed))
+        check_unpacked(_declared_size(packed), len(packed))
     found = _unpack(compression, packed, unpacked_limit(len(packed)) + 1)
     check_unpacked(len(found), len(packed))
     return found
+
+
+def unpack_chunk(compression: str, packed: Packed, size: int, is_cut: bool) -> bytes:
+    """Unpack a chunk: ``size`` bytes, or those that a chunk has which is cut off.
+
+    Raises:
+        DamagedData: it cannot be unpacked, or is larger than allowed.
+    """
+    try:
+        return unpack_all(compression, packed) if is_cut else unpack(compression, packed, size)
+    except TooLarge as error:
+        raise DamagedData(str(error)) from error
 
 
 def _unpack(compression: str, packed: Packed, most: int) -> bytes:
@@ -57,8 +70,8 @@ def _unpack(compression: str, packed: Packed, most: int) -> bytes:
         raise DamagedData(f"its {compression} data is damaged") from error
 
 
-def _told_size(packed: Packed) -> int:
-    """What a zstd frame says of its own size; -1 where it says nothing."""
+def _declared_size(packed: Packed) -> int:
+    """The size that a zstd frame declares; -1 without one."""
     try:
         return zstandard.frame_content_size(packed)
     except zstandard.ZstdError:

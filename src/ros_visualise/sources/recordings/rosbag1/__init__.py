@@ -10,7 +10,6 @@ from pathlib import Path
 from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.merging import MergedRecording, open_storages
 from ros_visualise.sources.recordings.rosbag1.bag_file import BagFile
-from ros_visualise.sources.recordings.storage import add_note
 
 _PART = re.compile(r"(.*?)(?:\d{4}(?:-\d\d){5})?_(\d+)\.bag(?:\.active)?")
 
@@ -43,7 +42,7 @@ def is_split_bag(files: Sequence[Path]) -> bool:
 
 
 def _parts(folder: Path, loss: Loss) -> list[Path]:
-    """Those of a folder in their order; a missing one between them is a loss.
+    """The parts in a folder in their order; a missing one between them is a loss.
 
     ``rosbag record --max-splits`` deletes the first ones.
     """
@@ -53,5 +52,5 @@ def _parts(folder: Path, loss: Loss) -> list[Path]:
     first, last = min(numbers), max(numbers)
     if last - first < 2 * len(numbers):  # else they count something else, such as days
         for number in sorted({*range(first, last)} - numbers.keys()):
-            add_note(loss, f"its part {number} is missing")
+            loss.add(f"its part {number} is missing")
     return [numbers[number] for number in sorted(numbers)]

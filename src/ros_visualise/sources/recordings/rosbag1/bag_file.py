@@ -15,8 +15,8 @@ import numpy.typing as npt
 from ros_visualise.core.errors import DamagedMessage, OpenError
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.messages.definitions import Definitions, Undecoded
-from ros_visualise.sources.recordings import Extra, Loss
-from ros_visualise.sources.recordings.pieces import ChunkPiece, FileRange, Records, Shelf
+from ros_visualise.sources.recordings import Extra, PartialLoss
+from ros_visualise.sources.recordings.pieces import ChunkPiece, FileRange, PieceCache, Records
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import (
     ENTRY,
@@ -30,31 +30,29 @@ from ros_visualise.sources.recordings.rosbag1.chunks import (
     locate,
 )
 from ros_visualise.sources.recordings.rosbag1.index import read_layout
-from ros_visualise.sources.recordings.rosbag1.records import Damaged
-from ros_visualise.sources.recordings.rosbag1.scan import Connection, Layout
+from ros_visualise.sources.recordings.rosbag1.scan import BagConnection, Layout
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.storage import Channel, Piece, Query, add_note
+from ros_visualise.sources.recordings.storage import Channel, Piece, Query
+from ros_visualise.sources.recordings.unpacking import DamagedData
 
 
 class BagFile:
     """One ROS 1 bag; a `Storage`, whose pieces are chunks.
 
-    A bag's index tells of every chunk how many messages of which topics it holds, from when to
-    when. That alone is read at first; where the messages lie in a chunk is read when their time
-    comes.
+    Only the bag's index is read at first: how many messages of which topics each chunk holds, from
+    when to when. The places of messages in a chunk are read when their time comes.
 
     Args:
-        path: of the file.
+        path: the file.
         schemas: of its recording.
-        loss: where to say what cannot be read.
-        label: what begins each note of that, where the recording has more files.
+        loss: gets what cannot be read.
 
     Raises:
         OpenError: nothing of it can be read; the message says what to do.
     """
 
-    def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
-        self._loss, self._label = loss, label
+    def __init__(self, path: Path, schemas: Schemas, loss: PartialLoss) -> None:
+        self._loss = loss
         self._noted: set[tuple[int, int]] = set()
         self._lock = threading.Lock()
         self._file = _open(path)
@@ -74,35 +72,30 @@ class BagFile:
         self.counts: Mapping[int, int] = _count(self._chunks)
         self.starts_ns = np.array([chunk.start_ns for chunk in self._chunks], np.int64)
         self.ends_ns = np.array([chunk.end_ns for chunk in self._chunks], np.int64)
-        self._add_loss(layout.loss)
+        nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
+        if nameless:
+            layout.loss.add(f"{nameless} messages of topics that the bag does not name", nameless)
+        loss.absorb(layout.loss)
 
     @cached_property
     def compressions(self) -> Collection[str]:
-        """As `Storage.compressions`; looks at each chunk."""
+        """Compressions of all chunks."""
         with self._lock:
             found = {self._compression(chunk) for chunk in self._chunks if not self._file.closed}
         return found - {""} or {"none"}
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
-        wanted = {n for n, channel in self.channels.items() if query.asks_for(channel)}
+        wanted = query.readable(self.channels).keys()
         is_asked = np.array([not wanted.isdisjoint(c.counts) for c in self._chunks], bool)
-        if query.start_ns > -(2**63):
-            is_asked &= self.ends_ns >= query.start_ns
-        if query.stop_ns < 2**63:
-            is_asked &= self.starts_ns < query.stop_ns
-        return np.flatnonzero(is_asked)
+        return np.flatnonzero(is_asked & query.is_within(self.starts_ns, self.ends_ns))
 
-    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
         chunk = self._chunks[piece]
-        wanted = {
-            number: (channel.topic, channel.type_name, channel.definitions)
-            for number, channel in self.channels.items()
-            if query.asks_for(channel) and channel.definitions
-        }
+        wanted = query.readable(self.channels)
         with self._lock:
             content = self._content(chunk)
             if content is None:
-                return ChunkPiece((), wanted, b"", lambda: None, shelf)
+                return ChunkPiece((), wanted, b"", lambda: None, cache)
             entries = self._entries(chunk, content)
             spans = common_spans(content, entries)
             if self._is_short(content, entries, spans):
@@ -118,7 +111,7 @@ class BagFile:
             order = np.lexsort((entries["offset"], entries["stamp_ns"]))
             places = locate(content, entries[order], spans[:, order], partial(self._lose, chunk, 1))
         load = partial(self._load, chunk)
-        return ChunkPiece(places, wanted, self._records(content), load, shelf)
+        return ChunkPiece(places, wanted, self._records(content), load, cache)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         for chunk in self._chunks:
@@ -135,29 +128,29 @@ class BagFile:
             self._file.close()
 
     def _content(self, chunk: Chunk) -> Content | None:
-        """None where it is damaged, or the file is closed."""
+        """None if it is damaged, or the file is closed."""
         if self._file.closed:
             return None
         try:
             return self._reader.content(chunk)
-        except (Damaged, OSError) as error:
+        except (DamagedData, OSError) as error:
             self._lose(chunk, chunk.messages, -1, str(error))
             return None
 
     def _entries(self, chunk: Chunk, content: Content | None = None) -> npt.NDArray[Any]:
-        """Where the messages of a chunk lie, as `ENTRY`."""
+        """Places of the messages of a chunk, as `ENTRY`."""
         if self._file.closed:
             return np.empty(0, ENTRY)
         try:
             entries = self._reader.entries(chunk, content)
-        except (Damaged, OSError) as error:
+        except (DamagedData, OSError) as error:
             self._lose(chunk, chunk.messages, -1, str(error))
             return np.empty(0, ENTRY)
         self._compare(chunk, entries)
         return entries.found
 
     def _compare(self, chunk: Chunk, entries: Entries) -> None:
-        """Hold the index behind a chunk, and what is in it, against the index at the bag's end."""
+        """Compare a chunk and the index behind it with the index at the bag's end."""
         if missing := max(0, chunk.messages - len(entries.found)):
             self._lose(chunk, missing, -1, "a part of a chunk is damaged")
         elif self.is_indexed and not entries.agrees:
@@ -169,7 +162,7 @@ class BagFile:
     def _is_short(
         self, content: Content, entries: npt.NDArray[Any], spans: npt.NDArray[np.int64]
     ) -> bool:
-        """True if there are messages in a chunk beside those that its index names."""
+        """True if a chunk holds messages that its index does not name."""
         for start, end in gaps(content, entries, spans):
             walk = self._reader.walk(content._replace(start=start, end=end))
             if len(walk.entries):
@@ -195,32 +188,20 @@ class BagFile:
             return self._file.read(size)
 
     def _compression(self, chunk: Chunk) -> str:
-        """That of a chunk; empty where it is damaged."""
+        """Compression of a chunk; empty if it is damaged."""
         try:
             fields = {} if chunk.bare_end else self._reader.header(chunk.position).fields
-        except (Damaged, OSError):
+        except (DamagedData, OSError):
             return ""
         return records.text(fields, b"compression") or "none"
 
-    def _add_loss(self, found: Loss) -> None:
-        """What was found missing when the bag was opened."""
-        nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
-        if nameless:
-            found.notes.append(f"{nameless} messages of topics that the bag does not name")
-        self._loss.messages += found.messages + nameless
-        self._loss.bytes += found.bytes
-        for note in found.notes:
-            add_note(self._loss, f"{self._label}{note}")
-
     def _lose(self, chunk: Chunk, messages: int, offset: int, why: str) -> None:
-        """Say once what is lost: messages of a chunk, or the one at an offset in it."""
+        """Note once what is lost: messages of a chunk, or the one at an offset in it."""
         if (chunk.position, offset) in self._noted:
             return
         self._noted.add((chunk.position, offset))
-        self._loss.messages += messages
-        place = f"{self._label}at {chunk.position / 1e6:.1f} MB"
         lost = f"; messages lost: {messages}" if messages else ""
-        add_note(self._loss, f"{place}: {why}{lost}")
+        self._loss.add(f"at {chunk.position / 1e6:.1f} MB: {why}{lost}", messages)
 
 
 def _open(path: Path) -> BinaryIO:
@@ -237,7 +218,7 @@ def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
     if magic != records.MAGIC:
         if magic.startswith(b"#ROSBAG V") and len(magic) == len(records.MAGIC):
             raise OpenError(
-                f"{path}: of another version than 2.0; with ROS: rosbag filter {path} NEW.bag True"
+                f"{path}: unsupported bag version; with ROS: rosbag filter {path} NEW.bag True"
             )
         raise OpenError(f"{path}: no ROS 1 bag, or cut off; copy or record it again")
     layout = read_layout(file, size)
@@ -257,7 +238,7 @@ _EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"  # of a type without fields
 _EMPTY_TEXT = "# it has no fields"
 
 
-def describe(connections: Mapping[int, Connection], schemas: Schemas) -> dict[int, Channel]:
+def describe(connections: Mapping[int, BagConnection], schemas: Schemas) -> dict[int, Channel]:
     """The connections of a bag as their messages are to be read.
 
     Args:
@@ -284,7 +265,7 @@ def describe(connections: Mapping[int, Connection], schemas: Schemas) -> dict[in
 
 
 def _define(schemas: Schemas, type_name: str, digest: str, text: str) -> tuple[Definitions, str]:
-    """How messages of a type are read, and why they cannot be; empty: they can."""
+    """Definitions of a type, and why its messages cannot be read; empty: they can."""
     if not text.strip() and digest == _EMPTY_MD5:
         text = _EMPTY_TEXT
     try:

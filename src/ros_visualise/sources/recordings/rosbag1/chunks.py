@@ -1,4 +1,4 @@
-"""The chunks of a ROS 1 bag: what is in one, by its index or by walking through it."""
+"""The chunks of a ROS 1 bag and their messages, by the index or by reading through them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ros_visualise.sources.recordings.pieces import Place
 from ros_visualise.sources.recordings.rosbag1 import records
-from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op
+from ros_visualise.sources.recordings.rosbag1.records import Fields, Op
+from ros_visualise.sources.recordings.unpacking import DamagedData
 
 ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")])
-"""A message of a chunk: where in its content the record begins."""
+"""A message of a chunk, and the beginning of its record in the content."""
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _NS = 1_000_000_000
@@ -27,8 +28,8 @@ _LARGE_BYTES = 4096  # of a message: reading each by itself then costs little
 class Chunk(NamedTuple):
     """A piece of the file with messages.
 
-    ``counts`` are messages by connection. ``bare_end``: of records that lie in the file itself, not
-    in a chunk, where they end; else 0.
+    ``counts`` are messages by connection. ``bare_end``: end of records that lie in the file itself,
+    not in a chunk; else 0.
     """
 
     position: int
@@ -39,15 +40,15 @@ class Chunk(NamedTuple):
 
     @property
     def messages(self) -> int:
-        """How many are in it."""
+        """Number of its messages."""
         return sum(self.counts.values())
 
 
 class Content(NamedTuple):
-    """Where the records of a chunk stand: from where to where in a file, or in memory.
+    """The records of a chunk: a range of a file, or of memory.
 
-    ``data``: all of them, where they are in memory. ``origin``: where in the bag itself they begin;
-    -1 where they were compressed.
+    ``data``: all of them, if they are in memory. ``origin``: their beginning in the bag itself; -1
+    if they were compressed.
     """
 
     file: BinaryIO
@@ -60,8 +61,8 @@ class Content(NamedTuple):
 class Entries(NamedTuple):
     """The messages of a chunk, as `ENTRY`.
 
-    ``end``: where the index records behind the chunk end. ``agrees``: these are whole, and say the
-    same as the index at the bag's end.
+    ``end``: end of the index records behind the chunk. ``agrees``: these are whole, and match the
+    index at the bag's end.
     """
 
     found: NDArray[Any]
@@ -71,7 +72,7 @@ class Entries(NamedTuple):
 
 @dataclass(frozen=True)
 class Walk:
-    """What walking through a chunk found, up to ``stop``."""
+    """Content of a chunk that was read through, up to ``stop``."""
 
     entries: NDArray[Any]
     connections: list[tuple[Fields, bytes]]
@@ -92,22 +93,15 @@ class ChunkReader:
         self.file = file
         self.size = size
 
-    def header(self, position: int) -> records.Record:
-        """The chunk's own record.
-
-        Raises:
-            Damaged: there is no chunk.
-        """
+    def header(self, position: int) -> records.BagRecord:
+        """The chunk's own record; raises DamagedData if it is none."""
         record = records.read_record(self.file, position, self.size)
         if record.op != Op.CHUNK:
-            raise Damaged("no chunk where one should be")
+            raise DamagedData("no chunk where one should be")
         return record
 
     def index(self, chunk_end: int) -> Iterator[tuple[int, NDArray[Any], int]]:
-        """(Connection, its sec, nanosec and offset, end) of the index records behind a chunk.
-
-        Ends where there are no more.
-        """
+        """(Connection, its sec, nanosec and offset, end) of the index records behind a chunk."""
         while True:
             try:
                 record = records.read_record(self.file, chunk_end, self.size)
@@ -115,7 +109,7 @@ class ChunkReader:
                     return
                 found = np.frombuffer(records.read_data(self.file, record), _INDEXED)
                 connection = records.number(record.fields, b"conn")
-            except (Damaged, ValueError):
+            except (DamagedData, ValueError):
                 return
             if (found["nanosec"] >= _NS).any():
                 return
@@ -123,12 +117,12 @@ class ChunkReader:
             yield connection, found, chunk_end
 
     def entries(self, chunk: Chunk, content: Content | None = None) -> Entries:
-        """The messages of a chunk, by its index where that is whole, else by walking through it.
+        """The messages of a chunk, by its index if that is whole, else by reading through it.
 
-        ``content``: the chunk's, where it is there already.
+        ``content``: the chunk's, if it was read already.
 
         Raises:
-            Damaged: there is no chunk, or its content cannot be read.
+            DamagedData: it is no chunk, or its content cannot be read.
         """
         end = 0
         if not chunk.bare_end:
@@ -144,17 +138,13 @@ class ChunkReader:
         return Entries(self.walked(chunk, content or self.content(chunk)), end, False)
 
     def walked(self, chunk: Chunk, content: Content) -> NDArray[Any]:
-        """The messages of a chunk by walking through it; none is before the chunk's own start."""
+        """The messages of a chunk by reading through it; none is before the chunk's own start."""
         entries = self.walk(content).entries
         entries["stamp_ns"] = np.maximum(entries["stamp_ns"], chunk.start_ns)
         return entries
 
     def content(self, chunk: Chunk) -> Content:
-        """What is in a chunk.
-
-        Raises:
-            Damaged: there is none, or it cannot be decompressed.
-        """
+        """The content of a chunk; raises DamagedData if it is none, or cannot be decompressed."""
         if chunk.bare_end:
             return self._stored(chunk, chunk.position, chunk.bare_end)
         header = self.header(chunk.position)
@@ -170,7 +160,7 @@ class ChunkReader:
         return Content(io.BytesIO(found), 0, len(found), found, -1)
 
     def walk(self, content: Content) -> Walk:
-        """Look at every record of a chunk, up to the first that cannot be one."""
+        """Read every record of a chunk, up to the first damaged one."""
         file, position, end = content[:3]
         entries: list[tuple[int, int, int]] = []
         connections: list[tuple[Fields, bytes]] = []
@@ -187,13 +177,13 @@ class ChunkReader:
                     entries.append((stamp_ns, connection, position - content.start))
                 else:
                     break
-            except Damaged:
+            except DamagedData:
                 break
             position = record.end
         return Walk(np.array(entries, ENTRY), connections, position)
 
     def _stored(self, chunk: Chunk, start: int, end: int) -> Content:
-        """Records that stand in the bag as they are; in memory where they are small and many."""
+        """Records that are not compressed; in memory if they are small and many."""
         if end - start > min(_LOADED_BYTES, _LARGE_BYTES * chunk.messages):
             return Content(self.file, start, end, None, start)
         self.file.seek(start)
@@ -208,7 +198,7 @@ def stamps_ns(indexed: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def count(connections: NDArray[Any]) -> dict[int, int]:
-    """How often each occurs."""
+    """Number of occurrences of each."""
     found, counts = np.unique(connections, return_counts=True)
     return dict(zip(found.tolist(), counts.tolist(), strict=True))
 
@@ -233,10 +223,7 @@ _FIELDS = (b"\x09\0\0\0conn=????", b"\x04\0\0\0op=\x02", b"\x0d\0\0\0time=??????
 _HEADS = [
     np.frombuffer(_LENGTH + b"".join(order), np.uint8) for order in itertools.permutations(_FIELDS)
 ]
-"""A message's header with its fields in any order; what differs from message to message is ``?``.
-
-Writers put them into the order that their language happens to give.
-"""
+"""A message's header with its fields in any order, as writers differ; its values are ``?``."""
 _HEAD_BYTES = 42
 _SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
 
@@ -247,19 +234,19 @@ def locate(
     spans: NDArray[np.int64],
     lose: Callable[[int, str], None],
 ) -> list[Place]:
-    """The places of messages, in their order; without those that are not where the index has them.
+    """The places of messages, in their order; without those that the index misplaces.
 
     Args:
         entries: (N,) of `ENTRY`.
         spans: (3, N) theirs, as `common_spans` gives them.
-        lose: told the offset of each that is not there, and why.
+        lose: called with the offset of each misplaced one, and why.
     """
     starts, sizes, _ = spans
     for i in np.flatnonzero(starts < 0):
         _, connection, offset = entries[i].tolist()
         try:
             starts[i], sizes[i] = _any(content, connection, offset)
-        except Damaged as damage:
+        except DamagedData as damage:
             lose(offset, str(damage))
     there = starts >= 0
     stamps_ns, starts = entries["stamp_ns"][there].tolist(), starts[there]
@@ -275,7 +262,7 @@ def locate(
 def gaps(
     content: Content, entries: NDArray[Any], spans: NDArray[np.int64]
 ) -> Iterator[tuple[int, int]]:
-    """Where in a chunk in memory no message lies that its index names: from where to where."""
+    """Ranges of a chunk in memory without any message that its index names."""
     known = spans[0] >= 0
     order = np.argsort(entries["offset"][known])
     begins = entries["offset"][known][order].astype(np.int64)
@@ -322,14 +309,14 @@ def _any(content: Content, connection: int, offset: int) -> tuple[int, int]:
     """Start and size of one message, whatever its header is like.
 
     Raises:
-        Damaged: there is one of another topic, or none.
+        DamagedData: there is a message of another topic, or none.
     """
     file, start, end = content[:3]
     record = records.read_record(file, start + offset, end)
     while record.op == Op.CONNECTION:  # some indexes point to the one before the message
         record = records.read_record(file, record.end, end)
     if record.op != Op.MESSAGE or records.number(record.fields, b"conn") != connection:
-        raise Damaged("another message than the index says")
+        raise DamagedData("another message than the index says")
     if record.end > end:
-        raise Damaged("a message that is longer than its chunk")
+        raise DamagedData("a message that is longer than its chunk")
     return record.data_position - start, record.data_size

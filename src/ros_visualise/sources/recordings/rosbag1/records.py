@@ -9,12 +9,11 @@ import struct
 from enum import IntEnum
 from typing import BinaryIO, NamedTuple
 
-from ros_visualise.core.errors import TooLarge
-from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
+from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_chunk
 
 MAGIC = b"#ROSBAG V2.0\n"
 
-_LONGEST_HEADER = 1 << 20  # longer, it is none: those of real bags have less than 5 KB
+_LONGEST_HEADER = 1 << 20  # those of real bags have less than 5 KB
 _UINT32 = struct.Struct("<I")
 _UINT64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
@@ -24,7 +23,7 @@ Fields = dict[bytes, bytes]
 
 
 class Op(IntEnum):
-    """What a record is."""
+    """Kinds of records."""
 
     MESSAGE = 2
     BAG_HEADER = 3
@@ -34,12 +33,8 @@ class Op(IntEnum):
     CONNECTION = 7
 
 
-class Damaged(Exception):
-    """What stands here is not what ought to."""
-
-
-class Record(NamedTuple):
-    """One record: its header, and where its data lies."""
+class BagRecord(NamedTuple):
+    """One record: its header, and the place of its data."""
 
     op: int
     fields: Fields
@@ -48,40 +43,32 @@ class Record(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Where the next one begins."""
+        """Beginning of the next one."""
         return self.data_position + self.data_size
 
 
-def read_record(file: BinaryIO, position: int, end: int) -> Record:
-    """The record there, of which at least the header stands before ``end``.
-
-    Raises:
-        Damaged: there is none.
-    """
+def read_record(file: BinaryIO, position: int, end: int) -> BagRecord:
+    """The record at a place, whose header lies before ``end``; raises DamagedData."""
     if position >= end:
-        raise Damaged("no record")
+        raise DamagedData("no record")
     file.seek(position)
     header_size = _number(file.read(4))
     data_position = position + 8 + header_size
     if header_size > _LONGEST_HEADER or data_position > end:
-        raise Damaged("no record")
+        raise DamagedData("no record")
     fields = parse_fields(file.read(header_size))
     op = fields.get(b"op", b"")
     if len(op) != 1:
-        raise Damaged("a record that does not say what it is")
-    return Record(op[0], fields, data_position, _number(file.read(4)))
+        raise DamagedData("a record without a kind")
+    return BagRecord(op[0], fields, data_position, _number(file.read(4)))
 
 
-def read_data(file: BinaryIO, record: Record) -> bytes:
-    """A record's data.
-
-    Raises:
-        Damaged: it is cut off.
-    """
+def read_data(file: BinaryIO, record: BagRecord) -> bytes:
+    """A record's data; raises DamagedData if it is cut off."""
     file.seek(record.data_position)
     data = file.read(record.data_size)
     if len(data) != record.data_size:
-        raise Damaged("cut off")
+        raise DamagedData("cut off")
     return data
 
 
@@ -94,7 +81,7 @@ def parse_fields(data: bytes) -> Fields:
         position += 4
         name, equals, value = data[position : position + size].partition(b"=")
         if position + size > len(data) or not equals:
-            raise Damaged("a header that cannot be read")
+            raise DamagedData("a header that cannot be read")
         fields[name] = value
         position += size
     return fields
@@ -109,28 +96,21 @@ def time_ns(fields: Fields, name: bytes) -> int:
     """A time as nanoseconds."""
     value = fields.get(name, b"")
     if len(value) != _TIME.size:
-        raise Damaged(f"no time where {name.decode()} should be")
+        raise DamagedData(f"no time where {name.decode()} should be")
     sec, nanosec = _TIME.unpack(value)
     return int(sec) * 1_000_000_000 + int(nanosec)
 
 
 def text(fields: Fields, name: bytes) -> str:
-    """A text, empty where it is absent."""
+    """A text; empty if it is missing."""
     return fields.get(name, b"").decode("utf-8", "replace")
 
 
 def decompress(compression: str, data: bytes, size: int, cut: bool = False) -> bytes:
-    """The ``size`` bytes that a chunk holds; of one that is cut off, those that are there.
-
-    Raises:
-        Damaged: it is something else or too much, or the compression is not known.
-    """
+    """The ``size`` bytes of a chunk, or those of one that is cut off; raises DamagedData."""
     if compression not in _COMPRESSIONS:
-        raise Damaged(f"compressed by {compression or 'nothing'}, which is not known here")
-    try:
-        return unpack_all(compression, data) if cut else unpack(compression, data, size)
-    except (TooLarge, DamagedData) as error:
-        raise Damaged(str(error)) from error
+        raise DamagedData(f"unsupported compression {compression or 'without a name'}")
+    return unpack_chunk(compression, data, size, cut)
 
 
 def _number(data: bytes) -> int:
@@ -138,4 +118,4 @@ def _number(data: bytes) -> int:
         return int(_UINT32.unpack(data)[0])
     if len(data) == _UINT64.size:
         return int(_UINT64.unpack(data)[0])
-    raise Damaged("no number where one should be")
+    raise DamagedData("no number where one should be")

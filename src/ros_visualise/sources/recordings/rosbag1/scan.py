@@ -1,4 +1,4 @@
-"""Where the chunks of a ROS 1 bag are, found by looking through it."""
+"""The content of a ROS 1 bag without a usable index, found by reading through it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from typing import BinaryIO, NamedTuple
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader, Content, stamps_ns
-from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op, Record
+from ros_visualise.sources.recordings.rosbag1.records import BagRecord, Fields, Op
+from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _COUNT = struct.Struct("<II")
-NOTES = 20  # of more damage than that, nobody reads
+_NOTES = 20  # more are not read
 
 
-class Connection(NamedTuple):
+class BagConnection(NamedTuple):
     """One publisher's topic; ``type_name`` as ``sensor_msgs/msg/Image``, ``digest`` its MD5."""
 
     topic: str
@@ -31,12 +32,12 @@ class Connection(NamedTuple):
 
 @dataclass
 class Layout:
-    """What a bag holds, and where; connections by their number, chunks in the file's order.
+    """Content of a bag: connections by their number, chunks in the file's order.
 
-    ``index_position``: where its index begins, and its last chunk's index ends.
+    ``index_position``: beginning of its index, and end of its last chunk's index.
     """
 
-    connections: dict[int, Connection] = field(default_factory=dict)
+    connections: dict[int, BagConnection] = field(default_factory=dict)
     chunks: list[Chunk] = field(default_factory=list)
     indexed: bool = True
     index_position: int = 0
@@ -44,18 +45,18 @@ class Layout:
     loss: Loss = field(default_factory=Loss)
 
 
-def parse_connection(fields: Fields, data: bytes) -> tuple[int, Connection]:
+def parse_connection(fields: Fields, data: bytes) -> tuple[int, BagConnection]:
     """The number and the content of a connection's record."""
-    said = records.parse_fields(data)
-    package, _, name = records.text(said, b"type").partition("/")
+    content = records.parse_fields(data)
+    package, _, name = records.text(content, b"type").partition("/")
     parts = records.text(fields, b"topic").split("/")
-    found = Connection(
+    found = BagConnection(
         topic="/" + "/".join(part for part in parts if part),
         type_name=f"{package}/msg/{name.rpartition('/')[2]}",
-        digest=records.text(said, b"md5sum"),
-        definition=records.text(said, b"message_definition"),
-        latched=records.text(said, b"latching") == "1",
-        callerid=records.text(said, b"callerid"),
+        digest=records.text(content, b"md5sum"),
+        definition=records.text(content, b"message_definition"),
+        latched=records.text(content, b"latching") == "1",
+        callerid=records.text(content, b"callerid"),
     )
     return records.number(fields, b"conn"), found
 
@@ -63,7 +64,7 @@ def parse_connection(fields: Fields, data: bytes) -> tuple[int, Connection]:
 def parse_chunk_info(fields: Fields, data: bytes) -> Chunk:
     """A chunk as the index at the bag's end has it."""
     if len(data) % _COUNT.size:
-        raise Damaged("a chunk's counts are cut")
+        raise DamagedData("a chunk's counts are cut")
     counts = {connection: messages for connection, messages in _COUNT.iter_unpack(data) if messages}
     return Chunk(
         position=records.number(fields, b"chunk_pos"),
@@ -79,8 +80,8 @@ _LONGEST_CHUNK_HEADER = 64
 _SEARCHED = 1 << 20
 
 
-class Scan:
-    """Looks through a bag that was not closed, or was cut, for its chunks."""
+class BagScan:
+    """Search for chunks in a bag that was not closed, or was cut."""
 
     def __init__(
         self, file: BinaryIO, size: int, index_position: int, header: Fields | None = None
@@ -97,14 +98,14 @@ class Scan:
         self._damages: list[tuple[int, int, str]] = []  # from where to where, and what it is
 
     def run(self, position: int) -> Layout:
-        """What there is from that position on."""
+        """The content from that position on."""
         while position < self._size:
             try:
                 record = records.read_record(self._file, position, self._size)
                 if record.end > self._size and record.op != Op.CHUNK:
-                    raise Damaged("cut off")
+                    raise DamagedData("cut off")
                 following = self._take(record, position)
-            except Damaged:
+            except DamagedData:
                 self._end_bare(position)
                 following = self._skip_damage(position)
             position = following
@@ -114,8 +115,8 @@ class Scan:
         self._compare()
         return self._layout
 
-    def _take(self, record: Record, position: int) -> int:
-        """Note what a record holds; where the next one begins."""
+    def _take(self, record: BagRecord, position: int) -> int:
+        """Add a record; returns the beginning of the next one."""
         if record.op in (Op.MESSAGE, Op.CONNECTION):
             if self._bare is not None and position - self._bare > _BARE_SIZE:
                 self._end_bare(position)
@@ -125,14 +126,14 @@ class Scan:
         self._end_bare(position)
         if record.op == Op.CHUNK_INFO:  # these come last of all: nothing is missing
             self._needed, self._has_end = 0, True
-            with suppress(Damaged):
+            with suppress(DamagedData):
                 data = records.read_data(self._file, record)
                 self._infos.append(parse_chunk_info(record.fields, data))
         if record.op != Op.CHUNK:
             return record.end
         return self._take_chunk(record, position)
 
-    def _take_chunk(self, record: Record, position: int) -> int:
+    def _take_chunk(self, record: BagRecord, position: int) -> int:
         self._seen += 1
         is_unfinished = not record.data_size
         if is_unfinished and records.text(record.fields, b"compression") == "none":
@@ -148,8 +149,8 @@ class Scan:
         self._needed = max(self._needed, record.end)
         return min(end, self._size)
 
-    def _indexed_chunk(self, record: Record, position: int) -> tuple[Chunk, int]:
-        """A chunk by its index records, and their end; without counts if they are not whole."""
+    def _indexed_chunk(self, record: BagRecord, position: int) -> tuple[Chunk, int]:
+        """A chunk by its index records, and their end; without counts if they are damaged."""
         end = record.end
         times: list[int] = []
         counts: dict[int, int] = {}
@@ -164,19 +165,19 @@ class Scan:
         return Chunk(position, min(times), max(times), counts), end
 
     def _goes_on(self, position: int) -> bool:
-        """True if something other than one more index record follows, and is whole."""
+        """True if a whole record other than one more of an index follows."""
         try:
             record = records.read_record(self._file, position, self._size)
-        except Damaged:
+        except DamagedData:
             return False
         return record.op == Op.CHUNK or (record.op != Op.INDEX and record.end <= self._size)
 
     def _look_into(self, chunk: Chunk, end: int) -> tuple[Chunk, int]:
-        """Walk through a chunk for its connections and, where it has no index, for its messages."""
+        """Read through a chunk for its connections and, without an index, for its messages."""
         try:
             content = self._reader.content(chunk)
             walk = self._reader.walk(content)
-        except Damaged as error:
+        except DamagedData as error:
             if not chunk.counts:
                 self._lose(chunk.position, min(end, self._size), str(error))
             return chunk, end
@@ -204,12 +205,12 @@ class Scan:
         for fields, data in connections:
             try:
                 number, found = parse_connection(fields, data)
-            except Damaged:
+            except DamagedData:
                 continue
             self._layout.connections.setdefault(number, found)
 
     def _skip_damage(self, position: int) -> int:
-        """Where the next chunk begins after something that is no record; else the end."""
+        """Beginning of the next chunk after something that is no record; else the end."""
         following = self._find_chunk(position)
         if position >= self._index_position > 0:
             return following  # only of the index
@@ -232,32 +233,32 @@ class Scan:
         return self._size
 
     def _chunk_around(self, mark: int, position: int) -> int:
-        """Where the chunk begins whose header has its mark there; 0 if there is none."""
+        """Beginning of the chunk whose header has its mark at a place; 0 without one."""
         for start in range(mark - 8, max(position, mark - _LONGEST_CHUNK_HEADER), -1):
             try:
                 record = self._reader.header(start)
-            except Damaged:
+            except DamagedData:
                 continue
             if b"compression" in record.fields:
                 return start
         return 0
 
     def _look_again(self) -> None:
-        """Look into chunks of which the index at the end says something else than theirs."""
+        """Read the chunks whose own index contradicts the one at the end."""
         infos = Counter(map(_sign, self._infos))
         for place, chunk in enumerate(self._layout.chunks):
             infos[_sign(chunk)] -= 1
             if self._infos and not chunk.bare_end and infos[_sign(chunk)] < 0:
-                with suppress(Damaged):
+                with suppress(DamagedData):
                     walk = self._reader.walk(self._reader.content(chunk))
                     self._learn(walk.connections)
                     if len(walk.entries) > chunk.messages:
                         self._layout.chunks[place] = walk.chunk(chunk.position)
 
     def _compare(self) -> None:
-        """Hold what was found against what the header and the index at the end say."""
-        said, found = _count(self._infos), _count(self._layout.chunks)
-        missing = (said - found).total()
+        """Compare what was found with the header and the index at the end."""
+        declared, found = _count(self._infos), _count(self._layout.chunks)
+        missing = (declared - found).total()
         notes = self._layout.loss.notes
         self._layout.loss.messages += missing
         if missing:
@@ -278,26 +279,26 @@ class Scan:
         self._damages.append((start, end, why))
 
     def _check_end(self) -> None:
-        """Say what is damaged; of all that the end of the file cuts, one thing."""
+        """Note all damage; of what the end of the file cuts, only the first."""
         notes = self._layout.loss.notes
         within = [damage for damage in self._damages if damage[1] < self._size]
         at_end = [damage for damage in self._damages if damage[1] >= self._size]
         missing = max(0, self._needed - self._size)
         self._layout.loss.bytes += missing
-        notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in within[:NOTES]]
+        notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in within[:_NOTES]]
         if missing:
             here, whole = self._size / 1e6, self._needed / 1e6
             digits = 1 if whole >= 1 else 4
             notes.append(f"cut off after {here:.{digits}f} of {whole:.{digits}f} MB or more")
         elif not self._has_end:
             found = sum(chunk.messages for chunk in self._layout.chunks)
-            notes.append(f"never finished by its recorder; messages that are there: {found}")
+            notes.append(f"never finished by its recorder; messages found: {found}")
         else:
             notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in at_end[:1]]
 
 
 def _sign(chunk: Chunk) -> tuple[int, int, frozenset[tuple[int, int]]]:
-    """What two accounts of a chunk have in common, wherever it was moved."""
+    """Content of a chunk, to compare two accounts of it wherever it was moved."""
     return chunk.start_ns, chunk.end_ns, frozenset(chunk.counts.items())
 
 
@@ -310,7 +311,7 @@ def _count(chunks: Iterable[Chunk]) -> Counter[int]:
 
 
 def _number(header: Fields, name: bytes) -> int:
-    """A number of the bag's header; 0 where it is damaged."""
-    with suppress(Damaged):
+    """A number of the bag's header; 0 if it is damaged."""
+    with suppress(DamagedData):
         return records.number(header, name)
     return 0
