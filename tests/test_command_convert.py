@@ -188,7 +188,7 @@ def test_a_part_without_messages_is_said_and_nothing_of_it_is_lost(
 ) -> None:
     assert read(convert(drive, tmp_path / "r.bag", *options)) == []
     said, report = capsys.readouterr().err.splitlines()
-    assert said.startswith(f"ros-visualise: {drive}: there are no messages ")
+    assert said.startswith(f"ros-visualise: {drive}: no messages ")
     assert says in said
     assert "0 messages" in report
 
@@ -199,7 +199,7 @@ def test_a_recording_without_messages_is_said_and_copied(
     open_recorder(f"{tmp_path}/empty.bag", TYPES).close()
     report = convert(tmp_path / "empty.bag", tmp_path / "r.mcap", "--json")
     out, err = capsys.readouterr()
-    assert err.splitlines()[0] == f"ros-visualise: {tmp_path}/empty.bag: there are no messages"
+    assert err.splitlines()[0] == f"ros-visualise: {tmp_path}/empty.bag: no messages"
     assert json.loads(out)["lost"] == {"messages": 0, "bytes": 0, "notes": []}
     assert report.exists()
 
@@ -308,7 +308,10 @@ def test_numbers_have_their_nouns(
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (["drive.bag", "r.mcap", "--topics", "/no"], "no topic /no; there are /imu, /map, /tf_st"),
+        (
+            ["drive.bag", "r.mcap", "--topics", "/no"],
+            "no topic /no; choose from /imu, /map, /tf_st",
+        ),
         (["drive.bag", "r.mcap", "--start", "100"], "--start 100: .* ends after 11.990 s"),
         (["drive.bag", "r.bag", "--compression", "zstd"], "cannot be compressed by zstd"),
         (["drive.bag", "r.bag", "--profile", "ros2"], "holds messages of ROS 1"),

@@ -1,4 +1,4 @@
-"""What `convert` carries over beside messages; what the new file has no place for is said."""
+"""What `convert` carries over beside messages; what the new file cannot store is said."""
 
 import json
 from pathlib import Path
@@ -114,9 +114,9 @@ def test_a_bag_keeps_the_latching_and_the_rest_is_said_once(path: Path, capsys) 
         "sending time": 5,
     }
     assert json.loads(out)["unplaced"] == unplaced
-    (line,) = [line for line in err.splitlines() if "no place" in line]
+    (line,) = [line for line in err.splitlines() if "cannot store" in line]
     assert line == (
-        f"ros-visualise: {bag} has no place for 1 QoS profile, 2 topic labels, 2 attachments,"
+        f"ros-visualise: {bag} cannot store 1 QoS profile, 2 topic labels, 2 attachments,"
         " 1 metadata record, 5 sequence numbers, 5 sending times"
     )
     with BagReader(bag) as reader:
@@ -204,7 +204,7 @@ def test_publishers_that_became_one_are_said(tmp_path: Path, capsys) -> None:
     source = write_ros1(tmp_path / "a.mcap", {"/a": ["/one", "/two"], "/b": ["/one"]})
     target = convert(source, tmp_path / "r.bag")
     assert connections(target) == {"/a": ("/ros_visualise", 1), "/b": ("/one", 1)}
-    said = f"ros-visualise: {target} has no place for 2 publisher names"
+    said = f"ros-visualise: {target} cannot store 2 publisher names"
     assert said in capsys.readouterr().err.splitlines()
 
 

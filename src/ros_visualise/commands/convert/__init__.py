@@ -17,7 +17,7 @@ class ConvertOptions(MemoryOptions):
 
     input: str = argument("the recording, of any kind", metavar="SRC")
     output: str = argument(
-        "the new file, a .bag or .mcap; a name without either ending makes a ROS 2 folder",
+        "the new file, a .bag or .mcap; a name without these suffixes makes a ROS 2 folder",
         metavar="DST",
     )
     topics: Sequence[str] = option(

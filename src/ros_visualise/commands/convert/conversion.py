@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
-import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Collection, Generator, Iterator
-from contextlib import closing
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
-from typing import Any
 
-from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Image
 from ros_visualise.messages.latched import says
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording
 
+_BATCH_BYTES = 16 << 20
+
 
 @dataclass(frozen=True)
-class Part:
-    """What of a recording is copied: the topics, from one time to before another; None is all."""
+class RecordingPart:
+    """A part of a recording: its topics, from one time to before another; None is all."""
 
     topics: tuple[str, ...]
     start_ns: int | None = None
@@ -35,31 +34,31 @@ class Conversion:
 
     Attributes:
         written: topic -> messages that were written.
-        left_out: topic -> messages that could not be written.
+        skipped: topic -> messages that could not be written.
         reasons: topic -> why the first of them could not.
     """
 
     recording: Recording
-    part: Part
+    part: RecordingPart
     recorder: Recorder
     written: Counter[str] = field(default_factory=Counter)
-    left_out: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
     _stopped: bool = False
     _closing: bool = False
 
     @property
     def steps(self) -> int | None:
-        """How many messages were worked on by now; None while the new recording is closed."""
-        return None if self._closing else self.messages + sum(self.left_out.values())
+        """Number of messages processed by now; None while the new recording is being closed."""
+        return None if self._closing else self.messages + sum(self.skipped.values())
 
     @property
     def messages(self) -> int:
-        """All that were written by now."""
+        """Number of messages written by now."""
         return sum(self.written.values())
 
     def run(self) -> None:
-        """Copy, and finish the new recording, also where copying ends early.
+        """Copy, and finish the new recording, even if copying ends early.
 
         Raises:
             RecordingError: it could not be written to its end.
@@ -85,18 +84,18 @@ class Conversion:
             self.recorder.write(entry.topic, entry.message, entry.stamp_ns)
             self.written[entry.topic] += 1
         except DamagedMessage as error:
-            self.left_out[entry.topic] += 1
+            self.skipped[entry.topic] += 1
             self.reasons.setdefault(entry.topic, str(error))
 
-    def _entries(self) -> ReadAhead | Generator[Entry, None, None]:
-        """Read on a thread of its own where images are decoded.
+    def _entries(self) -> Generator[Entry, None, None]:
+        """The entries of the part, read ahead if images are decoded.
 
-        What is copied as bytes would only wait for the other thread: Python runs one at a time, and
+        Bytes that are copied would only wait for the other thread: Python runs one at a time, and
         memory that another core has touched is slow.
         """
         kinds = [self.recording.topics[topic].type for topic in self.part.topics]
         is_decoded = any(kind.definitions is None for kind in kinds)
-        return ReadAhead(self._read()) if is_decoded else self._read()
+        return _read_ahead(self._read()) if is_decoded else self._read()
 
     def _read(self) -> Generator[Entry, None, None]:
         part = self.part
@@ -107,7 +106,7 @@ class Conversion:
 
 
 def _latched_before(recording: Recording, topics: Collection[str], start_ns: int) -> list[Entry]:
-    """The latched messages that somebody who comes at that time would be given."""
+    """The latched messages that a subscriber at that time would get."""
     latched = [
         topic
         for topic in topics
@@ -119,90 +118,38 @@ def _latched_before(recording: Recording, topics: Collection[str], start_ns: int
     with closing(recording.read(None, start_ns, latched)) as entries:
         for entry in entries:
             last.update(dict.fromkeys(says(entry.topic, entry.message), entry))
-    return sorted({id(entry): entry for entry in last.values()}.values(), key=_stamp)
+    kept = {id(entry): entry for entry in last.values()}.values()
+    return sorted(kept, key=lambda entry: entry.stamp_ns)
 
 
-def _stamp(entry: Entry) -> int:
-    return entry.stamp_ns
-
-
-_AHEAD_BYTES = 32 << 20
-_BATCH_BYTES = 256 << 10
-
-
-class ReadAhead:
-    """What a generator gives, a little ahead of who takes it.
-
-    Messages are handed over many at a time: threads that hand over each for itself would spend
-    more time on waking each other up than on small messages. Images are decoded here.
-    """
-
-    def __init__(self, entries: Generator[Entry, None, None]) -> None:
-        self._entries = entries
-        self._ready: deque[tuple[int, list[Entry]]] = deque()
-        self._ready_bytes = 0
-        self._ended = self._stopped = False
-        self._error: BaseException | None = None
-        self._changed = threading.Condition()
-        self._thread = supervision.start("reader", self._read)
-
-    def __iter__(self) -> Iterator[Entry]:
-        while (batch := self._take()) is not None:
+def _read_ahead(entries: Generator[Entry, None, None]) -> Generator[Entry, None, None]:
+    """The entries, with their images decoded, read a batch ahead on a thread of its own."""
+    with closing(entries), ThreadPoolExecutor(1, "reader") as pool:
+        is_more = True
+        ahead = pool.submit(_read_batch, entries)
+        while is_more:
+            batch, error = ahead.result()
+            is_more = bool(batch)
+            if is_more and error is None:
+                ahead = pool.submit(_read_batch, entries)
             yield from batch
-        if self._error is not None:
-            raise self._error
+            if error is not None:
+                raise error
 
-    def close(self) -> None:
-        """End reading; what was read and not taken is let go."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
-        self._thread.join()
 
-    def _take(self) -> list[Entry] | None:
-        with self._changed:
-            self._changed.wait_for(lambda: self._ready or self._ended)
-            if not self._ready:
-                return None
-            size, batch = self._ready.popleft()
-            self._ready_bytes -= size
-            self._changed.notify_all()
-            return batch
-
-    def _read(self) -> None:
-        try:
-            with closing(self._entries):
-                self._read_all()
-        except BaseException as error:
-            self._error = error
-        with self._changed:
-            self._ended = True
-            self._changed.notify_all()
-
-    def _read_all(self) -> None:
-        batch: list[Entry] = []
-        size = 0
-        for entry in self._entries:
+def _read_batch(entries: Iterator[Entry]) -> tuple[list[Entry], Exception | None]:
+    """The next entries, and what ended them early; none at the end."""
+    batch: list[Entry] = []
+    size = 0
+    try:
+        for entry in entries:
             batch.append(entry)
-            size += _prepare(entry.message)
+            if isinstance(entry.message, Image):
+                with suppress(DamagedMessage):  # raised again where it is written
+                    _ = entry.message.pixels
+            size += int(entry.message.nbytes)
             if size >= _BATCH_BYTES:
-                if not self._put(size, batch):
-                    return
-                batch, size = [], 0
-        self._put(size, batch)
-
-    def _put(self, size: int, batch: list[Entry]) -> bool:
-        with self._changed:
-            self._changed.wait_for(lambda: self._ready_bytes < _AHEAD_BYTES or self._stopped)
-            self._ready.append((size, batch))
-            self._ready_bytes += size
-            self._changed.notify_all()
-            return not self._stopped
-
-
-def _prepare(message: Any) -> int:
-    """Decode what waits for it; about the bytes that it takes."""
-    if isinstance(message, Image):
-        with contextlib.suppress(DamagedMessage):  # who takes it meets it again
-            _ = message.pixels
-    return int(message.nbytes)
+                break
+    except Exception as error:
+        return batch, error
+    return batch, None

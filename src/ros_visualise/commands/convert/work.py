@@ -1,9 +1,8 @@
-"""Copying a recording with a progress bar, and what is reported of it."""
+"""Copying a recording with a progress bar, and the report on it."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise.commands.convert import ConvertOptions
-from ros_visualise.commands.convert.conversion import Conversion, Part
+from ros_visualise.commands.convert.conversion import Conversion, RecordingPart
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import (
     DamagedMessage,
@@ -61,30 +60,30 @@ def convert(options: ConvertOptions) -> int:
                 compression=options.compression,
                 live=False,
             )
-            part = Part(tuple(types), part.start_ns, part.stop_ns)
+            part = RecordingPart(tuple(types), part.start_ns, part.stop_ns)
             conversion = Conversion(recording, part, recorder)
             with in_time(wish, lambda: conversion.steps):
                 interrupted, error = _watch(conversion, wish)
             return _finish(options, conversion, unwritable, interrupted, error)
 
 
-def _choose_part(recording: Recording, options: ConvertOptions) -> Part:
+def _choose_part(recording: Recording, options: ConvertOptions) -> RecordingPart:
     for name in options.topics:
         if name not in recording.topics:
             there = ", ".join(recording.topics)
-            raise UsageError(f"{recording.path}: no topic {name}; there are {there}")
+            raise UsageError(f"{recording.path}: no topic {name}; choose from {there}")
     topics = tuple(t for t in recording.topics if not options.topics or t in options.topics)
     if options.start is None and options.duration is None:
-        return Part(topics)
+        return RecordingPart(topics)
     start_ns = recording.start_ns + round((options.start or 0) * _NS)
     if start_ns > recording.end_ns:
         length_s = (recording.end_ns - recording.start_ns) / _NS
         raise UsageError(f"--start {options.start:g}: {recording.path} ends after {length_s:.3f} s")
     stop_ns = None if options.duration is None else start_ns + round(options.duration * _NS)
-    return Part(topics, start_ns if options.start else None, stop_ns)
+    return RecordingPart(topics, start_ns if options.start else None, stop_ns)
 
 
-def _find_unwritable(recording: Recording, part: Part, encoder: Encoder) -> dict[str, str]:
+def _find_unwritable(recording: Recording, part: RecordingPart, encoder: Encoder) -> dict[str, str]:
     """Topic -> why its messages cannot be written."""
     found = {}
     for topic in part.topics:
@@ -100,12 +99,12 @@ def _find_unwritable(recording: Recording, part: Part, encoder: Encoder) -> dict
 
 
 def _passes(kind: TopicType, encoder: Encoder) -> bool:
-    """True if its messages are written as the bytes that they are."""
+    """True if its messages are copied as bytes."""
     return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 
 def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError | None]:
-    """Run it, and show how far it is; whether it was interrupted, and what ended it early."""
+    """Run it with a progress bar; true if interrupted, and the error that ended it early."""
     errors: list[BaseException] = []
 
     def work() -> None:
@@ -127,7 +126,7 @@ def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError 
 
 
 def _show(conversion: Conversion, wish: Wish, writer: threading.Thread) -> bool:
-    """Show how far it is until it is done; whether it was interrupted."""
+    """Show its progress until it is done; true if it was interrupted."""
     interrupted = False
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     with tqdm(
@@ -148,7 +147,7 @@ def _show(conversion: Conversion, wish: Wish, writer: threading.Thread) -> bool:
 
 
 def _expected(conversion: Conversion) -> int:
-    """About how many messages there will be."""
+    """Estimated number of messages."""
     recording, part = conversion.recording, conversion.part
     count = sum(recording.topics[topic].messages for topic in part.topics)
     begin_ns = part.start_ns or recording.start_ns
@@ -169,31 +168,27 @@ def _finish(
         notes.append(str(error))
     target = parse_target(options.output)[0]
     if conversion.recorder.path != target and not isinstance(error, RecordingError):
-        notes.append(f"{target} is as it was; the new one is {conversion.recorder.path}")
+        notes.append(f"{target} unchanged; partial output in {conversion.recorder.path}")
     for note in notes:
         say(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
         say(f"ros-visualise: {options.input}: {_describe_empty(options)}")
     if unplaced := conversion.recorder.unplaced:
-        say(f"ros-visualise: {_describe_unplaced(target, unplaced)}")
+        extras = ", ".join(counted(count, noun) for noun, count in unplaced.items())
+        say(f"ros-visualise: {target} cannot store {extras}")
     report = _report(conversion, unwritable, notes)
-    _say_result(report)
+    if Path(report["path"]).exists():
+        on = counted(len(report["topics"]), "topic")
+        what = f"{counted(report['messages'], 'message')} on {on}, {sized(report['bytes'])}"
+        say(f"{report['path']}: {what}")
     if options.json:
         answer_json(report)
     return STOPPED if interrupted else int(bool(notes))
 
 
-def _say_result(report: dict[str, Any]) -> None:
-    if Path(report["path"]).exists():
-        say(
-            f"{report['path']}: {counted(report['messages'], 'message')}"
-            f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}"
-        )
-
-
 def _describe_empty(options: ConvertOptions) -> str:
-    """What to say of a part without messages; nothing of it is lost."""
-    words = ["there are no messages"]
+    """Message for a part without messages, which is no loss."""
+    words = ["no messages"]
     if options.topics:
         words.append(f"on {', '.join(options.topics)}")
     start_s = options.start or 0.0
@@ -204,19 +199,13 @@ def _describe_empty(options: ConvertOptions) -> str:
     return " ".join(words)
 
 
-def _describe_unplaced(target: Path, unplaced: Mapping[str, int]) -> str:
-    """What to say of what was left behind, of which nothing is damaged."""
-    left = ", ".join(counted(count, noun) for noun, count in unplaced.items())
-    return f"{target} has no place for {left}"
-
-
 def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:
-    """What was lost, for people."""
+    """Losses, for people."""
     notes = [f"{source}: {note}" for note in conversion.recording.loss.notes]
-    notes += [f"{topic}: left out: {reason}" for topic, reason in unwritable.items()]
+    notes += [f"{topic}: skipped: {reason}" for topic, reason in unwritable.items()]
     notes += [
-        f"{topic}: {counted(count, 'message')} left out: {conversion.reasons[topic]}"
-        for topic, count in conversion.left_out.items()
+        f"{topic}: {counted(count, 'message')} skipped: {conversion.reasons[topic]}"
+        for topic, count in conversion.skipped.items()
     ]
     return notes
 
@@ -224,8 +213,8 @@ def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> l
 def _report(conversion: Conversion, unwritable: dict[str, str], notes: list[str]) -> dict[str, Any]:
     recording, path = conversion.recording, conversion.recorder.path
     files = list(path.iterdir()) if path.is_dir() else [path]
-    left_out = sum(recording.topics[topic].messages for topic in unwritable)
-    left_out += sum(conversion.left_out.values())
+    skipped = sum(recording.topics[topic].messages for topic in unwritable)
+    skipped += sum(conversion.skipped.values())
     return {
         "path": str(path),
         "format": "folder" if path.is_dir() else kind_of(path),
@@ -240,7 +229,7 @@ def _report(conversion: Conversion, unwritable: dict[str, str], notes: list[str]
         },
         "unplaced": dict(conversion.recorder.unplaced),
         "lost": {
-            "messages": recording.loss.messages + left_out,
+            "messages": recording.loss.messages + skipped,
             "bytes": recording.loss.bytes,
             "notes": notes,
         },
