@@ -151,13 +151,13 @@ def test_images_that_are_scaled_get_it_scaled(write, size):
 @pytest.mark.parametrize("size", [(640, 360), (480, 640), (640, 490), (1920, 1080)])
 def test_images_of_another_shape_are_refused_or_go_without(write, size, caplog):
     calibration = Calibration(write(OST))
-    with pytest.raises(OpenError, match="made for images of 640x480, and these of"):
+    with pytest.raises(OpenError, match="for images of 640x480; those of"):
         calibration.fit(size)
     with caplog.at_level(logging.ERROR):
         found = [calibration.add_to(images(*size)).camera_info for _ in range(3)]
     assert found == [None] * 3
     assert len(caplog.records) == 1
-    assert "the images go on without it" in caplog.text
+    assert "publishing images without a calibration" in caplog.text
 
 
 def test_no_file_is_no_calibration():
@@ -170,7 +170,7 @@ def test_a_file_that_comes_to_be_or_changes_is_followed(write, tmp_path, caplog)
     path = tmp_path / "later.yaml"
     with caplog.at_level(logging.INFO):
         calibration = Calibration(str(path))
-    assert "no such file; the images go on without it, until there is" in caplog.text
+    assert "no such file; publishing images without a calibration" in caplog.text
     image = images(640, 480)
     assert calibration.add_to(image) is image
     write(OST, "later.yaml")
@@ -187,4 +187,4 @@ def test_a_file_that_is_damaged_or_goes_changes_nothing(write, caplog):
     os.unlink(path)
     found.append(calibration.add_to(images(640, 480)).camera_info)
     assert [info.K[0, 0] for info in found] == [535.92] * 4
-    assert caplog.text.count("the images go on as before") == 1
+    assert caplog.text.count("keeping the calibration from before") == 1

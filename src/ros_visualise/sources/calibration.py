@@ -1,4 +1,4 @@
-"""Calibrations of cameras from YAML files, as ROS's cameracalibrator writes them."""
+"""Calibrations of cameras in YAML files, as ROS's cameracalibrator writes them."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
 class Calibration:
     """The calibration of a camera, made to fit its images.
 
-    Its file is read again when it changes, and may come to be later: then the camera is calibrated
-    from there on, as when somebody calibrates it while it runs.
+    Its file is read again when it changes, and may appear later: the camera is calibrated from then
+    on, as when it is calibrated while it runs.
 
     Args:
         url: a path or ``file:///path``; empty: the camera is not calibrated.
 
     Raises:
-        OpenError: what is there cannot be read.
+        OpenError: the file is no calibration.
     """
 
     def __init__(self, url: str) -> None:
@@ -47,40 +47,36 @@ class Calibration:
         self._info = read_calibration(url) if self._version else None
         self._fitted: dict[Size, CameraInfo | None] = {}
         if url and self._info is None:
-            log.info("%s: no such file; the images go on without it, until there is", url)
+            log.info("%s: no such file; publishing images without a calibration", url)
 
     def fit(self, size: Size) -> CameraInfo | None:
-        """The calibration of images of that size.
-
-        Raises:
-            OpenError: it is of another shape than the images.
-        """
+        """The calibration of images of that size; raises OpenError if they are of another shape."""
         if self._info is None:
             return None
         own = (self._info.width, self._info.height)
         if not _is_scaled(own, size):
             raise OpenError(
-                f"{self._url}: was made for images of {own[0]}x{own[1]},"
-                f" and these of {size[0]}x{size[1]} are of another shape"
+                f"{self._url}: for images of {own[0]}x{own[1]};"
+                f" those of {size[0]}x{size[1]} have another shape"
             )
         return self._info if own == size else resized(self._info, own, size)
 
     def add_to(self, image: C) -> C:
-        """The image with its calibration; without, and said once, if that is of another shape.
+        """The image with its calibration, unless that is of another shape, which is logged once.
 
-        What was found in an image does not tell its size: it is that of the calibration.
+        Detections do not tell the size of their image: it is that of the calibration.
         """
         self._follow()
         if isinstance(image, Detections):
             return image if self._info is None else replace(image, camera_info=self._info)
         size = (image.width, image.height)
         if size not in self._fitted:
-            self._fitted[size] = self._fit_or_say(size)
+            self._fitted[size] = self._fit_or_log(size)
         info = self._fitted[size]
         return image if info is None else replace(image, camera_info=info)
 
     def _look(self) -> tuple[int, int] | None:
-        """What tells one version of the file from another; None where there is no file."""
+        """A value that differs between versions of the file; None without a file."""
         try:
             found = None if self._path is None else self._path.stat()
         except OSError:
@@ -88,7 +84,7 @@ class Calibration:
         return None if found is None else (found.st_mtime_ns, found.st_ino)
 
     def _follow(self) -> None:
-        """Take over what the file holds now; what cannot be read changes nothing."""
+        """Take over a new version of the file, if it can be read."""
         version = self._look()
         if version in (None, self._version):
             return
@@ -96,28 +92,21 @@ class Calibration:
         try:
             self._info = read_calibration(self._url)
         except OpenError as error:
-            log.error("%s; the images go on as before", error)
+            log.error("%s; keeping the calibration from before", error)
         else:
-            log.info("%s: the calibration from now on", self._url)
+            log.info("%s: using the new calibration", self._url)
             self._fitted.clear()
 
-    def _fit_or_say(self, size: Size) -> CameraInfo | None:
+    def _fit_or_log(self, size: Size) -> CameraInfo | None:
         try:
             return self.fit(size)
         except OpenError as error:
-            log.error("%s; the images go on without it", error)
+            log.error("%s; publishing images without a calibration", error)
             return None
 
 
 def read_calibration(url: str) -> CameraInfo:
-    """The calibration in a file.
-
-    Args:
-        url: a path or ``file:///path``.
-
-    Raises:
-        OpenError: there is no file, or it holds no calibration.
-    """
+    """The calibration in a file, given by a path or ``file:///path``; raises OpenError."""
     path = path_of(url)
     try:
         values = load_yaml(path)
@@ -132,11 +121,7 @@ def read_calibration(url: str) -> CameraInfo:
 
 
 def path_of(url: str) -> Path:
-    """The file of ``file:///path``; a path as it is.
-
-    Raises:
-        OpenError: it is another kind of address.
-    """
+    """The file of a path or ``file:///path``; raises OpenError on other addresses."""
     if "://" not in url:
         return Path(url)
     parts = urlsplit(url)
@@ -204,12 +189,12 @@ _DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 
 
 def camera_name(node: str) -> str:
-    """What the camera of a node is called: as the node, in one word."""
+    """Name of a node's camera: that of the node, in one word."""
     return node.strip("/").replace("/", "_")
 
 
 def locate(url: str, node: str) -> str:
-    """Where the calibration of a node's camera is on a graph.
+    """Path or URL of the calibration of a node's camera on a graph.
 
     Args:
         url: with ``${NAME}``, that of the camera, and ``${ROS_HOME}``; empty: the default of
@@ -222,15 +207,11 @@ def locate(url: str, node: str) -> str:
 
 
 def check(info: CameraInfo, size: Size) -> None:
-    """Refuse what cannot be the calibration of images of that size.
-
-    Raises:
-        UsageError: the message says why.
-    """
+    """Raise UsageError unless it can be the calibration of images of that size."""
     if (info.width, info.height) != size:
         raise UsageError(
-            f"it is for images of {info.width}x{info.height}, and the camera's are"
-            f" {size[0]}x{size[1]}"
+            f"it is for images of {info.width}x{info.height};"
+            f" those of the camera are {size[0]}x{size[1]}"
         )
     arrays = (info.K, info.D, info.R, info.projection)
     if not all(np.isfinite(array).all() for array in arrays):
@@ -244,11 +225,11 @@ def check(info: CameraInfo, size: Size) -> None:
 
 
 def save(info: CameraInfo, path: Path, name: str) -> None:
-    """Write a calibration, so that the file is always whole: the old one or the new one.
+    """Write a calibration so that the file is always whole: the old one or the new one.
 
     Args:
         info: the calibration.
-        path: a YAML file; its folder is made where there is none.
+        path: a YAML file; its folder is created if needed.
         name: of the camera.
 
     Raises:
@@ -294,6 +275,6 @@ def _matrix_lines(name: str, values: Floats) -> list[str]:
 
 
 def _yaml_number(value: float) -> str:
-    """With a point even before an exponent, without which YAML 1.1 takes it for a text."""
+    """With a point even before an exponent, or YAML 1.1 reads it as a text."""
     text = repr(float(value))
     return text if "." in text else text.replace("e", ".0e")

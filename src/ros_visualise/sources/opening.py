@@ -1,30 +1,64 @@
-"""Opening a recording: what a path is, is found out by looking at it, whatever its name."""
+"""Opening a recording or a video: its format is found by its content, whatever its name."""
 
 from __future__ import annotations
 
+import os
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, named
 from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.summary import read_through, summarize
 
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
-"""How zip, gzip, bzip2, xz, zstd and 7z begin."""
+"""Beginnings of zip, gzip, bzip2, xz, zstd and 7z files."""
 _HEAD_SIZE = 4096
-_LISTED = 3  # of the recordings in a folder, or of what is lost, so many are named
+_LISTED = 3  # of the recordings in a folder, or of losses, so many are named
 
 
 class NoRecording(OpenError):
     """A folder has no recording in it."""
 
 
-def open_recording(path: str | Path) -> Recording:
-    """Open what is there.
+def open_source(path: Path) -> Recording:
+    """Open a recording, or a video as a recording; raises OpenError if it cannot be opened."""
+    if not _may_be_video(path):
+        return open_recording(path)
+    from ros_visualise.sources.demux import NoVideo  # PyAV takes a while to import
+    from ros_visualise.sources.video import VideoRecording
 
-    Raises:
-        OpenError: there is nothing, or nothing that can be read; the message says what to do.
-    """
+    try:
+        return VideoRecording(path)
+    except NoVideo:
+        raise _neither(path) from None
+
+
+def info(path: Path, check: bool) -> dict[str, Any]:
+    """Summary of a recording or a video; see `ros_visualise.sources.info`."""
+    if not _may_be_video(path):
+        with closing(open_recording(path)) as recording:
+            if check:
+                read_through(recording)
+            return summarize(recording)
+    from ros_visualise.sources.demux import NoVideo
+    from ros_visualise.sources.video import describe
+
+    try:
+        found = describe(path)
+    except NoVideo:
+        raise _neither(path) from None
+    if check:
+        with closing(open_source(path)) as recording:
+            read_through(recording)
+            found["lost"]["notes"] = list(recording.loss.notes)
+    return found
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording; raises OpenError if there is none that can be read."""
     path = Path(path)
     try:
         recording = _open_folder(path) if path.is_dir() else _open_file(path)
@@ -40,7 +74,7 @@ def open_recording(path: str | Path) -> Recording:
 
 
 def is_recording(path: str | Path) -> bool:
-    """True if there is something for `open_recording`, be it damaged; a video is none."""
+    """True for a folder, and a file of a recording, be it damaged; false for a video."""
     path = Path(path)
     try:
         return path.is_dir() or (path.is_file() and format_of(_head(path)) is not None)
@@ -48,11 +82,26 @@ def is_recording(path: str | Path) -> bool:
         return False
 
 
-def unknown_file(path: Path, what: str, hint: str) -> OpenError:
-    """What to say of a file that nobody here can read.
+def is_recorded_folder(path: Path) -> bool:
+    """True if a folder is one recording, as of ROS 2; those somewhere below it do not count."""
+    return path.is_dir() and _format_of_folder(path) is not None
+
+
+def _may_be_video(path: Path) -> bool:
+    return os.path.isfile(path) and not is_recording(path)
+
+
+def _neither(path: Path) -> OpenError:
+    what = f"neither a recording ({kinds()}) nor a video that FFmpeg can read"
+    return _unknown_file(path, what, "check the path, or copy it again")
+
+
+def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
+    """The error for an unreadable file.
 
     Args:
-        what: it is, where neither its beginning nor its name tells more.
+        path: the file.
+        what: it is, if neither its beginning nor its name tells more.
         hint: what to do, unless it is packed.
     """
     if _head(path).startswith(_ARCHIVES):
@@ -75,7 +124,7 @@ def _open_file(path: Path) -> Recording:
     known = format_of(head)
     if known is not None:
         return known.open(path)
-    raise unknown_file(
+    raise _unknown_file(
         path, f"not a recording ({kinds()})", f"if it is a video: ros-visualise video {path}"
     )
 
@@ -103,11 +152,6 @@ def _open_folder(path: Path) -> Recording:
     names = ", ".join(item.name for item in found[:_LISTED])
     more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
     raise OpenError(f"{path}: a folder with {names}{more} in it; choose, for instance {found[0]}")
-
-
-def is_recorded_folder(path: Path) -> bool:
-    """True if a folder is one recording, as of ROS 2; those somewhere below it do not count."""
-    return path.is_dir() and _format_of_folder(path) is not None
 
 
 def _format_of_folder(path: Path) -> Format | None:

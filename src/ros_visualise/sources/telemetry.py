@@ -59,8 +59,8 @@ class Film:
 def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Series]:
     """The series of a film, called ``fix`` and ``imu``; stamps count from its start.
 
-    GoPro's telemetry is a track of the film, DJI's are subtitles in a file beside it. A film that
-    cannot be opened has none: the error is reported where it is played.
+    GoPro's telemetry is a track of the film, DJI's are subtitles in a file beside it. Of a
+    film that cannot be opened nothing is returned: the error is reported where it is played.
 
     Args:
         film: the file.

@@ -6,12 +6,15 @@ import itertools
 import math
 import os
 import struct
-from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Generator, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+import numpy.typing as npt
 from av.container import InputContainer
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
@@ -19,8 +22,10 @@ from av.video.stream import VideoStream
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.data import Image
+from ros_visualise.data import Header, Image
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
 from ros_visualise.sources.video_pixels import FrameConverter, Size, upright_size
 
 _DEFAULT_FPS = 25.0
@@ -33,9 +38,9 @@ _SHORT_NS = 500_000_000  # a file that ends this much before its promised end wa
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a video file says of itself; width and height as they are shown.
+    """Header of a video file; width and height as they are shown.
 
-    ``promised_ns`` is the length where it is that of the video and not that of a longer sound.
+    ``promised_ns`` is the length unless it is that of a longer sound.
     """
 
     width: int
@@ -79,7 +84,7 @@ class Video:
     def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
         """(Time since the first frame, image), from the frame shown at ``start_ns`` on.
 
-        One at a time: reading anew ends what was read before.
+        Reading again ends what was read before.
         """
         shown: tuple[int, VideoFrame] | None = None
         for time_ns, frame in self._frames_around(start_ns):
@@ -159,14 +164,14 @@ class Video:
             faults.append(f"it ends at {end_ns / 1e9:.2f} s, {what}")
         elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(
-                f"it ends at {end_ns / 1e9:.2f} s, before its header says: is it cut off?"
+                f"it ends at {end_ns / 1e9:.2f} s, before its declared end: is it cut off?"
             )
         if end_ns and not self.faults:
             self.faults = faults
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What a video file holds, its images counted but not decoded."""
+    """Summary of a video file, its images counted but not decoded."""
     video = Video(path)
     shown, images = video.info, video.count()
     duration_s = (shown.duration_ns or 0) / 1e9
@@ -201,10 +206,10 @@ class _Times:
         self._last_ns: int | None = None
         self._shift_ns = 0
         self.end_ns = 0
-        """Where the last frame ends."""
+        """End of the last frame."""
 
     def of(self, frame: VideoFrame) -> int:
-        """The time of the next frame; where the file has none, the frame rate gives it."""
+        """Time of the next frame; by the frame rate if the file does not give it."""
         since_ns = self.since_first_ns(frame.pts)
         time_ns = self.end_ns if since_ns is None else since_ns + self._shift_ns
         if self._last_ns is not None and time_ns <= self._last_ns:
@@ -252,7 +257,11 @@ _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
 def promised_bytes(path: Path) -> int:
-    """Where its last box or packet ends at least; 0 if the file does not say."""
+    """Least size of a file by its outermost boxes or packets; 0: unknown. FFmpeg does not check it.
+
+    Source: ISO/IEC 14496-12, section 4.2, and 13818-1, 2.4.3; Microsoft, AVI RIFF File Reference;
+    RFC 8794, sections 4 to 7.
+    """
     with open_file(path) as file:
         head = file.read(_BOX.size)
         if head[4:] == b"ftyp":
@@ -309,3 +318,52 @@ def _number(file: BinaryIO, place: int) -> tuple[int | None, int]:
 def _read(file: BinaryIO, place: int, size: int) -> bytes:
     file.seek(place)
     return file.read(size)
+
+
+_TOPIC = "/image_raw"
+_FRAME = "camera_optical"
+
+
+class VideoRecording:
+    """A video file as a `ros_visualise.sources.recordings.Recording`; times begin with 0."""
+
+    def __init__(self, path: Path) -> None:
+        self._video = Video(path)
+        self.path = path
+        self.format = self._video.format
+        self.size = self.path.stat().st_size
+        self.compression = self._video.info.codec
+        self.loss = Loss()
+        self.start_ns, self.end_ns = 0, self._video.duration_ns or 0
+        kind = TopicType("sensor_msgs/msg/Image")
+        self.topics: Mapping[str, TopicInfo] = {
+            _TOPIC: TopicInfo(kind, self._video.info.frames or 0)
+        }
+
+    def read(
+        self,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        topics: Collection[str] | None = None,
+    ) -> Generator[Entry, None, None]:
+        """The images in their order."""
+        if topics is not None and _TOPIC not in topics:
+            return
+        with closing(self._video.read(start_ns or 0)) as images:
+            for stamp_ns, image in images:
+                if stop_ns is not None and stamp_ns >= stop_ns:
+                    return
+                if start_ns is None or stamp_ns >= start_ns:
+                    header = Header(stamp_ns, _FRAME)
+                    yield Entry(_TOPIC, stamp_ns, replace(image, header=header))
+        self.loss.notes[:] = self._video.faults
+
+    def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        """The times of the images, which are decoded for that."""
+        return {_TOPIC: np.array([entry.stamp_ns for entry in self.read()], np.int64)}
+
+    def extras(self) -> Iterator[Extra]:
+        return iter(())
+
+    def close(self) -> None:
+        self._video.close()

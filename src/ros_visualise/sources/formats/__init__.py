@@ -1,8 +1,8 @@
-"""Formats of recordings, one in each file: how one is recognised, and how it is opened.
+"""Formats of recordings, one in each file: how one is recognised and opened.
 
-A format is recognised by what a file begins with or what a folder holds, never by a name: names
-tell only what can be chosen on the page, and what a damaged file was meant to be. The modules here
-import what they need when something is opened, so that to ask for all suffixes costs nothing.
+A format is recognised by the beginning of a file or the content of a folder; names decide only what
+the page offers, and what a damaged file was meant to be. The modules here import what they need
+when something is opened, so that asking for all suffixes costs nothing.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ class Format:
     """A format of recordings.
 
     Attributes:
-        name: what a file or folder of it is: ``ROS 1 bag``.
+        name: for people: ``ROS 1 bag``.
         open: opens a file or folder of it; raises OpenError.
-        suffixes: of the names of its files, in lower case.
-        begins: whether a file with these first 4096 bytes, or fewer, is one.
-        is_folder: whether a folder is one.
-        is_within: whether one is somewhere below a folder; asked where nothing else fits.
-        whole_of: the folder of which this one is a part, if it is one.
-        is_series: whether several files in one folder are the parts of one.
+        suffixes: of its files' names, in lower case.
+        begins: true for the first 4096 bytes, or fewer, of one.
+        is_folder: true for a folder that is one.
+        is_within: true for a folder with one somewhere below; asked if nothing else fits.
+        whole_of: the whole recording that a folder is a part of, if it is one.
+        is_series: true for the files of a folder that are the parts of one.
     """
 
     name: str
@@ -57,7 +57,7 @@ FORMATS = Registry(
 
 
 def format_of(head: bytes) -> Format | None:
-    """The format of a file that begins so; None: unknown."""
+    """The format of a file that begins so, if known."""
     return next((one for one in FORMATS.all() if one.begins(head)), None)
 
 
@@ -67,7 +67,7 @@ def suffixes() -> tuple[str, ...]:
 
 
 def named(path: Path) -> str:
-    """What a file's name says that it is; empty where it says nothing."""
+    """The format that a file's extension stands for; empty: none."""
     suffix = path.suffix.lower()
     return next((one.name for one in FORMATS.all() if suffix in one.suffixes), "")
 

@@ -1,4 +1,4 @@
-"""ROS 2 bags: folders, single SQLite files, and a folder's files whose metadata is lost."""
+"""ROS 2 bags: folders, single SQLite files, and files of a folder without metadata."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _is_listed(path: Path) -> bool:
 
 
 def _are_parts(files: Sequence[Path]) -> bool:
-    """True if they are what ROS 2 leaves of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
+    """True if they are named as parts of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
     names = {re.sub(r"_\d+(?=\.\w+$)", "", file.name) for file in files}
     return len(names) == 1 and {file.suffix for file in files} <= {".db3", ".mcap"}
 

@@ -1,4 +1,4 @@
-"""Subtitles of DJI's cameras, which say where they were."""
+"""Subtitles of DJI's cameras, with their GPS positions."""
 
 from __future__ import annotations
 

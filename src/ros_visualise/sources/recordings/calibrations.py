@@ -1,4 +1,4 @@
-"""Which camera's calibration belongs to a recorded image."""
+"""The camera's calibration of each recorded image."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, TopicInfo
 
 Read = Callable[[int | None, int | None, Collection[str] | None], Generator[Entry, None, None]]
-"""As `Recording.read`."""
+"""Signature of `Recording.read`."""
 
 _LOOK_BACK_NS = 1_000_000_000
 
@@ -22,10 +22,10 @@ def calibrated(
     stop_ns: int | None,
     wanted: Collection[str] | None,
 ) -> Generator[Entry, None, None]:
-    """What ``read`` gives, each image with its camera's calibration: the last that came before it.
+    """The entries of ``read``, each image with its camera's calibration: the last one before it.
 
-    An image that comes before every calibration has the first one. Calibrations are read for the
-    images' sake also where they are not wanted, and are then not given.
+    An image before every calibration gets the first one. Calibrations that are not wanted are read
+    for the images, and dropped.
 
     Args:
         read: gives the messages without calibrations.

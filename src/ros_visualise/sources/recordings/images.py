@@ -1,4 +1,4 @@
-"""Which images of a recording are to be processed, where nobody says."""
+"""Images of a recording to be processed: by default the first gray or colour ones."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from ros_visualise.sources.recordings import Recording
 
 
 def first_image(recording: Recording, topics: Sequence[str]) -> str | None:
-    """The first of some topics of images whose first one is gray or colours, else the first.
+    """The first of some topics whose first image is gray or in colours, else the first.
 
-    Depth and the like are told from these only by what the messages say. Topics without messages
-    are none.
+    Only the messages distinguish these from depth and the like. Empty topics do not count.
     """
     filled = [topic for topic in topics if recording.topics[topic].messages]
     if len(filled) > 1:
@@ -26,10 +25,10 @@ def first_image(recording: Recording, topics: Sequence[str]) -> str | None:
 
 
 def image_topic(recording: Recording, wanted: str | None) -> str:
-    """The topic of images that is asked for, else the first in gray or colours.
+    """The wanted topic of images, else the first in gray or colours.
 
     Raises:
-        UsageError: there is none; those that there are are listed.
+        UsageError: no such topic; the message lists all topics of images.
     """
     topics = [name for name, topic in recording.topics.items() if topic.type.data_class is Image]
     if wanted in topics:
@@ -46,11 +45,11 @@ def image_topic(recording: Recording, wanted: str | None) -> str:
 def recorded_images(
     recording: Recording, topic: str, most: int | None = None
 ) -> Iterator[tuple[int, Image]]:
-    """(Stamp, image) of a topic; what cannot be decoded is left out.
+    """(Stamp, image) of a topic, as far as they can be decoded.
 
     Args:
         recording: of any kind, also a video.
-        topic: of images.
+        topic: with images.
         most: about so many at most, evenly spread over time.
     """
     period_ns = (recording.end_ns - recording.start_ns) // most if most else 0

@@ -16,13 +16,13 @@ _LEFT_NS = 1_000_000_000  # of a gap that is longer
 
 
 class PlayedTime:
-    """Where on the line, which begins at 0, each stamp of a recording is.
+    """The place of each stamp of a recording on the line of time, which begins at 0.
 
     Args:
-        stamps_ns: (N,) in order, N > 0: those at which something is played, its start and its end.
+        stamps_ns: (N,) in order, N > 0: those of played messages, its start and its end.
 
     Attributes:
-        gaps_ns: how long each gap was that is skipped but for a second, in their order.
+        gaps_ns: lengths of the gaps that are skipped but for a second, in their order.
     """
 
     def __init__(self, stamps_ns: npt.NDArray[np.int64]) -> None:
@@ -41,7 +41,7 @@ class PlayedTime:
         ]
 
     def place_ns(self, stamp_ns: int) -> int:
-        """Where a stamp is; what is before the start is there."""
+        """The place of a stamp; at the start for those before it."""
         part = max(bisect_right(self._starts_ns, stamp_ns) - 1, 0)
         place_ns = self._places_ns[part] + max(stamp_ns - self._starts_ns[part], 0)
         return min([place_ns, *self._places_ns[part + 1 : part + 2]])
@@ -72,9 +72,8 @@ _LOOK_BACK_NS = (1_000_000_000, 10_000_000_000, 2**62)
 class PlayableRecording:
     """Some topics of a recording from any time on, without its long gaps.
 
-    Where reading begins in the middle, the first batch holds what a person who had looked on until
-    then would see: the last message of each topic, the transforms of the last second, and all that
-    was latched.
+    If reading begins in the middle, the first batch holds what is shown at that time: the last
+    message of each topic, the transforms of the last second, and all that was latched.
 
     Args:
         recording: what is played.
@@ -120,7 +119,7 @@ class PlayableRecording:
                 yield place_ns(entry.stamp_ns), (entry,)
 
     def _shown_at(self, stamp_ns: int) -> Batch:
-        """What is to be seen at a time: the last one is of the topics that are stepped through."""
+        """The messages shown at a time: the last one is of the topics that are stepped through."""
         for back_ns in _LOOK_BACK_NS:
             since_ns = max(stamp_ns - back_ns, self._recording.start_ns)
             window = self._newest(since_ns, stamp_ns)

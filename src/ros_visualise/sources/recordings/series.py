@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
@@ -26,14 +26,14 @@ log = logging.getLogger(__name__)
 _AHEAD = 12  # files that are read, checked and decoded while those before are still in use
 _MOST_WORKERS = 5
 
-_Item = tuple[Series, int, "Future[Any] | None"]
+_Row = tuple[Series, int]
+"""A series, and the number of a message in it."""
 
 
 class SeriesRecording:
     """A `ros_visualise.sources.recordings.Recording` whose messages are those of its series.
 
-    They are messages of `ros_visualise.data`, made when they are asked for; those of slow series a
-    little ahead of that.
+    They are messages of `ros_visualise.data`, made on demand; those of slow series a little ahead.
 
     Attributes:
         notes: what it lacks and what was done about it, a line each; none is a loss.
@@ -63,8 +63,16 @@ class SeriesRecording:
             for one in sorted(series, key=lambda one: one.topic)
         }
         self._series = series
-        self._index = _Index(series)
-        self.start_ns, self.end_ns = self._index.span_ns
+        none = np.zeros(0, np.int64)
+        stamps_ns = np.concatenate([none, *(one.stamps_ns for one in series)])
+        which = [np.full(len(one.stamps_ns), i, np.int64) for i, one in enumerate(series)]
+        numbers = [np.arange(len(one.stamps_ns)) for one in series]
+        order = np.argsort(stamps_ns, kind="stable")  # of equal stamps, in the order of the series
+        self._stamps_ns = stamps_ns[order]
+        self._which = np.concatenate([none, *which])[order]
+        self._numbers = np.concatenate([none, *numbers])[order]
+        self.start_ns = int(self._stamps_ns[0]) if len(order) else 0
+        self.end_ns = int(self._stamps_ns[-1]) if len(order) else 0
         self._lost: set[Path] = set()
         self._damaged: dict[Path, tuple[int, list[str]]] = {}
         self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, 1 + (os.cpu_count() or 1)), "series")
@@ -81,107 +89,34 @@ class SeriesRecording:
         stop_ns: int | None = None,
         topics: Collection[str] | None = None,
     ) -> Generator[Entry, None, None]:
-        """The messages in order of their stamps; damaged files are left out and counted."""
-        rows = self._index.rows(start_ns, stop_ns, topics)
-        with closing(self._read_ahead(rows)) as items:
-            for series, number, message in items:
+        """The messages in order of their stamps; damaged files are skipped and counted."""
+        with closing(self._read_ahead(self._rows(start_ns, stop_ns, topics))) as items:
+            for (series, number), future in items:
+                if self._closed:
+                    return
                 try:
-                    yield Entry(series.topic, int(series.stamps_ns[number]), message())
+                    message = series.make(number) if future is None else future.result()
                 except DamagedFile as error:
                     self._lose(error)
                 except CancelledError:
                     return
+                else:
+                    yield Entry(series.topic, int(series.stamps_ns[number]), message)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        """The stamps of each topic's messages in their order."""
         return {one.topic: np.sort(one.stamps_ns) for one in self._series}
 
     def extras(self) -> Iterator[Extra]:
         return iter(())
 
     def close(self) -> None:
-        """End what is being read."""
         with self._lock:
             self._closed = True
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _read_ahead(
-        self, rows: Iterator[tuple[Series, int]]
-    ) -> Generator[tuple[Series, int, Callable[[], Any]], None, None]:
-        waiting: deque[_Item] = deque()
-        slow = 0
-        try:
-            for series, number in rows:
-                waiting.append((series, number, self._start(series, number)))
-                slow += series.slow
-                while waiting and (slow > _AHEAD or not slow):
-                    slow -= waiting[0][0].slow
-                    yield self._finish(waiting.popleft())
-            while waiting:
-                yield self._finish(waiting.popleft())
-        finally:
-            for _, _, future in waiting:
-                if future is not None:
-                    future.cancel()
-
-    def _start(self, series: Series, number: int) -> Future[Any] | None:
-        with self._lock:
-            if self._closed or not series.slow:
-                return None
-            return self._pool.submit(series.make, number)
-
-    def _finish(self, item: _Item) -> tuple[Series, int, Callable[[], Any]]:
-        series, number, future = item
-
-        def message() -> Any:
-            if self._closed:
-                raise CancelledError
-            return series.make(number) if future is None else future.result()
-
-        return series, number, message
-
-    def _lose(self, error: DamagedFile, messages: int = 1) -> None:
-        if error.path in self._lost:  # when it is read again
-            return
-        self._lost.add(error.path)
-        self.loss.messages += messages
-        self.loss.bytes += error.size
-        notes = self.loss.notes
-        place, errors = self._damaged.setdefault(error.path.parent, (len(notes), []))
-        errors.append(str(error).removeprefix(f"{self.path}{os.sep}"))
-        notes[place : place + 1] = [_note(errors)]
-
-
-def _note(errors: Sequence[str]) -> str:
-    """One line for each folder, with its first damaged file."""
-    more = f"; {len(errors)} such files skipped" if len(errors) > 1 else ""
-    return f"{errors[0]}{more}"
-
-
-class _Index:
-    """All messages in order of their stamps; of equal ones, in the order of the series."""
-
-    def __init__(self, series: Sequence[Series]) -> None:
-        self._series = series
-        none = np.zeros(0, np.int64)
-        stamps = np.concatenate([none, *(one.stamps_ns for one in series)])
-        which = [np.full(len(one.stamps_ns), i, np.int64) for i, one in enumerate(series)]
-        numbers = [np.arange(len(one.stamps_ns)) for one in series]
-        order = np.argsort(stamps, kind="stable")
-        self._stamps_ns = stamps[order]
-        self._which = np.concatenate([none, *which])[order]
-        self._numbers = np.concatenate([none, *numbers])[order]
-
-    @property
-    def span_ns(self) -> tuple[int, int]:
-        """The first and the last stamp."""
-        stamps = self._stamps_ns
-        return (int(stamps[0]), int(stamps[-1])) if len(stamps) else (0, 0)
-
-    def rows(
+    def _rows(
         self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
-    ) -> Iterator[tuple[Series, int]]:
-        """Series, and number in it."""
+    ) -> Iterator[_Row]:
         stamps = self._stamps_ns
         begin = 0 if start_ns is None else int(np.searchsorted(stamps, start_ns))
         end = len(stamps) if stop_ns is None else int(np.searchsorted(stamps, stop_ns))
@@ -190,3 +125,39 @@ class _Index:
             which = int(self._which[row])
             if wanted[which]:
                 yield self._series[which], int(self._numbers[row])
+
+    def _read_ahead(
+        self, rows: Iterator[_Row]
+    ) -> Generator[tuple[_Row, Future[Any] | None], None, None]:
+        """The rows, with futures of those messages that are made ahead."""
+        waiting: deque[tuple[_Row, Future[Any] | None]] = deque()
+        slow = 0
+        try:
+            for row in rows:
+                waiting.append((row, self._make_ahead(*row)))
+                slow += row[0].slow
+                while waiting and (slow > _AHEAD or not slow):
+                    slow -= waiting[0][0][0].slow
+                    yield waiting.popleft()
+            yield from waiting
+        finally:
+            for _, future in waiting:
+                if future is not None:
+                    future.cancel()
+
+    def _make_ahead(self, series: Series, number: int) -> Future[Any] | None:
+        with self._lock:
+            if self._closed or not series.slow:
+                return None
+            return self._pool.submit(series.make, number)
+
+    def _lose(self, error: DamagedFile, messages: int = 1) -> None:
+        if error.path in self._lost:  # when it is read again
+            return
+        self._lost.add(error.path)
+        self.loss.add("", messages, error.size)
+        notes = self.loss.notes  # one for each folder, with its first damaged file
+        place, errors = self._damaged.setdefault(error.path.parent, (len(notes), []))
+        errors.append(str(error).removeprefix(f"{self.path}{os.sep}"))
+        more = f"; {len(errors)} such files skipped" if len(errors) > 1 else ""
+        notes[place : place + 1] = [f"{errors[0]}{more}"]

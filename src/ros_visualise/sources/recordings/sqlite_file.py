@@ -188,11 +188,7 @@ class SqliteFile:
 
     @damage_by_name()
     def _counted(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
-        """As `_survey`, by SQLite's own counting.
-
-        Raises:
-            sqlite3.DatabaseError: the file is damaged.
-        """
+        """Counts and span by SQLite itself; raises DatabaseError if the file is damaged."""
         found = self._database.execute(
             f"SELECT topic_id, {_TOTALS}, min(timestamp), max(timestamp)"
             " FROM messages NOT INDEXED GROUP BY topic_id"

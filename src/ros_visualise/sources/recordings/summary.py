@@ -1,4 +1,4 @@
-"""What a recording holds, in figures."""
+"""Summary of a recording, in figures."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ros_visualise.sources.recordings import Recording, TopicInfo
 
 
 def summarize(recording: Recording) -> dict[str, Any]:
-    """As ``ros-visualise info --json`` prints it; times in seconds, size in bytes.
+    """Summary as ``ros-visualise info --json`` prints it; times in seconds, size in bytes.
 
-    A topic's ``hz`` is None where it has too few messages for one.
+    A topic's ``hz`` is None if it has too few messages for one.
     """
     stamps = recording.stamps_ns()
     topics = {name: _topic(topic, stamps[name]) for name, topic in recording.topics.items()}
@@ -39,7 +39,7 @@ def summarize(recording: Recording) -> dict[str, Any]:
 
 
 def read_through(recording: Recording) -> None:
-    """Read and decode all messages, so that its ``loss`` tells of damage that no index shows."""
+    """Read and decode all messages, so that its ``loss`` includes damage that no index shows."""
     damaged: Counter[str] = Counter()
     reasons: dict[str, str] = {}
     with closing(recording.read()) as entries:

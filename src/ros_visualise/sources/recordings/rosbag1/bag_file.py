@@ -39,8 +39,8 @@ from ros_visualise.sources.recordings.unpacking import DamagedData
 class BagFile:
     """One ROS 1 bag; a `Storage`, whose pieces are chunks.
 
-    Only the bag's index is read at first: how many messages of which topics each chunk holds, from
-    when to when. The places of messages in a chunk are read when their time comes.
+    Only the bag's index is read at first: the number of messages of each topic in each chunk, and
+    its span of time. The places of messages in a chunk are read when their time comes.
 
     Args:
         path: the file.
