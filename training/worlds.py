@@ -18,7 +18,7 @@ from pads import Print, draw_pad
 from prints import draw_distractor, draw_tag_board
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.simulation.sky import FACES
+from ros_visualise.simulation.textures import FACES
 
 CLASSES = ("helipad", "tag", "post", "vehicle")
 OTHER = -1

@@ -58,7 +58,7 @@ def test_a_mission_without_progress_is_given_up_and_can_be_begun_anew():
     assert not simulation.finished
     collect(simulation, 6.0)
     assert simulation.finished
-    assert simulation.failure == "quadrotor gave up its mission at (0.0, 0.0): no progress for 4 s"
+    assert simulation.failure == "quadrotor aborted its mission at (0.0, 0.0): no progress for 4 s"
     simulation._model.body_mass[:] = weights
     simulation.act("start_mission")
     collect(simulation, 1.0)
@@ -138,4 +138,4 @@ def test_a_rover_that_makes_no_way_says_so_once_where_it_is(caplog):
     simulation._data.qpos[:7] = 9.2, 4.5, 0.132, 1, 0, 0, 0
     simulation.command(twist(x=0.5))
     collect(simulation, 15.0)
-    assert caplog.messages == ["husky does not move at (9.4, 4.5): something is in its way"]
+    assert caplog.messages == ["husky is stuck at (9.4, 4.5): something blocks it"]

@@ -157,5 +157,5 @@ def test_without_a_pad_there_is_none_to_land_on():
     simulation = Simulation("quadrotor", "plane", 0, None, BLIND_QUADROTOR)
     with pytest.raises(UsageError, match="set pad=true"):
         simulation.add_mission(Mission(land_on="pad"))
-    with pytest.raises(OpenError, match="take the quadrotor"):
+    with pytest.raises(OpenError, match="use the quadrotor"):
         Simulation("husky", "plane", 0, Mission(land_on="pad"))

@@ -11,8 +11,7 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.graph.landmarks import tags_of_world
 from ros_visualise.landmarks.tags.known import read_known_tags
 from ros_visualise.simulation import worlds
-from ros_visualise.simulation.deck import PAD_TAGS
-from ros_visualise.simulation.pad import PadMotion
+from ros_visualise.simulation.pad import PAD_TAGS, PadMotion
 from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.worlds import WORLDS
 
@@ -85,5 +84,5 @@ def test_a_pad_that_would_run_over_the_robot_before_it_takes_off_is_refused():
     beside = replace(BLIND_QUADROTOR, pad=True, pad_x=-2.4, pad_y=0.0, pad_reach=20.0)
     assert Simulation("quadrotor", "plane", settings=beside).pad is not None
     moving = replace(beside, pad_motion=PadMotion.LINE)
-    with pytest.raises(OpenError, match="comes at once"):
+    with pytest.raises(OpenError, match="collides"):
         Simulation("quadrotor", "plane", settings=moving)

@@ -10,9 +10,9 @@ from ros_visualise.data import MarkerArray, MarkerType
 from ros_visualise.geometry import transforms
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.definitions import Definitions
+from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.landmarks import tag_bits
 from ros_visualise.simulation.pad import PadMotion
-from ros_visualise.simulation.prefix import prefixed
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.simulator import Simulation
 

@@ -166,7 +166,7 @@ def test_a_platform_that_mujoco_does_not_know_is_one_line():
     )
     assert done.returncode == 2
     assert done.stderr.strip().count("\n") == 0
-    assert "MUJOCO_GL=nonsense does not work here: unset MUJOCO_GL" in done.stderr
+    assert "MUJOCO_GL=nonsense does not work on this machine: unset MUJOCO_GL" in done.stderr
 
 
 def test_images_that_nobody_wants_are_not_made(monkeypatch):

@@ -158,7 +158,7 @@ def test_wrong_names_are_told_with_the_right_ones():
     assert simulation.actions == ("take_off", "land", "stop", "start_mission")
     with pytest.raises(UsageError, match="take_off, land, stop, start_mission"):
         simulation.act("loop")
-    with pytest.raises(UsageError, match="the quadrotor has no mission: give it one"):
+    with pytest.raises(UsageError, match="no mission for the quadrotor: give one"):
         simulation.act("start_mission")
 
 

@@ -70,7 +70,7 @@ def blocked(tmp_path):
 def test_it_fails_with_its_mission_when_nobody_looks_on(blocked):
     playback = Playback(rate=0, duration_s=90)
     messages = make("husky", playback, **blocked).messages()
-    with pytest.raises(RosVisualiseError, match=r"husky gave up its mission at \(.*for 4 s"):
+    with pytest.raises(RosVisualiseError, match=r"husky aborted its mission at \(.*for 4 s"):
         take_last(messages)
     assert 10 < playback.state.position_s < 60
 
@@ -80,7 +80,7 @@ def test_a_mission_that_fails_while_somebody_looks_on_is_told_once(blocked, capl
     _, last = take_last(make("husky", playback, **blocked).messages())
     assert last.header.stamp_ns > 39 * S
     assert len(caplog.messages) == 1
-    assert caplog.messages[0].startswith("husky gave up its mission at (")
+    assert caplog.messages[0].startswith("husky aborted its mission at (")
 
 
 def test_a_velocity_moves_it():
@@ -234,9 +234,9 @@ def test_it_says_what_it_does_and_begins_again(tmp_path):
     playback = Playback(rate=0, hold=True)
     robot = make("quadrotor", playback, mission=str(mission), repeat=True)
     once = [
-        "mission: on the way",
-        "mission: way point 2 of 2",
-        "mission: on the way",
+        "mission: flying to the route",
+        "mission: waypoint 2 of 2",
+        "mission: flying to the route",
         "landing",
         "mission over, landed",
     ]
@@ -247,7 +247,7 @@ def test_it_says_what_it_does_and_begins_again(tmp_path):
 def test_a_mission_that_failed_is_begun_again_too(blocked):
     playback = Playback(rate=0, hold=True)
     said = told_of(make("husky", playback, **blocked, repeat=True), 4)
-    assert said[0].startswith("mission: way point")
-    failed = next(number for number, one in enumerate(said) if one.startswith("failed: husky gave"))
-    assert said[failed + 1].startswith("mission: way point")
+    assert said[0].startswith("mission: waypoint")
+    failed = next(number for number, one in enumerate(said) if one.startswith("failed: husky aborted"))
+    assert said[failed + 1].startswith("mission: waypoint")
     playback.close()

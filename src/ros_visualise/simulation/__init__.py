@@ -1,1 +1,1 @@
-"""Robots simulated by MuJoCo, with their sensors, in worlds."""
+"""Robots with sensors in worlds, simulated by MuJoCo."""

@@ -1,8 +1,7 @@
 """Rotations as plain numbers, for code that runs hundreds of times a second.
 
-A quaternion is (w, x, y, z), as MuJoCo has it. `ros_visualise.geometry.rotations` does the same for
-arrays of any shape, and takes thirty times as long for a single rotation or more: with it, a step
-of the quadrotor, which needs five, would take several times as long.
+A quaternion is (w, x, y, z), as in MuJoCo. `ros_visualise.geometry.rotations` does the same for
+arrays of any shape, but takes at least thirty times as long for a single rotation.
 """
 
 from __future__ import annotations

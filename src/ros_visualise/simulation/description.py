@@ -1,4 +1,4 @@
-"""The URDF of a robot, made from its model, for rviz and others."""
+"""The URDF of a robot, generated from its model, for rviz and other tools."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _add_shape(link: Xml.Element, model: Any, geom: int) -> None:
     elif kind in (_CYLINDER, _CAPSULE):
         Xml.SubElement(geometry, "cylinder", radius=f"{size[0]:g}", length=f"{2 * size[1]:g}")
     else:
-        raise ValueError(f"URDF has no geom of type {kind}")
+        raise ValueError(f"unsupported geom type in URDF: {kind}")
     painted = model.geom_matid[geom]
     rgba = model.geom_rgba[geom] if painted < 0 else model.mat_rgba[painted]
     look = " ".join(f"{value:g}" for value in rgba)

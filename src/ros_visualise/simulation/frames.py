@@ -1,19 +1,30 @@
 """The frames of a simulated robot (REP 105), as transforms.
 
-``map`` is the world. ``odom`` is where the robot starts in it, and never moves: nothing corrects
-the odometry. Where a navigator does, it tells ``odom``, and here ``odom_start`` takes its place.
-``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is only on the
-topic of the ground truth. ``pad_deck`` is where a landing pad truly is, for whoever draws it.
+``map`` is the world. ``odom`` is the robot's start and never moves, as nothing corrects the
+odometry. If a navigator publishes ``odom``, ``odom_start`` takes its place here. ``base_link`` in
+``odom`` is the pose by odometry, so it drifts; the true pose is only on the ground truth topic.
+``pad_deck`` is the true pose of a landing pad, for drawing it.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree as Xml
 
 import numpy as np
 
-from ros_visualise.data import Floats, Header, Odometry, Transforms, TransformStamped
+from ros_visualise.data import (
+    Floats,
+    Header,
+    Image,
+    MarkerArray,
+    Odometry,
+    Text,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.simulation.attitude import (
     Quat,
     Vector,
@@ -40,11 +51,11 @@ _SITES = ("imu_link", "gps_link", "lidar_link")
 
 
 class CameraMount:
-    """How the camera is mounted.
+    """The mount of the camera.
 
     Args:
-        params: how far it looks down.
-        gimbal: the camera stays level while the body rolls and pitches.
+        params: camera parameters, including its pitch.
+        gimbal: keep the camera level while the body rolls and pitches.
     """
 
     def __init__(self, model: Any, params: CameraSensorParams, gimbal: bool) -> None:
@@ -68,7 +79,7 @@ class CameraMount:
         return _transform(stamp_ns, BASE, "camera_link", self._position, turn)
 
     def _level(self, R_map_body: Floats) -> Floats:
-        """Axes of the body's heading, without its roll and pitch."""
+        """Axes of the body's heading, without roll and pitch."""
         yaw = math.atan2(R_map_body[1, 0], R_map_body[0, 0])
         return np.array(rows(from_yaw(yaw)))
 
@@ -76,11 +87,11 @@ class CameraMount:
 def fixed_frames(
     model: Any, mount: CameraMount, start: tuple[Vector, Quat], odom: str = ODOM
 ) -> Transforms:
-    """All transforms that do not change, for ``tf_static``.
+    """All constant transforms, for ``tf_static``.
 
     Args:
         start: pose of ``base_link`` in ``map`` at the start.
-        odom: the frame that is there.
+        odom: name of the frame at the start.
     """
     place, attitude = start
     heading = from_yaw(yaw_of(attitude))
@@ -120,3 +131,40 @@ def deck_frame(stamp_ns: int, position: Vector, attitude: Quat) -> TransformStam
 
 def _transform(stamp_ns: int, parent: str, child: str, at: Floats, turn: Quat) -> TransformStamped:
     return TransformStamped(child, at, xyzw(turn), Header(stamp_ns, parent))
+
+
+def prefixed(message: Any, prefix: str) -> Any:
+    """A message with prefixed frames, such as ``uav1/base_link``, for several robots.
+
+    They share ``map``, which has no prefix.
+    """
+    if not prefix:
+        return message
+    if isinstance(message, MarkerArray):
+        return MarkerArray(tuple(prefixed(one, prefix) for one in message.markers))
+    if isinstance(message, Text):  # a description or a status
+        is_urdf = message.text.startswith("<")
+        return Text(_prefixed_urdf(message.text, prefix)) if is_urdf else message
+    if isinstance(message, Transforms):
+        return Transforms(tuple(prefixed(one, prefix) for one in message.transforms))
+    header = Header(message.header.stamp_ns, _prefixed_frame(message.header.frame_id, prefix))
+    changed: dict[str, Any] = {"header": header}
+    if isinstance(message, Odometry | TransformStamped):
+        changed["child_frame_id"] = _prefixed_frame(message.child_frame_id, prefix)
+    if isinstance(message, Image) and message.camera_info is not None:
+        changed["camera_info"] = replace(message.camera_info, header=header)
+    return replace(message, **changed)
+
+
+def _prefixed_frame(frame: str, prefix: str) -> str:
+    return frame if frame == MAP else f"{prefix.strip('/')}/{frame}"
+
+
+def _prefixed_urdf(text: str, prefix: str) -> str:
+    """A description with prefixed links, which are named like their frames."""
+    robot = Xml.fromstring(text)
+    for link in robot.iter("link"):
+        link.set("name", _prefixed_frame(link.get("name", ""), prefix))
+    for end in (*robot.iter("parent"), *robot.iter("child")):
+        end.set("link", _prefixed_frame(end.get("link", ""), prefix))
+    return Xml.tostring(robot, encoding="unicode")

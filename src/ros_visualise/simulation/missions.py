@@ -1,4 +1,4 @@
-"""Missions: a shape or waypoints to follow, also from a short YAML file."""
+"""Missions: a shape or waypoints to follow, possibly from a short YAML file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LIMITS = {
     "spacing": (0.1, 1000, "m"),
     "height": (0.3, 1000, "m"),
     "speed": (0.01, 100, "m/s"),
-    "laps": (0, 1_000_000, "(0: without an end)"),
+    "laps": (0, 1_000_000, "(0: endless)"),
 }
 _POINT = "a waypoint is [x, y, z] or [x, y, z, yaw] in metres and degrees"
 _FORMS = {
@@ -36,30 +36,30 @@ _FORMS = {
     "waypoints": "a list of [x, y, z] or [x, y, z, yaw], metres and degrees",
     "closed": "true or false",
     "land": "true or false",
-    "land_on": f"{PAD}, or leave it out",
+    "land_on": f"{PAD}, or omit it",
 }
-"""Key -> what its value has to be; the others are numbers."""
+"""Key -> description of its value; the others are numbers."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """What to follow, and how.
+    """A shape or waypoints to follow, and how.
 
     Attributes:
-        shape: one of `SHAPES`, or empty where there are waypoints.
+        shape: one of `SHAPES`, or empty with waypoints.
         size, center: of the shape along x and y, metres.
         spacing: between the rows of a lawn mower, metres.
-        height: of a shape, and of waypoints on the ground, for robots that fly; metres.
-        speed: m/s, as far as the robot can.
-        laps: how often to go around a closed route; 0: without end.
+        height: of a shape, and of waypoints on the ground, for flying robots; metres.
+        speed: m/s, up to the robot's limit.
+        laps: number of laps on a closed route; 0: endless.
         waypoints: [x, y, z] or [x, y, z, yaw] in ``map``, metres and degrees.
         closed: the last waypoint leads back to the first.
-        land: a robot that flies returns to where it took off, and lands there.
-        land_on: ``pad``: it lands on the pad instead, as soon as that is seen; the route leads to
-            where to look for it, and is left out where that is right over the start.
+        land: a flying robot returns to its take-off point, and lands there.
+        land_on: ``pad``: land on the pad instead, as soon as it is visible; the route searches for
+            it, and may be omitted if it is right over the start.
 
     Raises:
-        OpenError: there is no such shape, nothing to follow, or a value makes no sense.
+        OpenError: unknown shape, nothing to follow, or an invalid value.
     """
 
     shape: str = ""
@@ -76,27 +76,27 @@ class Mission:
 
     def __post_init__(self) -> None:
         if self.shape and self.waypoints:
-            raise OpenError("a mission has a shape or waypoints, not both: leave one out")
+            raise OpenError("a mission has a shape or waypoints, not both: omit one")
         if self.land_on not in ("", PAD):
             raise OpenError(f"land_on cannot be {self.land_on!r}: give {_FORMS['land_on']}")
         if not (self.has_route or self.land_on):
             raise OpenError(f"nothing to follow: give a shape ({', '.join(SHAPES)}) or waypoints")
         if self.shape and self.shape not in SHAPES:
-            raise OpenError(f"no shape {self.shape!r}{did_you_mean(self.shape, SHAPES)}")
+            raise OpenError(f"no such shape: {self.shape!r}{did_you_mean(self.shape, SHAPES)}")
         for name, (low, high, unit) in _LIMITS.items():
             value = getattr(self, name)
             if not all(low <= v <= high for v in (value if isinstance(value, tuple) else [value])):
-                raise OpenError(f"{name} is {value}: it has to be from {low} to {high} {unit}")
+                raise OpenError(f"{name} is {value}: give a value from {low} to {high} {unit}")
         for point in self.waypoints:
             if len(point) not in (3, 4):
                 raise OpenError(f"{_POINT}, not {reprlib.repr(list(point))}")
             if not (max(map(abs, point)) <= _FAR_M and point[2] >= 0):
                 where = f"within {_FAR_M} m and not below the ground"
-                raise OpenError(f"the waypoint {list(point)} has to be {where}")
+                raise OpenError(f"waypoint {list(point)} must be {where}")
 
     @property
     def has_route(self) -> bool:
-        """Whether there is anything to follow, and not only to land on."""
+        """True if there is a route, not only a place to land."""
         return bool(self.shape or self.waypoints)
 
     def route(self) -> Route:
@@ -132,13 +132,13 @@ def _eight(width: float, depth: float) -> list[tuple[float, float]]:
 
 
 def read_mission(path: str | Path, world: World | None = None) -> Mission:
-    """The mission in a YAML file, whose keys are the fields of `Mission`.
+    """Read a mission from a YAML file whose keys are the fields of `Mission`.
 
     Args:
-        world: gives a shape its centre and size if the file does not.
+        world: gives the default centre and size of a shape.
 
     Raises:
-        OpenError: there is no such file, or it holds no mission.
+        OpenError: the file is missing or holds no mission.
     """
     content = _load(path)
     if not isinstance(content, dict):
@@ -146,7 +146,7 @@ def read_mission(path: str | Path, world: World | None = None) -> Mission:
     known = [field.name for field in fields(Mission)]
     for name in content:
         if name not in known:
-            raise OpenError(f"{path}: no key {name!r}: choose of {', '.join(known)}")
+            raise OpenError(f"{path}: no such key: {name!r}; choose from {', '.join(known)}")
     try:
         said = {name: _read(name, value) for name, value in content.items()}
         shape = said.get("shape")
@@ -163,13 +163,13 @@ def _load(path: str | Path) -> Any:
         advice = f"give a YAML file or one of {', '.join(SHAPES)}"
         raise OpenError.missing(path, advice) from None
     except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}: give a YAML file") from None
+        raise OpenError(f"{path}: {error.strerror}; give a YAML file") from None
     except BadYaml as error:
         raise OpenError(f"{path}: not YAML: {error}") from None
 
 
 def _read(name: str, value: Any) -> Any:
-    """A value from the file, in the type of its field."""
+    """A value from the file, converted to the type of its field."""
     try:
         if name == "waypoints":
             return tuple(_numbers(point) for point in value)
@@ -206,6 +206,6 @@ def _numbers(values: Any) -> tuple[float, ...]:
 
 
 def follow_path(path_xy: Sequence[tuple[float, float]], speed: float) -> Mission:
-    """Going around a closed path on the ground, without end."""
+    """Endless laps on a closed path on the ground."""
     points: list[Vector] = [(x, y, 0.0) for x, y in path_xy]
     return Mission(waypoints=tuple(points), closed=True, speed=speed, laps=0, height=1.0)

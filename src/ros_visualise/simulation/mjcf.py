@@ -1,4 +1,4 @@
-"""Writing a world as MJCF, geom by geom."""
+"""Worlds as MJCF."""
 
 from __future__ import annotations
 
@@ -22,19 +22,23 @@ GROUND = 'contype="1" conaffinity="0"'
 SOLID = 'contype="2" conaffinity="0"'
 SHOWN = 'contype="0" conaffinity="0"'  # without contacts
 _BOARD_THICKNESS = 0.024
-PRINT_THICKNESS = 0.002  # of the tag in front of its board
+PRINT_THICKNESS = 0.002  # of a tag on its board
+
+
+Pose2 = tuple[float, float, float]
+"""x and y in metres, yaw in radians."""
 
 
 class WorldBuilder:
     """Builds a world.
 
     Args:
-        pictures: draw the textures; without, all is gray, and ready much sooner.
+        pictures: draw the textures; otherwise all is gray, and ready much sooner.
 
     Attributes:
-        assets: file names in the MJCF -> pictures.
+        assets: file names in the MJCF -> images.
         landmarks: those added so far.
-        starts: robot -> x and y in metres and yaw in radians, where it starts; else the origin.
+        starts: robot -> start; the default is the origin.
         path_xy: a closed path through the world.
     """
 
@@ -42,7 +46,7 @@ class WorldBuilder:
         self._pictures = pictures
         self.assets: dict[str, bytes] = {}
         self.landmarks: list[SimulatedLandmark] = []
-        self.starts: dict[str, tuple[float, float, float]] = {}
+        self.starts: dict[str, Pose2] = {}
         self.path_xy: list[tuple[float, float]] = []
         self._definitions: list[str] = []
         self._things: list[str] = []
@@ -55,7 +59,7 @@ class WorldBuilder:
         )
 
     def add_sky(self, draw: Draw, order: str) -> None:
-        """Put a cube's six faces, side by side, around everything."""
+        """Surround everything with a cube, its six faces side by side."""
         self._store("sky", draw, np.full((2, 12, 3), 200, np.uint8))
         self._definitions.append(
             f'<texture type="skybox" file="sky.png" gridsize="1 6" gridlayout="{order}"/>'
@@ -68,7 +72,7 @@ class WorldBuilder:
         repeat: float | None = None,
         kind: str = "2d",
     ) -> str:
-        """A material with a drawn texture: once over a geom, or ``repeat`` times a metre."""
+        """A textured material: once over a geom, or ``repeat`` times per metre."""
         self._store(name, draw, np.full((2, 2, 3), 128, np.uint8))
         tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
         self._definitions.append(
@@ -88,7 +92,7 @@ class WorldBuilder:
         yaw: float = 0.0,
         name: str = "",
     ) -> None:
-        """Add a geom. ``look`` is a material's name, or red, green and blue in 0 to 1."""
+        """Add a geom. ``look`` is a material's name, or red, green and blue from 0 to 1."""
         axes = _turn(yaw) if R is None else R
         xyaxes = _numbers([*axes[:, 0], *axes[:, 1]])
         paint = f'rgba="{look} 1"' if " " in look else f'material="{look}"'
@@ -99,7 +103,7 @@ class WorldBuilder:
         )
 
     def add_ground(self, half: float, look: str) -> None:
-        """Add the ground plane; it is drawn to ``half`` metres each way."""
+        """Add the ground plane, drawn to ``half`` metres each way."""
         self.add("plane", (half, half, 1), (0, 0, 0), look, GROUND, name="ground")
 
     def add_board(
@@ -108,7 +112,7 @@ class WorldBuilder:
         """Add a wooden board with an AprilTag whose black square is ``size`` metres wide.
 
         Args:
-            position: middle of the tag.
+            position: centre of the tag.
             R: R_map_landmark, see `SimulatedLandmark`.
         """
         half = self.print_tag(tag_id, position, R, size)
@@ -120,7 +124,7 @@ class WorldBuilder:
     def print_tag(
         self, tag_id: int, position: Sequence[float] | Floats, R: Floats, size: float
     ) -> float:
-        """Add an AprilTag as on a sheet of paper, as `add_board`; half the side of the sheet."""
+        """Add an AprilTag as on a sheet of paper; returns half the side of the sheet."""
         name = f"tag_{tag_id}"
         if f"{name}.png" not in self.assets:
             self.add_material(name, lambda: draw_tag(tag_id))
@@ -131,7 +135,7 @@ class WorldBuilder:
 
     @contextmanager
     def body(self, name: str, position: Sequence[float], yaw: float, inner: str) -> Iterator[None]:
-        """A body of its own, of what is added meanwhile; ``inner`` is MJCF of its joints."""
+        """Group what is added meanwhile into a body; ``inner`` is MJCF of its joints."""
         outside, self._things = self._things, []
         yield
         turn = f'euler="0 0 {math.degrees(yaw):.6g}"'
@@ -164,7 +168,7 @@ _VISUAL = """
 </visual>"""
 
 SUN_SLOPE = 0.70
-"""How far shadows reach, by height."""
+"""Offset of shadows per metre of height."""
 _SUN = (
     '<light directional="true" pos="0 0 30" dir="0.35 0.45 -0.82" '
     'ambient="0.42 0.43 0.46" diffuse="0.68 0.66 0.60" specular="0.2 0.2 0.2" castshadow="false"/>'

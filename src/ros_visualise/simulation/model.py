@@ -1,4 +1,4 @@
-"""A world, and a robot in it as one MuJoCo model."""
+"""A world and a robot in it as one MuJoCo model."""
 
 from __future__ import annotations
 
@@ -9,25 +9,22 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.simulation.deck import add_pad
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.landmarks import SimulatedLandmark
-from ros_visualise.simulation.mjcf import WorldBuilder
+from ros_visualise.simulation.mjcf import Pose2, WorldBuilder
+from ros_visualise.simulation.pad import add_pad
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.sensors.camera import CameraSensorParams, vertical_fov
 from ros_visualise.simulation.worlds import WORLDS
 
 BASE = "base_link"
 
-Pose2 = tuple[float, float, float]
-"""x and y in metres, yaw in radians."""
-
 
 @dataclass(frozen=True)
 class BuiltWorld:
-    """One world; ``starts`` has where robots start, ``path_xy`` is a closed path.
+    """A world; ``starts`` are those of robots, ``path_xy`` is a closed path.
 
-    ``landmarks`` are those that never move, so a landing pad is none.
+    ``landmarks`` are the static ones, without a landing pad.
     """
 
     name: str
@@ -42,7 +39,7 @@ class BuiltWorld:
         return next((each for each in self.landmarks if each.name == name), None)
 
     def start(self, robot: str) -> Pose2:
-        """Where a robot starts; the origin, if the world does not say."""
+        """Start of a robot, by default the origin."""
         return self.starts.get(robot, (0.0, 0.0, 0.0))
 
 
@@ -50,16 +47,16 @@ class BuiltWorld:
 def build_world(
     name: str, pictures: bool = True, pad: Pose2 | None = None, pad_tags: bool = True
 ) -> BuiltWorld:
-    """The world of that name; without pictures it is gray, and ready much sooner.
+    """The world of that name.
 
     Args:
         name: one of `WORLDS`.
-        pictures: draw the textures.
-        pad: where a landing pad is at first; None: there is none.
-        pad_tags: it has tags.
+        pictures: draw the textures; otherwise it is gray, and ready much sooner.
+        pad: initial pose of a landing pad; None for no pad.
+        pad_tags: put tags on it.
 
     Raises:
-        UsageError: there is no such world.
+        UsageError: no such world.
     """
     scene = WorldBuilder(pictures)
     WORLDS.find(name).build(scene)
@@ -83,16 +80,16 @@ def compile_model(robot: str, world: BuiltWorld, params: CameraSensorParams) -> 
 
 
 def bodies_of_robot(model: Any) -> list[int]:
-    """Numbers of the bodies that the robot consists of, its base first."""
+    """Ids of the robot's bodies, its base first."""
     base = model.body(BASE).id
     return [number for number in range(model.nbody) if model.body_rootid[number] == base]
 
 
 def site_position(model: Any, name: str) -> Floats:
-    """(3,) metres in the frame of the body that the site is on."""
+    """(3,) metres in the frame of the site's body."""
     return np.array(model.site(name).pos)
 
 
 def standing_height(model: Any) -> float:
-    """Height of ``base_link`` over the ground, metres."""
+    """Height of ``base_link`` above the ground, metres."""
     return float(model.body(BASE).pos[2])

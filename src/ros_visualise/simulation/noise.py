@@ -13,21 +13,21 @@ _NS = 1_000_000_000
 
 
 def random_of(seed: int, name: str, index: int = 0) -> np.random.Generator:
-    """The random numbers of one sensor in a run of that seed."""
+    """The random numbers of one sensor in a run with that seed."""
     return np.random.default_rng([seed, zlib.crc32(name.encode()), index])
 
 
 class Interval:
-    """Seconds between a sensor's measurements, by their stamps.
+    """Seconds between a sensor's measurements, from their stamps.
 
-    The physics goes in steps, so measurements at 60 Hz come 15 or 20 ms after one another.
+    The physics is stepped, so measurements at 60 Hz come after 15 or 20 ms.
     """
 
     def __init__(self) -> None:
         self._last_ns: int | None = None
 
     def until(self, stamp_ns: int) -> float:
-        """Since the last measurement; 0 for the first."""
+        """Seconds since the last measurement; 0 for the first."""
         before_ns, self._last_ns = self._last_ns, stamp_ns
         return 0.0 if before_ns is None else (stamp_ns - before_ns) / _NS
 
@@ -36,8 +36,8 @@ class GaussMarkov:
     """Slow errors: first-order Gauss-Markov processes that start in their steady state.
 
     Args:
-        deviation: (N,) of each.
-        time_s: in which they forget 63 % of what they were.
+        deviation: (N,) standard deviation of each.
+        time_s: time constant.
 
     Source: Gelb, Applied Optimal Estimation, 1974, section 2.4.
     """
@@ -47,7 +47,7 @@ class GaussMarkov:
         self._errors: Floats = deviation * random.standard_normal(len(deviation))
 
     def step(self, elapsed_s: float) -> Floats:
-        """The errors (N,), so much later."""
+        """The errors (N,) after some time."""
         keep = math.exp(-elapsed_s / self._time_s)
         kick = math.sqrt(1 - keep**2) * self._random.standard_normal(len(self._errors))
         self._errors = keep * self._errors + kick * self._deviation

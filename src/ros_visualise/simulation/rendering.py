@@ -1,4 +1,4 @@
-"""Rendering with OpenGL without a screen, by what this machine has for it."""
+"""Rendering with OpenGL without a screen."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _PROBE_TIMEOUT_S = 60.0
 
 @cache
 def choose_backend() -> str:
-    """``egl``, ``glfw`` (a window system's) or ``osmesa``: the first that works here.
+    """``egl``, ``glfw`` (a window system's) or ``osmesa``: the first that works.
 
-    Where ``MUJOCO_GL`` is set, only that is tried. Each is tried in a process of its own: PyOpenGL
-    cannot change its platform later, and a broken driver may end its process.
+    If ``MUJOCO_GL`` is set, only that is tried. Each is tried in its own process: PyOpenGL cannot
+    change its platform later, and a broken driver may crash its process.
 
     Raises:
         OpenError: none works; the message names what to install.
@@ -67,14 +67,14 @@ def _works(name: str) -> bool:
 
 
 class Renderer:
-    """Draws one MuJoCo model. The thread that makes it uses and closes it.
+    """Renders one MuJoCo model; created, used and closed in one thread.
 
     Args:
         model: an ``mjModel``.
         size: (width, height) in pixels.
 
     Raises:
-        OpenError: as `choose_backend`.
+        OpenError: see `choose_backend`.
     """
 
     def __init__(self, model: Any, size: tuple[int, int]) -> None:
@@ -93,10 +93,10 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
 
     def render(self, data: Any, position_xyz: Floats, R_map_camera: Floats) -> Pixels:
-        """The image of a camera at a pose, (height, width, 3) RGB.
+        """The image of a camera, (height, width, 3) RGB.
 
         Args:
-            data: an ``mjData`` whose positions are up to date.
+            data: an ``mjData`` with positions up to date.
             position_xyz: (3,) metres in the world.
             R_map_camera: 3x3; camera axes x right, y down, z forward.
         """
@@ -112,7 +112,7 @@ class Renderer:
         return pixels
 
     def close(self) -> None:
-        """Free the driver's memory; at the end of the process it is free already."""
+        """Free the driver's memory, which at the end of the process is freed anyway."""
         if sys.is_finalizing():
             return
         self._gl.make_current()
@@ -135,6 +135,6 @@ def _open_context(mujoco: Any, model: Any, size: tuple[int, int]) -> tuple[Any, 
 
 
 _RESTS_S = 0.1, 0.3, 1.0, 0.0
-"""An X server that its last client has left, as `choose_backend` does, is away for a moment."""
+"""An X server is unavailable for a moment after its last client left, such as `choose_backend`."""
 
 _OPENGL: npt.NDArray[np.float64] = np.array([1.0, -1.0, -1.0])  # its cameras look along -z, y up

@@ -1,4 +1,4 @@
-"""What the simulator asks of a robot."""
+"""The interface between simulator and robots."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.engine import load_mujoco
-from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.tip_over import TipOverDetector
+from ros_visualise.simulation.monitoring import MissionMonitor, TipOverDetector
 
 
 class Body:
     """The true state of the robot's base in the physics, at the last step.
 
-    MuJoCo leaves positions of bodies, velocities and sensors as they were before that step, so that
-    all of them belong to one time.
+    MuJoCo keeps positions of bodies, velocities and sensors from before that step, so all of them
+    belong to one time.
     """
 
     def __init__(self, model: Any, data: Any) -> None:
@@ -54,26 +53,26 @@ class Body:
         return both[3:], both[:3]
 
     def motion(self) -> Floats:
-        """(6,) turn rates and specific force at the IMU, in its axes."""
+        """(6,) angular velocity and specific force at the IMU, in its axes."""
         sensed = self.data.sensordata
         return np.concatenate([sensed[3:6], sensed[:3]])
 
     def site(self, name: str) -> tuple[Floats, Floats]:
-        """Where a sensor is in ``map``: (3,) and 3x3."""
+        """Pose of a sensor in ``map``: (3,) and 3x3."""
         number = self._sites[name]
         position = np.array(self.data.site_xpos[number])
         return position, np.array(self.data.site_xmat[number]).reshape(3, 3)
 
 
 class Robot(Protocol):
-    """A robot in its world. No thread calls its methods but the one that steps the physics.
+    """A robot in its world. All methods are called by the thread that steps the physics.
 
     Attributes:
         body: its base in the physics.
-        actions: name -> what it does.
-        tip_over: once it has detected a fall, the robot does nothing.
-        mission: whether its mission gets on.
-        doing: what it does now, in a few words for people.
+        actions: name -> function.
+        tip_over: after it detects a fall, the robot does nothing.
+        mission: monitor of its mission.
+        doing: its present activity, in a few words.
     """
 
     actions: Mapping[str, Callable[[], None]]
@@ -95,15 +94,15 @@ class Robot(Protocol):
         """Go to a pose in ``map``; this ends a mission."""
 
     def start(self, mission: Mission) -> None:
-        """Begin a mission."""
+        """Start a mission."""
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """What its odometry says; called once in each of its periods."""
+        """Odometry, called once in each of its periods."""
 
     @property
     def lands_by_sight(self) -> bool:
-        """It looks for what it is to land on, or lands there; robots that do not fly never do."""
+        """True while it searches for a landing target or lands on it; False for ground robots."""
         return False
 
     def see(self, target: Odometry) -> None:
-        """Take in where what it is to land on was seen, in the frame of its odometry."""
+        """Process the observed pose of the landing target, in the frame of the robot's odometry."""

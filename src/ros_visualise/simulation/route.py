@@ -16,9 +16,9 @@ class Route:
     """A line through points.
 
     Args:
-        points: one or more, metres in ``map``; a point that repeats the one before is left out.
+        points: one or more, metres in ``map``; repeated points are skipped.
         closed: the last point leads back to the first.
-        yaws: the heading at each point, radians; None: along the route.
+        yaws: heading at each point, radians; None: along the route.
 
     Attributes:
         corners: distances along the route at which it turns by more than 30 degrees.
@@ -48,7 +48,7 @@ class Route:
         self.extent_m = max(max(along) - min(along) for along in zip(*line, strict=True))
 
     def at(self, way_m: float) -> Vector:
-        """The point at a distance along the route; a closed route goes on around."""
+        """The point at a distance along the route; a closed route wraps around."""
         i, part = self._locate(way_m)
         a, b = self.points[i], self.points[min(i + 1, len(self.points) - 1)]
         return (
@@ -62,14 +62,14 @@ class Route:
         return self.yaws[min(self._locate(way_m)[0] + 1, len(self.yaws) - 1)]
 
     def next_point(self, way_m: float) -> tuple[int, int, int]:
-        """The next point after a distance along the route, from 1; how many; laps until there."""
+        """The next point after a distance along the route, from 1; their number; laps until it."""
         count = len(self.points) - self.closed
         number = min(self._locate(way_m)[0] + 1, len(self.points) - 1)
         laps = int(way_m // self.length_m) if self.closed else 0
         return number % count + 1, count, laps
 
     def _corners(self) -> Iterator[int]:
-        """The numbers of the points that are corners; on a closed route also the first may be."""
+        """Indices of the corner points; on a closed route also the first may be one."""
         ways = [tuple(b - a for a, b in zip(*ends, strict=True)) for ends in pairwise(self.points)]
         if self.closed:
             ways.insert(0, ways[-1])
@@ -87,15 +87,15 @@ class Route:
 
 
 class Carrot:
-    """A point on a route that stays ahead of its follower by the lookahead distance at most.
+    """A point on a route, at most the lookahead distance ahead of its follower.
 
     At the start and at each corner it waits for the follower, so that no corner is cut.
 
     Args:
-        lookahead_m: cut to a third of a closed route's extent, or the carrot would go around it
-            while the follower stays in its middle.
-        laps: how often to go around a closed route; 0: without end.
-        tolerance_m: closer than this, the follower has arrived.
+        lookahead_m: limited to a third of a closed route's extent, or the carrot would go around
+            while the follower stays in the middle.
+        laps: number of laps on a closed route; 0: endless.
+        tolerance_m: distance at which the follower has arrived.
     """
 
     def __init__(
@@ -113,22 +113,22 @@ class Carrot:
 
     @property
     def at_end(self) -> bool:
-        """The carrot is at the end of the route."""
+        """True at the end of the route."""
         return self.way_m >= self._end_m
 
     @property
     def yaw(self) -> float | None:
-        """The heading asked for where the carrot is."""
+        """The desired heading at the carrot."""
         return self.route.yaw_at(self.way_m)
 
     @property
     def place(self) -> str:
-        """Where on the route it is, for people: which way point is next, and in which lap."""
+        """Position on the route, in words: the next waypoint, and the lap."""
         number, count, laps = self.route.next_point(self.way_m)
-        return f"way point {number} of {count}" + (f", lap {laps + 1}" if laps else "")
+        return f"waypoint {number} of {count}" + (f", lap {laps + 1}" if laps else "")
 
     def advance(self, follower: Vector, step_m: float) -> Vector:
-        """Move on by a step at most, within the lookahead distance; returns the new point."""
+        """Move by at most one step, within the lookahead distance; returns the new point."""
         away_m = math.dist(self.point, follower)
         if self.way_m >= self._stop_m and away_m <= self._tolerance_m:
             self._stop_m = next(self._stops)
@@ -139,11 +139,11 @@ class Carrot:
         return self.point
 
     def progress_m(self, follower: Vector) -> float:
-        """How far along the route the follower is, or a little less in a curve."""
+        """Distance of the follower along the route, slightly less in curves."""
         return self.way_m - math.dist(self.point, follower)
 
     def _find_stops(self) -> Iterator[float]:
-        """Distances along the route where it waits, lap after lap, and last the end."""
+        """Distances along the route where it waits, lap after lap, and finally the end."""
         route = self.route
         laps: Iterable[int] = count() if route.closed and route.corners else (0,)
         corners = (lap * route.length_m + corner for lap in laps for corner in route.corners)

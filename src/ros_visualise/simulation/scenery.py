@@ -1,4 +1,4 @@
-"""What stands in a simulated world, as markers: for the page, rviz and recordings."""
+"""The simulated world as markers, for the page, rviz and recordings."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Marker, MarkerArray, MarkerType
-from ros_visualise.simulation.deck import PAD
 from ros_visualise.simulation.frames import DECK, MAP
+from ros_visualise.simulation.pad import PAD
 from ros_visualise.simulation.textures import BOARD_CELLS
 
 _PLANE, _SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 0, 2, 4, 5, 6  # mjtGeom
@@ -21,22 +21,22 @@ _SOLIDS = {
     _CYLINDER: MarkerType.CYLINDER,
     _BOX: MarkerType.CUBE,
 }
-_SHEET_M = 0.01  # boxes that are thinner are pictures: tags, helipads
+_SHEET_M = 0.01  # thinner boxes are pictures: tags, helipads
 _CELLS = 40  # of a picture along its side
-_GROUND_M = 24.0  # how far it is drawn each way
-_BELOW_M = 0.02  # so far below what lies on it
+_GROUND_M = 24.0  # drawn each way
+_BELOW_M = 0.02  # below objects on the ground
 
 Rgb = npt.NDArray[np.float32]
 
 
 def scenery(model: Any, assets: Mapping[str, bytes]) -> MarkerArray:
-    """All but the robot: solids in their mean colours, and pictures.
+    """Everything but the robot: solids in their mean colours, and pictures.
 
-    What does not move is in the frame ``map``, a landing pad in its own.
+    Static objects are in the frame ``map``, a landing pad in its own.
 
     Args:
         model: the ``mjModel``.
-        assets: the pictures of its materials.
+        assets: the textures of its materials.
     """
     return MarkerArray(tuple(_markers(model, assets)))
 
@@ -64,7 +64,7 @@ def _markers(model: Any, assets: Mapping[str, bytes]) -> Iterator[Marker]:
 
 
 def _frame_of(model: Any, geom: int) -> str | None:
-    """The frame that a geom stands in; None of the robot's."""
+    """The frame of a geom; None for the robot's."""
     body = model.body(int(model.geom_bodyid[geom])).name
     return {"world": MAP, PAD: DECK}.get(body)
 
@@ -97,7 +97,7 @@ def _sheet(picture: Rgb, half: Floats, place: dict[str, Any]) -> Marker:
 
 
 def _picture(model: Any, geom: int, assets: Mapping[str, bytes]) -> Rgb | None:
-    """What is painted on a geom, in few cells (rows, columns, 3) of 0 to 1; None of plain ones."""
+    """The texture of a geom, reduced to (rows, columns, 3) from 0 to 1; None without one."""
     material = int(model.geom_matid[geom])
     name = "" if material < 0 else model.mat(material).name
     if f"{name}.png" not in assets:
@@ -106,7 +106,7 @@ def _picture(model: Any, geom: int, assets: Mapping[str, bytes]) -> Rgb | None:
     assert whole is not None
     side = BOARD_CELLS if name.startswith("tag_") else _CELLS
     if model.mat_texuniform[material]:
-        side = 1  # it is repeated: nothing but its colour is to be seen from afar
+        side = 1  # repeated: only its mean colour matters
     small = cv2.resize(whole, (side, side), interpolation=cv2.INTER_AREA)
     return np.asarray(small[..., ::-1] / 255, np.float32)
 

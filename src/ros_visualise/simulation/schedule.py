@@ -1,4 +1,4 @@
-"""The schedule of all sensors: which measures at which step."""
+"""Schedule of the sensors: which ones measure at which step."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ros_visualise.simulation.sensors import SENSORS, Fitting
 
 Measured = Iterator[tuple[str, Any]]
 Make = Callable[[int, int], Measured]
-"""(stamp_ns, number of the measurement) -> (output, message) of one measurement."""
+"""(stamp_ns, index of the measurement) -> (output, message) of one measurement."""
 
 
 class SensorStream:
@@ -21,7 +21,7 @@ class SensorStream:
         self.due_ns = 0
 
     def pass_on(self) -> int:
-        """Set the next due time; returns the number of the measurement that is due now."""
+        """Set the next due time; returns the index of the measurement due now."""
         index = self.index
         self.index += 1
         self.due_ns = round(self.index * 1e9 / self._rate_hz)
@@ -29,7 +29,7 @@ class SensorStream:
 
 
 def streams_of(fitting: Fitting) -> list[SensorStream]:
-    """The sensors that the robot's settings turn on, in the order of equal stamps."""
+    """The enabled sensors, in the order of equal stamps."""
     settings = fitting.settings
     sensors = [one for one in SENSORS.all() if isinstance(settings, one.params)]
     return [
@@ -50,11 +50,11 @@ class SensorOutput(NamedTuple):
 
 
 class Schedule:
-    """Says at each step what is measured.
+    """Selects the measurements of each step.
 
     Args:
-        wants: whether anybody wants that output. Sensors with a state, as odometry and biases,
-            measure all the same, so that no data depends on who listens.
+        wants: True if an output has listeners. Sensors with a state, such as odometry and biases,
+            measure anyway, so that the data does not depend on listeners.
     """
 
     def __init__(self, streams: list[SensorStream], wants: Callable[[str], bool]) -> None:

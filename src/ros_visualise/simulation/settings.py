@@ -1,6 +1,6 @@
-"""Parameters of a simulated robot: its sensors' rates, noise and layout.
+"""Parameters of a simulated robot: rates, noise and layout of its sensors.
 
-Noise is given by its standard deviation, or as data sheets do by its density: a sample at rate f
+Noise is given by its standard deviation, or as in data sheets by its density: a sample at rate f
 has the standard deviation density * sqrt(f). A bias is drawn once per run, and changes by its
 random walk. A slow error has a standard deviation and a time constant.
 """
@@ -24,14 +24,14 @@ from ros_visualise.simulation.worlds import OURS
 class _CommonParams:
     map_to_odom: bool = setting(
         True,
-        "publish the transform from map to odom; switch it off where a navigator does "
-        "that: odom_start then stands where odom would be",
+        "publish the transform from map to odom; switch it off if a navigator does: "
+        "odom_start then replaces odom",
     )
     command_timeout: float = setting(
-        0.5, "seconds after which a velocity command ends, if no other follows", min=0.05, max=60
+        0.5, "duration of a velocity command unless repeated, seconds", min=0.05, max=60
     )
     mission_timeout: float = setting(
-        30.0, "seconds without progress after which a mission has failed", min=1, max=3600
+        30.0, "time without progress after which a mission fails, seconds", min=1, max=3600
     )
 
 
@@ -45,28 +45,30 @@ class RobotParams(
     TruthParams,
     _CommonParams,
 ):
-    """Parameters that all robots have."""
+    """Parameters of all robots."""
 
     @property
     def gimbal(self) -> bool:
-        """A gimbal keeps the camera level."""
+        """True if a gimbal keeps the camera level."""
         return False
 
 
 @dataclass(frozen=True)
 class ScenarioParams:
-    """The world, the mission and the seed of a simulation."""
+    """World, mission and seed of a simulation."""
 
-    world: str = setting("field", f"the world to be in: {OURS}, or another package's")
+    world: str = setting("field", f"world: {OURS}, or one of another package")
     mission: str = setting(
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",
         file=lambda mission: mission not in ("", "none", "default", *SHAPES),
     )
     repeat: bool = setting(
-        False, "while somebody looks on, start the mission again a few seconds after its end"
+        False, "restart the mission a few seconds after its end, while it is being viewed"
     )
     seed: int = setting(
-        0, "seed of all random errors; the same seed gives the same data", min=0, max=2**31 - 1
+        0, "seed of all random errors; equal seeds give equal data", min=0, max=2**31 - 1
     )
-    tf_prefix: str = setting("", "prefix of its frames except map, such as uav1 for uav1/base_link")
+    tf_prefix: str = setting(
+        "", "prefix of its frames, except map, such as uav1 for uav1/base_link"
+    )

@@ -1,21 +1,21 @@
-"""The simulation of a robot in a world: its sensors' messages in order of time."""
+"""Simulation of a robot in a world: its sensors' messages in order of time."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
 from ros_visualise.simulation import frames
-from ros_visualise.simulation.assignments import find_mission, with_pad
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
-from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.missions import SHAPES, Mission, read_mission
 from ros_visualise.simulation.model import (
     BuiltWorld,
     build_world,
@@ -32,28 +32,28 @@ from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
 
 LATCHED = ("robot_description", "tf_static", "scenery")
-"""Outputs that are there once, from the start."""
+"""Outputs published once, at the start."""
 
-_SETTLING_S = 1.0  # before the start, so that the first measurements are of a robot at rest
+_SETTLING_S = 1.0  # before the start, so that the robot starts at rest
 
 
 class Simulation:
-    """One robot in one world. The physics goes on while somebody iterates over `run`.
+    """One robot in one world. The physics advances while `run` is iterated.
 
     ``command``, ``goto``, ``add_mission`` and ``act`` may be called from any thread.
 
     Args:
         robot: one of `ros_visualise.simulation.robots.ROBOTS`.
         world: one of `ros_visualise.simulation.worlds.WORLDS`.
-        seed: of all random errors; the same seed gives the same data.
-        mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None:
-            the robot stands and waits.
+        seed: of all random errors; equal seeds give equal data.
+        mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None: the robot
+            stands and waits.
         settings: of the robot's class; None: the defaults.
-        wants: whether anybody wants that output; asked before each message that is costly.
+        wants: True if an output has listeners; asked before each costly message.
 
     Raises:
         UsageError: no such robot or world.
-        OpenError: no such mission, a pad where the robot stands, or MuJoCo is missing.
+        OpenError: no such mission, the pad collides with the robot, or MuJoCo is missing.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Simulation:
         self._step_ns: int = round(1e9 * self._model.opt.timestep)
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
-        self._told = ""  # of what it does
+        self._status = ""
         mount = frames.CameraMount(self._model, self.settings, self.settings.gimbal)
         self._fitting = Fitting(
             self._robot, self._model, self._data, self.settings, seed, mount, self.pad
@@ -103,32 +103,32 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """The mission is over."""
+        """True after the mission has ended."""
         return self._robot.mission.finished
 
     @property
     def failure(self) -> str:
-        """One line that says why the mission or the robot failed, or empty."""
+        """Reason of a failure of mission or robot, or empty."""
         return self._robot.mission.failure
 
     @property
     def lands_by_sight(self) -> bool:
-        """The robot looks for what it is to land on, or lands there: it needs to hear by `see`."""
+        """True while the robot needs `see`: it searches for a landing target or lands on it."""
         return self._robot.lands_by_sight
 
     @property
     def upright(self) -> bool:
-        """The robot has not tipped over."""
+        """False after the robot has tipped over."""
         return not self._robot.tip_over.detected
 
     @property
     def doing(self) -> str:
-        """What the robot does now, in a few words for people."""
+        """The robot's present activity, in a few words."""
         return self._robot.doing
 
     @property
     def actions(self) -> tuple[str, ...]:
-        """What `act` knows."""
+        """Names for `act`."""
         return (*self._robot.actions, "start_mission")
 
     @property
@@ -137,10 +137,10 @@ class Simulation:
         return (*LATCHED, "status", "tf", *(stream.output for stream in self._streams))
 
     def run(self) -> Generator[SensorOutput, None, None]:
-        """The messages as (stamp_ns, name, message), without end; call it from one thread.
+        """The messages as (stamp_ns, name, message), endless; call it from one thread.
 
-        Those that are `LATCHED` come first; ``status``, what the robot does, whenever that changes.
-        Called again after it was closed, it goes on from that time.
+        The `LATCHED` ones come first; ``status``, the robot's activity, whenever it changes. After
+        closing, another call continues from that time.
         """
         for name, message in zip(LATCHED, self._latched, strict=True):
             yield SensorOutput(0, name, message)
@@ -163,9 +163,9 @@ class Simulation:
             self.close()
 
     def _tell_change(self, stamp_ns: int) -> Iterator[SensorOutput]:
-        if self.doing != self._told:
-            self._told = self.doing
-            yield SensorOutput(stamp_ns, "status", Text(self._told))
+        if self.doing != self._status:
+            self._status = self.doing
+            yield SensorOutput(stamp_ns, "status", Text(self._status))
 
     def command(self, twist: Twist) -> None:
         """Follow a velocity until ``command_timeout`` has passed; this ends a mission.
@@ -179,7 +179,7 @@ class Simulation:
     def goto(self, goal: PoseStamped) -> None:
         """Go to a pose in ``map``; this ends a mission.
 
-        A robot that flies goes to one on the ground plane, as rviz's tool sends it, at its height.
+        A flying robot keeps its height for a goal on the ground plane, as sent by rviz's tool.
 
         Raises:
             UsageError: the pose is in another frame, or not finite, or the robot has tipped over.
@@ -187,27 +187,27 @@ class Simulation:
         self._check_upright()
         _check_finite("a goal", goal.position_xyz, goal.quat_xyzw)
         if goal.header.frame_id not in ("", frames.MAP):
-            raise UsageError(f"a goal has to be in the frame map, not {goal.header.frame_id}")
+            raise UsageError(f"goals must be in the frame map, not {goal.header.frame_id}")
         self._orders.append(lambda: self._robot.go_to(goal))
 
     def see(self, target: Odometry) -> None:
-        """Take in where what a mission lands on was seen, in the frame of the robot's odometry.
+        """Process the observed pose of the landing target, in the frame of the robot's odometry.
 
-        It is taken for as old as its stamp says. Without such a mission nothing comes of it.
+        Its age follows from its stamp. It is ignored without a mission that lands on a target.
         """
         self._orders.append(lambda: self._robot.see(target))
 
     def add_mission(self, mission: Mission | str | Path) -> None:
-        """Begin another mission now.
+        """Start another mission now.
 
         Raises:
-            OpenError: there is no such mission.
+            OpenError: no such mission.
             UsageError: the robot has tipped over, or there is no pad to land on.
         """
         self._check_upright()
         found = find_mission(mission, self._name, self._world_name)
         if found is not None and found.land_on and self.pad is None:
-            raise UsageError("there is no pad to land on: set pad=true")
+            raise UsageError("no pad to land on: set pad=true")
         self._mission = found
         if found is not None:
             self._orders.append(lambda: self._robot.start(found))
@@ -216,16 +216,16 @@ class Simulation:
         """Do one of `actions`.
 
         Raises:
-            UsageError: there is no such action, no mission to start, or the robot has tipped over.
+            UsageError: no such action, no mission to start, or the robot has tipped over.
         """
         self._check_upright()
         mission = self._mission
         if action in self._robot.actions:
             self._orders.append(self._robot.actions[action])
         elif action != "start_mission":
-            raise UsageError(f"no action {action!r}; there are {', '.join(self.actions)}")
+            raise UsageError(f"no such action: {action!r}; choose from {', '.join(self.actions)}")
         elif mission is None:
-            raise UsageError(f"the {self._name} has no mission: give it one, such as lawn_mower")
+            raise UsageError(f"no mission for the {self._name}: give one, such as lawn_mower")
         else:
             self._orders.append(lambda: self._robot.start(mission))
 
@@ -243,7 +243,7 @@ class Simulation:
             raise UsageError(f"the {self._name} has tipped over: reset it")
 
     def _set_down(self) -> tuple[Vector, Quat]:
-        """Put the robot at its start and let it come to rest there, its motors off."""
+        """Put the robot at its start and let it come to rest there, motors off."""
         mujoco = load_mujoco()
         x, y, yaw = self.world.start(self._name)
         position, attitude = (x, y, standing_height(self._model)), from_yaw(yaw)
@@ -255,4 +255,35 @@ class Simulation:
 
 def _check_finite(what: str, *arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise UsageError(f"{what} has to be made of finite numbers")
+        raise UsageError(f"{what} must consist of finite numbers")
+
+
+def find_mission(mission: Mission | str | Path | None, robot: str, world: str) -> Mission | None:
+    """A mission by name: one of `SHAPES` where the world has room, ``default``, or a file.
+
+    Raises:
+        OpenError: no such mission.
+        UsageError: no such world.
+    """
+    if mission is None or isinstance(mission, Mission):
+        return mission
+    if mission == "default":
+        return ROBOTS.find(robot).default_mission(build_world(world, pictures=False))
+    declared = WORLDS.find(world)
+    if mission in SHAPES:
+        center, size = declared.clear_area(str(mission))
+        return Mission(str(mission), size, center, laps=0)
+    return read_mission(mission, declared)
+
+
+def with_pad(settings: RobotParams, mission: Mission | None) -> RobotParams:
+    """The settings, with a pad if the mission lands on it.
+
+    Raises:
+        OpenError: the robot does not fly.
+    """
+    if mission is None or not mission.land_on:
+        return settings
+    if not isinstance(settings, PadParams):
+        raise OpenError("land_on requires a flying robot: use the quadrotor")
+    return replace(settings, **{"pad": True})

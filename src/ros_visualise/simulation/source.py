@@ -1,4 +1,4 @@
-"""A simulated robot as a source of messages, which can be paused and sought like a recording."""
+"""A simulated robot as a source of messages, which can be paused and seeked like a recording."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ros_visualise.data import (
     Transforms,
     Twist,
 )
-from ros_visualise.simulation.prefix import prefixed
+from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.schedule import SensorOutput
 from ros_visualise.simulation.sensors import equipped, outputs_of
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
@@ -40,16 +40,16 @@ OUTPUTS = {
     "scenery": MarkerArray,
     "status": Text,
 }
-"""What every robot has beside its sensors."""
+"""Outputs of every robot beside its sensors."""
 HELD = (*LATCHED, "status")
-"""Those whose last message holds until the next."""
+"""Outputs whose last message is valid until the next."""
 
 _NO_MISSION = "none"
-_REST_NS = 3_000_000_000  # between a mission and the next
-_FRAME = "image"  # what a person steps through
+_REST_NS = 3_000_000_000  # between missions
+_FRAME = "image"  # the output to step by
 
 Batch = tuple[SensorOutput, ...]
-"""Messages that pass together."""
+"""Messages published together."""
 
 
 def simulated(
@@ -61,9 +61,9 @@ def simulated(
     """Declare the decorated class as the source that simulates a robot.
 
     Args:
-        params: its world and mission, and the robot's settings; those of sensors that every robot
-            has are added. Its outputs are what its sensors measure.
-        velocity_axes: as of a `SourceType`.
+        params: its world and mission, and the robot's settings; those of standard sensors are
+            added. Its outputs are those of its sensors.
+        velocity_axes: see `SourceType`.
         inputs: beside a velocity and a goal.
     """
     whole: type = equipped(params)
@@ -81,16 +81,16 @@ def simulated(
 class SimulatedRobot:
     """Steps a simulation as its messages become due.
 
-    To go back in time, all is simulated anew from the start; commands of that time are forgotten.
+    To go back in time, it is simulated again from the start, without the commands of that time.
 
     Args:
         robot: one of `ros_visualise.simulation.robots.ROBOTS`.
         scenario: its world, mission and seed.
         settings: of the robot's class.
-        playback: how it is played; where nobody watches, it ends with the mission.
+        playback: without viewers, it ends with the mission.
 
     Raises:
-        OpenError: no such world or mission, or MuJoCo is not there.
+        OpenError: no such world or mission, or MuJoCo is missing.
     """
 
     duration_ns = None
@@ -107,7 +107,7 @@ class SimulatedRobot:
         self._tf_prefix, self._repeats = scenario.tf_prefix, scenario.repeat
         self._over_ns: int | None = None
         self._playback = playback
-        self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
+        self._origin_ns = playback.time_ns() if playback.has_played else 0  # after a restart
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
         self._sees = settings.camera
         self._is_awaited: Callable[[str], bool] = lambda output: True
@@ -134,7 +134,7 @@ class SimulatedRobot:
         The first batch holds the last message of each output until then, the image last.
 
         Raises:
-            RosVisualiseError: the mission has failed, and nobody watches.
+            RosVisualiseError: the mission failed without viewers.
         """
         start_ns -= self._origin_ns
         simulation, self._over_ns = self._begin(start_ns), None
@@ -154,11 +154,11 @@ class SimulatedRobot:
             raise RosVisualiseError(simulation.failure)
 
     def _is_over(self) -> bool:
-        """The mission is over, and nobody watches."""
+        """True if the mission is over and there are no viewers."""
         return self._simulation.finished and not self._playback.holds
 
     def _begin_again(self, simulation: Simulation) -> None:
-        """Start a mission that is over again, after a rest; put down anew a robot that fell."""
+        """Restart a finished mission after a rest; reset a robot that has tipped over."""
         if not (self._repeats and simulation.finished):
             self._over_ns = None
         elif self._over_ns is None:
@@ -168,7 +168,7 @@ class SimulatedRobot:
             simulation.act("start_mission") if simulation.upright else self.reset()
 
     def _tell(self, failure: str) -> None:
-        """Log a failure once; where it ends the run, the error says it."""
+        """Log a failure once; if it ends the run, the error reports it."""
         if failure != self._failure and not self._is_over():
             self._failure = failure
             if failure:
@@ -182,14 +182,14 @@ class SimulatedRobot:
             yield batch[-1].stamp_ns + self._origin_ns, tuple(batch)
 
     def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
-        """Render and scan only while somebody listens."""
+        """Render and scan only outputs with listeners."""
         self._is_awaited = is_wanted
 
     def receive(self, port: str, message: Any) -> None:
-        """Take a velocity (``cmd_vel``), a goal, or where what it is to land on was seen.
+        """Process a velocity (``cmd_vel``), a goal, or the observed landing target.
 
-        An action or a goal overrides the present velocity. The same velocity, if it goes on to
-        come in, is ignored from then on until it changes or pauses.
+        An action or a goal overrides the present velocity. If the same velocity keeps arriving, it
+        is ignored until it changes or pauses.
         """
         if port == TARGET:
             self._simulation.see(restamped(message, -self._shift_ns))
@@ -200,18 +200,18 @@ class SimulatedRobot:
             self._simulation.command(message)
 
     def awaits(self, port: str) -> bool:
-        """Whether it lands by what it is told that was seen."""
+        """True for the landing target while it lands on one."""
         return port == TARGET and self._simulation.lands_by_sight
 
     def close(self) -> None:
-        """Nothing is open: the renderer is freed with the messages."""
+        """Nothing to do: the renderer is freed with the messages."""
 
     def act(self, name: str) -> None:
-        """Do an action that `Simulation.act` knows."""
+        """Do an action of `Simulation.act`."""
         self._ended = self._told
         self._simulation.act(name)
 
-    @action("stop the robot and give up its goal or mission")
+    @action("stop the robot and abort its goal or mission")
     def stop(self) -> None:
         """Stop the robot."""
         self.act("stop")
@@ -221,7 +221,7 @@ class SimulatedRobot:
         """Start the mission."""
         self.act("start_mission")
 
-    @action("put the robot back at its start; odometry and mission begin anew, time goes on")
+    @action("put the robot back at its start and restart odometry and mission; time continues")
     def reset(self) -> None:
         """Put the robot back at its start."""
         self._playback.restart()
@@ -244,7 +244,7 @@ class SimulatedRobot:
         return Simulation(*self._arguments, self._is_wanted)
 
     def _is_wanted(self, output: str) -> bool:
-        """Whether to make a costly message: while seeking, only those next to the time sought."""
+        """True if a costly message is needed: while seeking, only near the requested time."""
         on_the_way = self._simulation.time_ns <= self._sought_ns - self._look_back_ns
         return not on_the_way and self._is_awaited(output)
 
@@ -256,7 +256,7 @@ def restamped(message: Any, shift_ns: int) -> Any:
     """A message with its stamps shifted."""
     if isinstance(message, Transforms):
         return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
-    if isinstance(message, MarkerArray):  # which hold at all times
+    if isinstance(message, MarkerArray):  # valid at all times
         return message
     header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)
     if isinstance(message, Image) and message.camera_info is not None:

@@ -1,4 +1,4 @@
-"""Textures of a simulated world, drawn by the program: RGB, (height, width, 3)."""
+"""Textures of a simulated world: RGB, (height, width, 3)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ import numpy.typing as npt
 from ros_visualise.simulation.landmarks import CELLS, tag_bits
 
 Canvas = npt.NDArray[np.uint8]
-Grains = npt.NDArray[np.float32]
 Colour = tuple[int, int, int]
 Shadow = tuple[float, float, float, float]
 """Middle x and y, half lengths along the sun's direction and across it, metres."""
 
 SUN_DEGREES = 52.0
-"""Where shadows point to, from east to north."""
+"""Direction of shadows, from east to north."""
 GRASS: Colour = (104, 132, 66)
 BOARD_CELLS = CELLS + 2
-"""A tag's board along its side, in cells of the tag: a white rim of one cell all around."""
+"""Side of a tag's board in cells of the tag, with a white rim of one cell."""
+Grains = npt.NDArray[np.float32]
+FACES = "RLUDFB"
+"""The order of the faces in the image of `draw_sky`, as ``gridlayout`` in MJCF."""
 
 
 def draw_tag(tag_id: int, cell_px: int = 24) -> Canvas:
@@ -46,7 +48,7 @@ def draw_helipad(side: int = 512) -> Canvas:
 
 
 def draw_grass(side: int = 512, seed: int = 5) -> Canvas:
-    """Grass that repeats without a seam."""
+    """Seamless grass."""
     random = np.random.default_rng(seed)
     shade = 1 + 0.10 * _tiled(random, side, 6) + 0.12 * _tiled(random, side, 60)
     return _shade(GRASS, shade + 0.6 * _grain(random, side))
@@ -55,13 +57,13 @@ def draw_grass(side: int = 512, seed: int = 5) -> Canvas:
 def draw_field(
     side: int, metres: float, path_xy: npt.NDArray[np.float64], shadows: Sequence[Shadow]
 ) -> Canvas:
-    """A meadow seen from above, north up: mown stripes, bare patches, flowers, a gravel path.
+    """A meadow from above, north up: mown stripes, bare patches, flowers, a gravel path.
 
     Args:
         side: pixels along an edge.
-        metres: length of an edge; the middle is (0, 0).
-        path_xy: (N, 2) metres; the closed middle line of the path.
-        shadows: of everything that stands on it.
+        metres: length of an edge; the centre is (0, 0).
+        path_xy: (N, 2) metres; the closed centre line of the path.
+        shadows: of all objects on it.
     """
     random = np.random.default_rng(11)
     scale = side / metres
@@ -71,7 +73,7 @@ def draw_field(
     shade = 1 + 0.10 * wide + 0.07 * noise(random, side, 90) + 0.10 * noise(random, side, 500)
     shade += 0.12 * fine + 0.8 * _grain(random, side)
     rim = np.minimum(np.minimum(x, metres - x)[:, None], np.minimum(x, metres - x))
-    fade = np.clip((rim - 3) / 4, 0, 1)  # outside it goes on as plain grass
+    fade = np.clip((rim - 3) / 4, 0, 1)  # outside is plain grass
     canvas = _shade(GRASS, shade + 0.05 * stripes * fade)
     dry = np.clip(noise(random, side, 14) + 0.25 * noise(random, side, 120) - 0.45, 0, 1) * fade
     canvas = _blend(canvas, _shade((156, 146, 92), shade), np.minimum(2.2 * dry, 0.75))
@@ -117,7 +119,7 @@ def draw_wood(side: int = 128) -> Canvas:
 
 
 def draw_concrete(side: int = 256) -> Canvas:
-    """Floor of the playpen: slabs, tiled without a seam."""
+    """Floor of the playpen: slabs, seamless."""
     random = np.random.default_rng(10)
     shade = 1 + 0.05 * _tiled(random, side, 8) + 0.05 * _tiled(random, side, 60)
     canvas = _shade((158, 156, 150), shade + 0.5 * _grain(random, side))
@@ -175,3 +177,68 @@ def _blend(below: Canvas, above: Canvas, weight: npt.NDArray[Any]) -> Canvas:
 
 def _rgb(gray: Canvas) -> Canvas:
     return np.repeat(gray[..., None], 3, axis=2)
+
+
+def draw_sky(side: int = 384) -> Canvas:
+    """Sky and hills: six faces of a cube side by side, RGB, (side, 6 * side, 3)."""
+    return np.concatenate([_draw_face(_directions(face, side)) for face in FACES], axis=1)
+
+
+def _directions(face: str, side: int) -> Grains:
+    """The directions of a face's pixels in the world, (side, side, 3), z up.
+
+    MuJoCo's cube is OpenGL's, which has y up, with its front towards y.
+    """
+    a = (np.arange(side, dtype=np.float32) + 0.5) / side * 2 - 1
+    right, down = np.meshgrid(a, a)
+    one = np.ones_like(right)
+    axes = {
+        "R": (one, right, -down),
+        "L": (-one, -right, -down),
+        "U": (right, down, one),
+        "D": (right, -down, -one),
+        "F": (right, -one, -down),
+        "B": (-right, one, -down),
+    }
+    direction = np.stack(axes[face], axis=-1)
+    return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True), np.float32)
+
+
+def _draw_face(direction: Grains) -> Canvas:
+    height = direction[..., 2]
+    azimuth = np.arctan2(direction[..., 1], direction[..., 0])
+    blue, pale = np.array((86, 140, 208)), np.array((206, 222, 236))
+    sky = pale + (blue - pale) * np.clip(height, 0, 1)[..., None] ** 0.55
+    sky += (np.array((250, 250, 250)) - sky) * _clouds(direction)[..., None]
+    for distance, colour, level, steep in _HILLS:
+        ridge = level + steep * _ridge(azimuth, distance)
+        edge = np.clip((ridge - height) * 350, 0, 1)[..., None]
+        sky += (np.array(colour) - sky) * edge
+    return np.asarray(np.clip(sky, 0, 255), np.uint8)
+
+
+_HILLS = (
+    (3, (166, 186, 204), 0.060, 0.035),
+    (5, (132, 158, 158), 0.034, 0.024),
+    (11, (92, 118, 84), 0.014, 0.010),
+)
+
+
+def _ridge(azimuth: Grains, waves: int) -> Grains:
+    a = waves * azimuth
+    return np.asarray(
+        0.5 * np.sin(a) + 0.3 * np.sin(2 * a + waves) + 0.2 * np.sin(5 * a + 2 * waves)
+    )
+
+
+def _clouds(direction: Grains) -> Grains:
+    """Density of clouds: noise on a flat layer, thinner towards the horizon."""
+    layer = np.random.default_rng(2).uniform(0, 1, (64, 64)).astype(np.float32)
+    height = np.maximum(direction[..., 2], 0.03)
+    x, y = direction[..., 0] / height, direction[..., 1] / height
+    amount = np.zeros_like(height)
+    for octave, weight in ((1.1, 0.5), (2.3, 0.28), (4.9, 0.14), (10.1, 0.08)):
+        u, v = np.mod(octave * x + 17, 63), np.mod(octave * y + 29, 63)
+        amount += weight * cv2.remap(layer, u, v, cv2.INTER_LINEAR)
+    clear = np.clip(direction[..., 2] * 5 - 0.25, 0, 1)
+    return np.asarray(np.clip((amount - 0.5) * 4.5, 0, 0.9) * clear, np.float32)

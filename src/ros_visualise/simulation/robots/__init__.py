@@ -1,6 +1,6 @@
-"""Robots that are simulated: a folder each, with its model, settings, control and node.
+"""Simulated robots: a folder each, with its model, settings, control and node.
 
-Another package brings a robot by an entry point of the group ``ros_visualise.robots``; see
+Another package adds a robot by an entry point of the group ``ros_visualise.robots``; see
 `ros_visualise.core.registry`.
 """
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RobotType:
-    """A robot, before it is in a world.
+    """A type of robot.
 
     Attributes:
         source: its node, see `ros_visualise.simulation.source.simulated`.
         params: its settings.
-        model: MJCF file with a body ``base_link`` that has a free joint, with its sites
-            ``camera_link``, ``gps_link``, ``imu_link`` and ``lidar_link``, a camera, and first an
+        model: MJCF file with a body ``base_link`` that has a free joint, the sites ``camera_link``,
+            ``gps_link``, ``imu_link`` and ``lidar_link``, a camera, and as its first sensors an
             accelerometer and a gyroscope.
-        make: gives the robot in its world, by ``mjModel``, ``mjData``, settings and seed.
-        default_mission: what suits it in a world.
+        make: (``mjModel``, ``mjData``, settings, seed) -> the robot in its world.
+        default_mission: suitable mission in a world.
     """
 
     source: type[SimulatedRobot]

@@ -1,7 +1,7 @@
-"""Simulated sensors: a file each, with its parameters, its outputs, and how it measures.
+"""Simulated sensors: a file each, with its parameters, outputs, and measurement.
 
-They turn the true state into measurements. Each has its own random numbers, so that adding a sensor
-changes no other's data. Another package brings a sensor by an entry point of the group
+They turn the true state into measurements. Each has its own random numbers, so adding a sensor does
+not change the data of others. Another package adds a sensor by an entry point of the group
 ``ros_visualise.sensors``; see `ros_visualise.core.registry`.
 """
 
@@ -24,16 +24,17 @@ P = TypeVar("P")
 
 
 def setting(default: Any, help: str, **limits: Any) -> Any:
-    """A parameter, as `param`; a change starts the simulation anew."""
+    """A parameter, as `param`; a change restarts the simulation."""
     return param(default, help, restart=True, **limits)
 
 
 @dataclass(frozen=True)
 class Fitting:
-    """A robot in its world, which sensors are fitted to.
+    """A robot in its world, to which sensors are fitted.
 
-    ``model`` and ``data`` are MuJoCo's; ``settings`` are the robot's, with those of its sensors;
-    ``mount`` is the camera's; what has to be closed with the simulation is added to ``closing``.
+    ``model`` and ``data`` are MuJoCo's; ``settings`` are the robot's, including those of its
+    sensors; ``mount`` is the camera's; functions in ``closing`` are called when the simulation is
+    closed.
     """
 
     robot: Robot
@@ -48,15 +49,15 @@ class Fitting:
 
 @dataclass(frozen=True)
 class SensorType:
-    """A sensor, before it is fitted to a robot.
+    """A type of sensor.
 
     Attributes:
-        params: its parameters; robots have it whose settings derive from these.
-        outputs: their names -> types of message; by the first it is asked for.
+        params: its parameters; robots whose settings derive from these have it.
+        outputs: names -> types of message; the first one is asked for listeners.
         rate: parameter with its measurements per second.
-        fit: gives what measures, see `Make`.
-        switch: parameter that turns it on; empty: it is always on.
-        always: measures also while nobody listens, as it has a state.
+        fit: gives the measuring function, see `Make`.
+        switch: parameter that turns it on; empty: always on.
+        always: measure also without listeners, because it has a state.
         standard: every robot gets it.
     """
 
@@ -78,11 +79,11 @@ SENSORS = Registry(
         *("magnetometer", "barometer", "lidar", "camera"),
     ),
 )
-"""All sensors, in the order of their measurements of one time."""
+"""All sensors, in the order of simultaneous measurements."""
 
 
 def equipped(params: type[P]) -> type[P]:
-    """The settings of a robot, with those of every sensor that all robots have."""
+    """The settings of a robot, with those of all standard sensors."""
     more = [one.params for one in SENSORS.all() if one.standard]
     more = [one for one in more if not issubclass(params, one)]
     if not more:

@@ -32,7 +32,7 @@ class CameraSensorParams:
     camera_height: int = _camera(480, "height of the images, pixels", min=16, max=4096)
     camera_fov: float = _camera(80.0, "horizontal field of view, degrees", min=10, max=150)
     camera_pitch: float = _camera(
-        0.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
+        0.0, "pitch of the camera: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
     camera_noise: float = _camera(
         2.0, "noise of each pixel (standard deviation), levels of 255", min=0, max=50
@@ -40,7 +40,7 @@ class CameraSensorParams:
 
 
 def calibrate(params: CameraSensorParams) -> CameraInfo:
-    """The camera's calibration: no distortion, the optical axis through the image's middle."""
+    """The camera's calibration: no distortion, the principal point in the image centre."""
     width, height = params.camera_width, params.camera_height
     focal = width / 2 / math.tan(math.radians(params.camera_fov) / 2)
     K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
@@ -48,16 +48,16 @@ def calibrate(params: CameraSensorParams) -> CameraInfo:
 
 
 def vertical_fov(params: CameraSensorParams) -> float:
-    """Degrees."""
+    """Vertical field of view, degrees."""
     half = math.tan(math.radians(params.camera_fov) / 2)
     return 2 * math.degrees(math.atan(half * params.camera_height / params.camera_width))
 
 
 class CameraSensor:
-    """Images that a `Renderer` makes, with noise; the renderer is made for the first one.
+    """Rendered images with noise; the renderer is created for the first one.
 
-    The noise of an image is a piece, at random, of one picture of Gaussian noise: drawing a million
-    numbers for each would cost as much as the image.
+    The noise of an image is a random part of one large array: drawing a million numbers for each
+    image would cost as much as rendering.
     """
 
     frame_id = "camera_optical"
@@ -71,7 +71,7 @@ class CameraSensor:
     def measure(
         self, stamp_ns: int, index: int, data: Any, position_xyz: Floats, R_map_optical: Floats
     ) -> Image:
-        """The image of that number from a place in the world."""
+        """The image with that index from a pose in the world."""
         size = self._params.camera_width, self._params.camera_height
         if self._renderer is None:
             self._renderer = Renderer(self._model, size)

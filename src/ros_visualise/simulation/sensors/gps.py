@@ -31,14 +31,14 @@ class GpsParams:
         0.8, "slow error east and north (standard deviation), m", min=0, max=100
     )
     gps_drift_time: float = _gps(60.0, "time constant of the slow error, seconds", min=0.1, max=1e5)
-    gps_vertical: float = _gps(2.0, "how many times larger the errors are in height", min=0, max=10)
+    gps_vertical: float = _gps(2.0, "factor of the errors in height", min=0, max=10)
     gps_latitude: float = _gps(49.0, "latitude of the world's origin, degrees", min=-89, max=89)
     gps_longitude: float = _gps(8.4, "longitude of the world's origin, degrees", min=-180, max=180)
     gps_altitude: float = _gps(116.0, "altitude of the world's origin, m", min=-500, max=9000)
 
 
 class GpsSensor:
-    """Positions with a slow error, as from satellites and air, and the receiver's white noise."""
+    """Positions with a slow error, as from satellites and atmosphere, and white noise."""
 
     frame_id = "gps_link"
 
@@ -56,7 +56,7 @@ class GpsSensor:
         self._plane = LocalPlane(*origin)
 
     def measure(self, stamp_ns: int, position_xyz: Floats) -> NavSatFix:
-        """The fix of an antenna at a position: metres east, north and up of the world's origin."""
+        """The fix of an antenna: metres east, north and up of the world's origin."""
         noise = self._white * self._random.standard_normal(3)
         drift = self._drift.step(self._interval.until(stamp_ns))
         place = position_xyz + noise + drift

@@ -23,24 +23,12 @@ class ImuParams:
     """Parameters of an inertial measurement unit."""
 
     imu_rate: float = _imu(100.0, "measurements per second", min=1, max=200)
-    gyro_density: float = _imu(
-        3e-4, "noise density of the gyroscope, rad/s/sqrt(Hz)", min=0, max=0.1
-    )
-    gyro_bias: float = _imu(
-        5e-3, "bias of the gyroscope (standard deviation), rad/s", min=0, max=0.5
-    )
-    gyro_walk: float = _imu(
-        2e-5, "random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)", min=0, max=0.01
-    )
-    accel_density: float = _imu(
-        2e-3, "noise density of the accelerometer, m/s^2/sqrt(Hz)", min=0, max=1
-    )
-    accel_bias: float = _imu(
-        0.05, "bias of the accelerometer (standard deviation), m/s^2", min=0, max=5
-    )
-    accel_walk: float = _imu(
-        2e-4, "random walk of the accelerometer's bias, m/s^3/sqrt(Hz)", min=0, max=0.1
-    )
+    gyro_density: float = _imu(3e-4, "gyroscope noise density, rad/s/sqrt(Hz)", min=0, max=0.1)
+    gyro_bias: float = _imu(5e-3, "gyroscope bias (standard deviation), rad/s", min=0, max=0.5)
+    gyro_walk: float = _imu(2e-5, "gyroscope bias random walk, rad/s^2/sqrt(Hz)", min=0, max=0.01)
+    accel_density: float = _imu(2e-3, "accelerometer noise density, m/s^2/sqrt(Hz)", min=0, max=1)
+    accel_bias: float = _imu(0.05, "accelerometer bias (standard deviation), m/s^2", min=0, max=5)
+    accel_walk: float = _imu(2e-4, "accelerometer bias random walk, m/s^3/sqrt(Hz)", min=0, max=0.1)
     imu_attitude: float = _imu(
         0.01, "slow error of the attitude about each axis (standard deviation), rad", min=0, max=0.5
     )
@@ -50,7 +38,7 @@ class ImuParams:
 
 
 class ImuSensor:
-    """Rates and accelerations with white noise and a bias that walks, and a slowly wrong attitude.
+    """Rates and accelerations with white noise and walking biases, and a slowly drifting attitude.
 
     Source: Woodman, An introduction to inertial navigation, 2007, chapters 3 and 4.
     """
@@ -77,7 +65,8 @@ class ImuSensor:
 
         Args:
             attitude: of the body in the world.
-            motion: (6,) turn rates in rad/s and specific force in m/s^2, in the sensor's axes.
+            motion: (6,) angular velocity in rad/s and specific force in m/s^2, in the sensor's
+                axes.
         """
         noise = self._random.standard_normal(12)
         elapsed_s = self._interval.until(stamp_ns)

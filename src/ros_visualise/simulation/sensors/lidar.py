@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
-from ros_visualise.simulation.culling import RayCulling
 from ros_visualise.simulation.noise import random_of
-from ros_visualise.simulation.rays import PLANE, Ranges, StaticGeoms
+from ros_visualise.simulation.rays import PLANE, Ranges, RayCulling, StaticGeoms
 from ros_visualise.simulation.schedule import Make, Measured
 from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
@@ -43,19 +42,19 @@ class LidarParams:
     lidar_columns: int = _lidar(900, "rays in a row, all around", min=1, max=4096)
     lidar_low: float = _lidar(-15.0, "elevation of the lowest row, degrees", min=-89, max=89)
     lidar_high: float = _lidar(15.0, "elevation of the highest row, degrees", min=-89, max=89)
-    lidar_near: float = _lidar(0.5, "shortest range that is measured, m", min=0, max=10)
-    lidar_far: float = _lidar(100.0, "longest range that is measured, m", min=1, max=1000)
+    lidar_near: float = _lidar(0.5, "shortest range, m", min=0, max=10)
+    lidar_far: float = _lidar(100.0, "longest range, m", min=1, max=1000)
     lidar_noise: float = _lidar(0.02, "noise of each range (standard deviation), m", min=0, max=1)
 
 
 class Lidar:
-    """A lidar of 360 degrees, all of whose rays measure at once, with white noise on the ranges.
+    """A 360 degree lidar whose rays all measure at once, with white noise on the ranges.
 
-    It does not see its own robot. The ground is the plane z = 0. ``intensity`` is the brightness
-    of the surface, 0 to 100; ``ring`` 0 is the lowest row.
+    It does not see its own robot. The ground is the plane z = 0. ``intensity`` is the brightness of
+    the surface, 0 to 100; ``ring`` 0 is the lowest row.
 
-    The noise is drawn once, and each scan takes another part of it: new numbers for each scan
-    would take a tenth of its time.
+    The noise is drawn once, and each scan uses another part of it: new numbers for each scan would
+    take a tenth of its time.
     """
 
     frame_id = "lidar_link"
@@ -90,12 +89,12 @@ class Lidar:
         self._brightness = _brightness(model, np.append(geoms, ground[0]))
 
     def measure(self, stamp_ns: int, index: int, position_xyz: Floats, R: Floats) -> PointCloud:
-        """The scan of that number from a lidar at a position, R being R_map_lidar."""
+        """The scan with that index from a lidar at a position with R_map_lidar."""
         ranges, surface = self.cast(position_xyz, R)
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
         start = index * _NOISE_STEP % self._period
-        noise = self._noise[start : start + len(ranges)]  # of each ray its own, whatever others met
+        noise = self._noise[start : start + len(ranges)]  # per ray, whatever others hit
         measured = noise.take(met) + ranges.take(met)
         points = self._points.take(met, axis=0, mode="clip")
         for axis in range(3):
@@ -104,9 +103,9 @@ class Lidar:
         return PointCloud(points.view(POINT)[:, 0], True, Header(stamp_ns, self.frame_id))
 
     def cast(self, position_xyz: Floats, R: Floats) -> tuple[Ranges, Indices]:
-        """True ranges (N,) in metres, infinite where nothing is hit, and what each ray hit.
+        """True ranges (N,) in metres, infinite without a hit, and the object hit by each ray.
 
-        That is a geom's number among the static ones, -1 for the ground.
+        Objects are indices of static geoms, -1 for the ground.
         """
         sinking = abs(np.maximum(-R[2].astype(np.float32) @ self._rays, 0))
         with np.errstate(divide="ignore"):
@@ -119,7 +118,7 @@ class Lidar:
         nearer = np.flatnonzero(hit)
         geoms = np.repeat(np.arange(len(counts)), counts)
         found, rays, geoms = found.take(nearer), rays.take(nearer), geoms.take(nearer)
-        while len(rays):  # of geoms behind one another any may be written first
+        while len(rays):  # overlapping geoms may be written in any order
             ranges[rays], surface[rays] = found, geoms
             left = np.flatnonzero(found < ranges.take(rays))
             found, rays, geoms = found.take(left), rays.take(left), geoms.take(left)
@@ -127,7 +126,7 @@ class Lidar:
 
 
 def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
-    """0 to 100 of each geom by its colour; 50 where it has a texture."""
+    """0 to 100 for each geom by its colour; 50 if textured."""
     colours = np.array(model.geom_rgba[geoms, :3], np.float32).mean(axis=1)
     return np.asarray(100 * np.where(model.geom_matid[geoms] >= 0, 0.5, colours), np.float32)
 

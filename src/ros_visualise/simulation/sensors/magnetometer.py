@@ -33,10 +33,10 @@ class MagnetometerParams:
         48.6, "strength of the Earth's field, microtesla", min=1, max=100
     )
     mag_inclination: float = _magnetometer(
-        64.8, "how far the Earth's field points down from level, degrees", min=-90, max=90
+        64.8, "inclination: angle of the Earth's field below horizontal, degrees", min=-90, max=90
     )
     mag_declination: float = _magnetometer(
-        2.9, "how far magnetic north is east of true north, degrees", min=-180, max=180
+        2.9, "declination: angle of magnetic north east of true north, degrees", min=-180, max=180
     )
 
 

@@ -1,4 +1,4 @@
-"""Odometry: motion added up, whose errors add up too. It starts at zero in the frame ``odom``."""
+"""Odometry: accumulated motion with accumulated errors, starting at zero in the frame ``odom``."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from ros_visualise.simulation.schedule import Make, Measured
 from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _FRAME, _CHILD = "odom", "base_link"
-_SURE = 1e-6  # of what has no errors here: filters cannot use a variance of zero
-_SLIP = 1e-3  # (m/s)^2, aside and up, which wheels do not feel
+_SURE = 1e-6  # of exact quantities: filters cannot use a variance of zero
+_SLIP = 1e-3  # (m/s)^2, sideways and up, which wheels do not measure
 _WHEELS_TWIST = np.diag((_SURE, _SLIP, _SLIP, _SURE, _SURE, _SURE))
 _SEEN_TWIST = _SURE * np.eye(6)
 
@@ -35,38 +35,40 @@ _odometry_setting = partial(setting, group="odometry")
 
 @dataclass(frozen=True)
 class OdometryParams:
-    """Parameters of odometry of any kind."""
+    """Parameters of any odometry."""
 
     odom_rate: float = _odometry_setting(50.0, "messages per second", min=1, max=200)
     odom_scale: float = _odometry_setting(
         0.01,
-        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        "constant scale error of all distances (standard deviation), as a fraction: 0.01 is 1%",
         min=0,
         max=0.5,
     )
     odom_noise: float = _odometry_setting(
-        0.01, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+        0.01, "position error, growing with the distance, m/sqrt(m)", min=0, max=1
     )
 
 
 @dataclass(frozen=True)
 class WheelOdometryParams(OdometryParams):
-    """Parameters of a robot with wheels that measure."""
+    """Parameters of wheel odometry."""
 
     odom_turn_scale: float = _odometry_setting(
-        0.02, "error of all turns (standard deviation), as a fraction: 0.01 is 1%", min=0, max=0.5
+        0.02,
+        "constant scale error of all rotations (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=0.5,
     )
     odom_turn_noise: float = _odometry_setting(
-        0.01, "error of the heading that grows with the turns, rad/sqrt(rad)", min=0, max=1
+        0.01, "heading error, growing with rotation, rad/sqrt(rad)", min=0, max=1
     )
 
 
 class WheelOdometry:
-    """The wheels' way and turn, each with an error of its scale and one that grows as a walk.
+    """Distance and rotation by wheels, each with a constant scale error and a random walk.
 
-    Slip is not drawn: the wheels' turns come out of the physics, where they slip.
-
-    Its covariances are those of these errors, carried on from step to step to first order.
+    Slip is not added: the wheels' rotation comes from the physics, where they slip. The covariances
+    are those of these errors, propagated to first order.
 
     Source: Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 5.4; for the covariance
     with the scales as states, Martinelli et al., Simultaneous localization and odometry self
@@ -86,7 +88,7 @@ class WheelOdometry:
         self._G[5, 1] = 1
 
     def advance(self, stamp_ns: int, way_m: float, turn_rad: float) -> Odometry:
-        """Where the wheels believe to be after going that far and turning that much."""
+        """Estimated pose after moving and rotating by that much."""
         p, period_s = self._params, self._interval.until(stamp_ns) or self._period_s
         noise = self._random.standard_normal(2).tolist()
         ds = way_m * self._scales[0] + p.odom_noise * math.sqrt(abs(way_m)) * noise[0]
@@ -119,7 +121,9 @@ class WheelOdometry:
         ahead: tuple[float, float],
         walks: tuple[float, float],
     ) -> None:
-        """Carry the covariance on over a step: ``walks`` are the variances of its way and turn."""
+        """Propagate the covariance over a step: ``walks`` are the variances of distance and
+        rotation.
+        """
         (dx, dy), (c, s) = moved, ahead
         J, G = self._J, self._G
         J[0, 5], J[1, 5] = -dy, dx
@@ -134,26 +138,26 @@ class WheelOdometry:
 
 @dataclass(frozen=True)
 class VisualOdometryParams:
-    """Parameters of a robot that sees how it moves."""
+    """Parameters of visual-inertial odometry."""
 
     odom_scale: float = _odometry_setting(
         0.005,
-        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        "constant scale error of all distances (standard deviation), as a fraction: 0.01 is 1%",
         min=0,
         max=0.5,
     )
     odom_noise: float = _odometry_setting(
-        0.02, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+        0.02, "position error, growing with the distance, m/sqrt(m)", min=0, max=1
     )
     odom_yaw_noise: float = _odometry_setting(
-        0.003, "error of the heading that grows with the distance, rad/sqrt(m)", min=0, max=1
+        0.003, "heading error, growing with the distance, rad/sqrt(m)", min=0, max=1
     )
 
 
 class VisualInertialOdometry:
-    """True motion with an error of its scale, and walks of place and heading along the way.
+    """True motion with a constant scale error, and random walks of position and heading.
 
-    Roll and pitch do not drift: gravity shows them.
+    Roll and pitch do not drift, as gravity is measured.
 
     Source: Scaramuzza and Zhang, Visual-inertial odometry of aerial robots, 2019.
     """
@@ -166,9 +170,9 @@ class VisualInertialOdometry:
         self._params = params
         self._last = start
         self._to_odom = conjugate(from_yaw(yaw_of(attitude)))
-        self._turn = 0.0  # by how much it believes to head too far to the left
+        self._turn = 0.0  # heading error, to the left
         self._at = (0.0, 0.0, 0.0)
-        # of pose and scale, and by how much it grows with each metre
+        # of pose and scale, and its growth per metre
         self._covariance = np.diag((0, 0, 0, _SURE, _SURE, 0, params.odom_scale**2))
         walk = params.odom_noise**2
         self._walks = np.diag((walk, walk, walk, 0, 0, params.odom_yaw_noise**2, 0))
@@ -177,11 +181,11 @@ class VisualInertialOdometry:
     def advance(
         self, stamp_ns: int, position: Vector, attitude: Quat, linear: Floats, angular: Floats
     ) -> Odometry:
-        """Where it believes to be; the place and attitude are true, in ``map``.
+        """Estimated pose; the arguments are true, in ``map``.
 
         Args:
-            linear: (3,) true velocity in m/s in the body's axes.
-            angular: (3,) true turn rates in rad/s in the body's axes.
+            linear: (3,) velocity in m/s in the body's axes.
+            angular: (3,) angular velocity in rad/s in the body's axes.
         """
         p = self._params
         step = tuple(now - before for now, before in zip(position, self._last, strict=True))
@@ -212,7 +216,7 @@ class VisualInertialOdometry:
         )
 
     def _spread(self, seen: list[float], way: float) -> None:
-        """Carry the covariance on over a step that it saw, and the length of the true one."""
+        """Propagate the covariance over a measured step with a given true length."""
         J, (dx, dy, dz) = self._J, seen
         J[0, 5], J[1, 5] = -dy * self._scale, dx * self._scale
         J[0, 6], J[1, 6], J[2, 6] = dx, dy, dz
@@ -241,7 +245,7 @@ def _odometry(
 
 
 def fit(fitting: Fitting) -> Make:
-    """What the robot itself measures, and where that puts its base and its camera."""
+    """The robot's own odometry, and the frames that it moves."""
     robot, mount = fitting.robot, fitting.mount
 
     def measure(stamp_ns: int, _: int) -> Measured:

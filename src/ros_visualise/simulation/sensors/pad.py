@@ -1,13 +1,12 @@
-"""Where a landing pad truly is."""
+"""True pose of a landing pad."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ros_visualise.data import Odometry, Transforms
-from ros_visualise.simulation.deck import PAD
 from ros_visualise.simulation.frames import deck_frame
-from ros_visualise.simulation.pad import PadParams
+from ros_visualise.simulation.pad import PAD, PadParams
 from ros_visualise.simulation.schedule import Make, Measured
 from ros_visualise.simulation.sensors import Fitting, SensorType
 from ros_visualise.simulation.sensors.truth import tell_truth

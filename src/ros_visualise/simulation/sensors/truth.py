@@ -1,4 +1,4 @@
-"""What really is, for comparing with what is measured."""
+"""Ground truth."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ _EXACT = read_only(np.zeros((6, 6)))
 class TruthParams:
     """Parameters of the ground truth."""
 
-    truth_rate: float = setting(
-        50.0, "messages per second of the true pose (ground truth)", min=0.1, max=200
-    )
+    truth_rate: float = setting(50.0, "messages per second of the ground truth", min=0.1, max=200)
 
 
 def tell_truth(
@@ -33,7 +31,7 @@ def tell_truth(
     angular: Floats,
     child: str = BASE,
 ) -> Odometry:
-    """A body's pose in ``map`` and its velocities in its own axes, without any error."""
+    """A body's exact pose in ``map`` and velocities in its own axes."""
     header = Header(stamp_ns, "map")
     pose = np.array(position), xyzw(attitude)
     return Odometry(*pose, linear, angular, _EXACT, _EXACT, child, header)

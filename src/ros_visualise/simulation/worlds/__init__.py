@@ -1,6 +1,6 @@
-"""Worlds that robots are simulated in: a module each, which builds one and says what is in it.
+"""Simulated worlds: a module each.
 
-The frame is ``map``: x east, y north, z up; the ground is the plane z = 0. Another package brings a
+The frame is ``map``: x east, y north, z up; the ground is the plane z = 0. Another package adds a
 world by an entry point of the group ``ros_visualise.worlds``; see `ros_visualise.core.registry`.
 """
 
@@ -27,18 +27,18 @@ class ClearArea(NamedTuple):
 
 
 _OPEN = ClearArea((0.0, 0.0), (8.0, 8.0))
-_TAGS_OF_PAD = Path(__file__).parent / "plane_tags.yaml"  # which has no others
+_TAGS_OF_PAD = Path(__file__).parent / "plane_tags.yaml"  # no other tags
 
 
 @dataclass(frozen=True)
 class World:
-    """A world, before it is built.
+    """A type of world.
 
     Attributes:
-        build: adds a ground, what stands on it, and where robots start.
-        tags: file with the sizes of its tags and those of a landing pad, as apriltag_ros has them.
-        clear_areas: shape of a mission -> where it fits without touching an obstacle, also on the
-            straight line there from where robots start; without, 8 x 8 m around the origin.
+        build: adds the ground, objects, and the robots' starts.
+        tags: file with the sizes of its tags and those of a landing pad, in apriltag_ros's format.
+        clear_areas: shape of a mission -> area without obstacles, also on the straight line from
+            the robots' starts; by default 8 x 8 m around the origin.
     """
 
     build: Callable[[WorldBuilder], None]
@@ -46,7 +46,7 @@ class World:
     clear_areas: Mapping[str, ClearArea] = field(default_factory=dict)
 
     def clear_area(self, shape: str) -> ClearArea:
-        """Where a mission's shape fits."""
+        """Area for a mission's shape."""
         return self.clear_areas.get(shape, _OPEN)
 
 

@@ -10,14 +10,15 @@ import numpy as np
 from ros_visualise.simulation.landmarks import SimulatedLandmark, facing, lying
 from ros_visualise.simulation.missions import SHAPES
 from ros_visualise.simulation.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
-from ros_visualise.simulation.sky import FACES, draw_sky
 from ros_visualise.simulation.textures import (
+    FACES,
     SUN_DEGREES,
     Shadow,
     draw_field,
     draw_grass,
     draw_helipad,
     draw_leaves,
+    draw_sky,
     draw_wood,
 )
 from ros_visualise.simulation.worlds import ClearArea, World
@@ -51,7 +52,7 @@ def build_field(scene: WorldBuilder) -> None:
 
 
 def _path(angle: float, aside: float = 0.0) -> tuple[float, float]:
-    """The middle of the path at an angle around the field, or ``aside`` metres outside of it."""
+    """The centre of the path at an angle around the field, or ``aside`` metres outside of it."""
     swing = 1 + 0.10 * math.sin(3 * angle + 0.4) + 0.05 * math.sin(5 * angle)
     x, y = -12.5 * math.cos(angle) * swing, -9.0 * math.sin(angle) * swing
     out = math.hypot(x, y)
@@ -132,7 +133,7 @@ def _lay_helipad(scene: WorldBuilder) -> None:
 
 
 def _furnish(scene: WorldBuilder) -> list[Shadow]:
-    """A shed, a crate, bales and rocks, so that the lidar has more to see than trees."""
+    """A shed, a crate, bales and rocks for the lidar, beside the trees."""
     shadows = [_cast(-17.0, 8.5, 1.15, 1.15, 1.5)]
     wood = scene.add_material("wood", draw_wood, kind="cube")
     scene.add("box", (1.6, 1.2, 1.1), (-17.0, 8.5, 1.1), wood, yaw=-0.5)
@@ -153,7 +154,9 @@ def _furnish(scene: WorldBuilder) -> list[Shadow]:
 
 
 def _cast(x: float, y: float, middle: float, up: float, aside: float) -> Shadow:
-    """The shadow of an object with its middle that high, ``up`` and ``aside`` its half extents."""
+    """The shadow of an object with its centre at height ``middle`` and half extents ``up`` and
+    ``aside``.
+    """
     turn, away = math.radians(SUN_DEGREES), SUN_SLOPE * middle
     along = math.hypot(aside, SUN_SLOPE * up)
     return x + away * math.cos(turn), y + away * math.sin(turn), along, aside

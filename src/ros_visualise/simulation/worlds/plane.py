@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from ros_visualise.simulation.mjcf import WorldBuilder
-from ros_visualise.simulation.sky import FACES, draw_sky
-from ros_visualise.simulation.textures import draw_grid
+from ros_visualise.simulation.textures import FACES, draw_grid, draw_sky
 from ros_visualise.simulation.worlds import World
 
 _HALF_M = 150.0
 
 
 def build_plane(scene: WorldBuilder) -> None:
-    """Add a ground in squares of a metre, and nothing on it."""
+    """Add a ground with squares of one metre."""
     scene.add_sky(lambda: draw_sky(256), FACES)
     scene.add_ground(_HALF_M, scene.add_material("grid", draw_grid, repeat=0.5))
 

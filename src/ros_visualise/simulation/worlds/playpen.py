@@ -1,4 +1,4 @@
-"""A fenced yard with obstacles, after the playpen of the Husky's simulation in Gazebo."""
+"""A fenced yard with obstacles, modelled after the playpen of the Husky's simulation in Gazebo."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 
 from ros_visualise.simulation.landmarks import facing
 from ros_visualise.simulation.mjcf import WorldBuilder
-from ros_visualise.simulation.sky import FACES, draw_sky
-from ros_visualise.simulation.textures import draw_concrete, draw_wood
+from ros_visualise.simulation.textures import FACES, draw_concrete, draw_sky, draw_wood
 from ros_visualise.simulation.worlds import ClearArea, World
 
 _HALF_M = 10.0
@@ -47,7 +46,7 @@ def build_playpen(scene: WorldBuilder) -> None:
 
 
 def _fence(scene: WorldBuilder) -> None:
-    """Concrete barriers, side by side, each second one darker."""
+    """Concrete barriers side by side, alternately darker."""
     count = round(2 * _HALF_M / _BARRIER_M)
     for i in range(count):
         along = -_HALF_M + _BARRIER_M * (i + 0.5)

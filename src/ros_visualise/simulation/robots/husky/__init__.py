@@ -1,4 +1,4 @@
-"""A skid-steered rover, after Clearpath's Husky."""
+"""A skid-steered rover, modelled after Clearpath's Husky."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ros_visualise.sources.playback import Playback
 
 @simulated("husky", HuskyNodeParams, ("linear.x", "angular.z"))
 class HuskySource(SimulatedRobot):
-    """A simulated rover, a skid-steered Husky."""
+    """A simulated skid-steered rover, a Husky."""
 
     def __init__(self, params: HuskyNodeParams, playback: Playback) -> None:
         super().__init__("husky", params, params, playback)

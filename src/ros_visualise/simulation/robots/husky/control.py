@@ -1,4 +1,4 @@
-"""The rover: four wheels, steered by the difference of speed between its sides."""
+"""Control of the rover: four wheels, steered by the difference of speed between its sides."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, wrap, yaw_of
-from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.monitoring import (
+    MissionMonitor,
+    StallDetector,
+    TipOverDetector,
+    tell_place,
+)
 from ros_visualise.simulation.robot import Body, Robot
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
-from ros_visualise.simulation.stall import StallDetector, tell_place
-from ros_visualise.simulation.tip_over import TipOverDetector
 
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
-_NAVIGATION_STEPS = 4  # of the physics: every 20 ms
+_NAVIGATION_STEPS = 4  # of the physics: 20 ms
 _LOOKAHEAD_M = 0.5
 _THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
@@ -38,10 +41,10 @@ class Wheels:
 
     @property
     def effective_track(self) -> float:
-        """The track of a robot that turns as this one without slipping.
+        """Track of a robot that turns like this one without slipping.
 
-        In a turn every wheel slides sideways, the faster the farther it is from the middle along x.
-        Friction acts against the slip, and its torques about the middle cancel only if the slip
+        In a turn every wheel slides sideways, the faster the farther it is from the centre along x.
+        Friction acts against the slip, and its torques about the centre cancel only if the slip
         along the wheel is to the slip across it as half the wheelbase is to half the track. This
         gives a factor of 1.80; husky_control has 1.875.
         """
@@ -73,18 +76,18 @@ class Husky(Robot):
 
     @property
     def doing(self) -> str:
-        """What it does now, in a few words."""
+        """Its present activity, in a few words."""
         if self.mission.failure:
             return f"failed: {self.mission.failure}"
         if self._carrot is not None:
             is_mission = self.mission.under_way
-            return f"mission: {self._carrot.place}" if is_mission else "drives to its goal"
+            return f"mission: {self._carrot.place}" if is_mission else "driving to goal"
         if self._wanted != (0.0, 0.0):
-            return "is driven"
-        return "mission over" if self.mission.finished else "waits"
+            return "manual control"
+        return "mission over" if self.mission.finished else "waiting"
 
     def stop(self) -> None:
-        """Stand still, and give up a goal or mission."""
+        """Stand still, and abort a goal or mission."""
         self._carrot, self._wanted = None, (0.0, 0.0)
         self.mission.cancel()
 
@@ -122,7 +125,7 @@ class Husky(Robot):
         self._spin((left, left, right, right))
 
     def _navigate(self, time_s: float) -> None:
-        """Choose speed and turn rate, and check whether the robot moves."""
+        """Choose speed and angular velocity, and check that the robot moves."""
         self._give_up_if_stuck()
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
@@ -131,7 +134,7 @@ class Husky(Robot):
         self._watch()
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """Odometry from how far the wheels of each side have turned."""
+        """Odometry from the rotation of the wheels on each side."""
         fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
         turns = (fl + rl) / 2, (fr + rr) / 2
         left, right = (
@@ -145,7 +148,7 @@ class Husky(Robot):
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
 
-        With the servo alone, wheels under load would turn too slowly.
+        With the servo alone, wheels under load would be too slow.
         """
         speeds = self._data.qvel[6:10].tolist()  # front left, front right, rear left, rear right
         actual = speeds[0], speeds[2], speeds[1], speeds[3]
@@ -155,7 +158,7 @@ class Husky(Robot):
         self._data.ctrl[:] = [w + t for w, t in zip(wanted, self._trim, strict=True)]
 
     def _watch(self) -> None:
-        """Compare its true motion with what it is told; turns count as speeds of the wheels."""
+        """Compare the true motion with the command; rotations count as wheel speeds."""
         yaw, (x, y, _) = self._yaw(), self._place()
         vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
@@ -190,7 +193,7 @@ class Husky(Robot):
         self._cruise = speed
 
     def _pursue(self, carrot: Carrot) -> tuple[float, float]:
-        """Speed and turn rate towards the carrot.
+        """Speed and angular velocity towards the carrot.
 
         Source: Coulter, Implementation of the pure pursuit path tracking algorithm, 1992.
         """
@@ -222,6 +225,6 @@ def _approach(now: float, wanted: float, limit: float, step: float) -> float:
 
 
 def _wheels(model: Any) -> Wheels:
-    """As the model has them; all four are alike."""
+    """Dimensions from the model; all four wheels are alike."""
     x, y, _ = model.body("front_left_wheel").pos.tolist()
     return Wheels(float(model.geom("front_left_tread").size[0]), 2 * y, 2 * x)

@@ -10,9 +10,9 @@ from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 
 @dataclass(frozen=True)
 class HuskyParams(WheelOdometryParams, RobotParams):
-    """Its sensors."""
+    """Sensors of the rover."""
 
 
 @dataclass(frozen=True)
 class HuskyNodeParams(ScenarioParams, HuskyParams):
-    """Its world and mission, and its sensors."""
+    """World, mission and sensors of the rover."""

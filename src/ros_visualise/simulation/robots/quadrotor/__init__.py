@@ -1,4 +1,4 @@
-"""A quadrotor with a camera that looks down."""
+"""A quadrotor with a downward camera."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ros_visualise.sources.playback import Playback
     {TARGET: Odometry},
 )
 class QuadrotorSource(SimulatedRobot):
-    """A simulated quadrotor with a camera that looks down."""
+    """A simulated quadrotor with a downward camera."""
 
     def __init__(self, params: QuadrotorNodeParams, playback: Playback) -> None:
         super().__init__("quadrotor", params, params, playback)
@@ -35,14 +35,14 @@ class QuadrotorSource(SimulatedRobot):
         """Take off and hover."""
         self.act("take_off")
 
-    @action("land right below")
+    @action("land here")
     def land(self) -> None:
-        """Land right below."""
+        """Land here."""
         self.act("land")
 
 
 def default_mission(world: BuiltWorld) -> Mission:
-    """A survey of the middle."""
+    """A survey of the centre."""
     return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
 
 

@@ -1,4 +1,4 @@
-"""The quadrotor: commands, goals and missions move a reference, which it is flown along."""
+"""Control of the quadrotor: commands, goals and missions move a reference, which it follows."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Vector, yaw_of
-from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.monitoring import (
+    MissionMonitor,
+    StallDetector,
+    TipOverDetector,
+    tell_place,
+)
 from ros_visualise.simulation.robot import Body, Robot
 from ros_visualise.simulation.robots.quadrotor.flight import (
     BodyState,
@@ -17,31 +22,35 @@ from ros_visualise.simulation.robots.quadrotor.flight import (
     read_airframe,
 )
 from ros_visualise.simulation.robots.quadrotor.lander import Lander
-from ros_visualise.simulation.robots.quadrotor.mode import FlightMode, tell_flight
-from ros_visualise.simulation.robots.quadrotor.reference import Reference
+from ros_visualise.simulation.robots.quadrotor.mode import (
+    FlightMode,
+    TouchDownDetector,
+    tell_flight,
+)
+from ros_visualise.simulation.robots.quadrotor.reference import (
+    MAX_SPEED,
+    Reference,
+    VelocityCommand,
+)
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
-from ros_visualise.simulation.robots.quadrotor.touch_down import TouchDownDetector
-from ros_visualise.simulation.robots.quadrotor.velocity_command import MAX_SPEED, VelocityCommand
 from ros_visualise.simulation.robots.quadrotor.wind import Wind
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
-from ros_visualise.simulation.stall import StallDetector, tell_place
-from ros_visualise.simulation.tip_over import TipOverDetector
 
 TAKE_OFF_M = 2.0
-_LOWEST_M = 1.0  # height of goals and missions at least
+_LOWEST_M = 1.0  # least height of goals and missions
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
-_HELD_M = 0.5  # farther from the reference than this, something holds the robot
+_HELD_M = 0.5  # farther from the reference than this, the robot is blocked
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
 class Quadrotor(Robot):
-    """It is controlled by its true state; estimating that is left to users of its sensors.
+    """Controlled by its true state; estimating that is left to users of its sensors.
 
-    Where a pad is it knows by its odometry and by what it is told that was seen, alone.
+    The pad is known only from its odometry and observed poses.
     """
 
     def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
@@ -60,7 +69,7 @@ class Quadrotor(Robot):
         self._carrot: Carrot | None = None
         self._route: Route | None = None  # of the mission
         self._cruise = _CLIMB
-        self._next: list[Callable[[], None]] = []  # what to do at the end of the way
+        self._next: list[Callable[[], None]] = []  # to do at the end of the route
         self._command = VelocityCommand()
         self._touch_down = TouchDownDetector(data)
         self._lander: Lander | None = None
@@ -76,21 +85,19 @@ class Quadrotor(Robot):
 
     @property
     def doing(self) -> str:
-        """What it does now, in a few words."""
+        """Its present activity, in a few words."""
         return tell_flight(self._mode, self.mission, self._carrot, self._route)
 
     def take_off(self) -> None:
-        """Take off and hover."""
         self._cancel()
         self._rise(TAKE_OFF_M)
 
     def land(self) -> None:
-        """Land right below."""
         self._cancel()
         self._descend()
 
     def stop(self) -> None:
-        """Hover, and give up a goal or mission."""
+        """Hover, and abort a goal or mission."""
         self._cancel()
         self._carrot = None
         if self._mode is not FlightMode.LANDED:
@@ -101,9 +108,9 @@ class Quadrotor(Robot):
             self._fly([], _CLIMB)
 
     def command(self, twist: Twist, time_s: float) -> None:
-        """Follow a velocity in level axes that turn with the heading, and turn by angular z.
+        """Follow a velocity in level axes that turn with the heading, and rotate by angular z.
 
-        On the ground it waits for a velocity that goes up.
+        On the ground it waits for an upward velocity.
         """
         if self._mode is FlightMode.LANDED and twist.linear_xyz[2] <= 0:
             return
@@ -114,9 +121,9 @@ class Quadrotor(Robot):
         self._command.give(twist, time_s)
 
     def go_to(self, goal: PoseStamped) -> None:
-        """Take off if it stands, fly to a goal and turn to the goal's heading.
+        """Take off if landed, fly to a goal and turn to its heading.
 
-        A goal on the ground plane, as rviz's tool sends it, is flown to at the present height.
+        A goal on the ground plane, as sent by rviz's tool, is approached at the present height.
         """
         x, y, z, w = goal.quat_xyzw.tolist()
         px, py, pz = goal.position_xyz.tolist()
@@ -128,9 +135,9 @@ class Quadrotor(Robot):
         self._after_take_off(pz, lambda: self._fly([(px, py, pz)], 2.0, yaw=yaw))
 
     def start(self, mission: Mission) -> None:
-        """Take off, fly the mission, and return to where it took off and land there.
+        """Take off, fly the mission, return to the take-off point and land there.
 
-        One that lands on something else goes there as soon as it is seen.
+        A mission with another landing target goes there as soon as it is visible.
         """
         self._cancel()
         self.mission.begin()
@@ -158,16 +165,13 @@ class Quadrotor(Robot):
 
     @property
     def lands_by_sight(self) -> bool:
-        """It looks for what it is to land on, or lands there."""
         return self._lander is not None and not self.mission.finished
 
     def see(self, target: Odometry) -> None:
-        """Take in where what it is to land on was seen, in the frame of its odometry."""
         if self._lander is not None:
             self._lander.see(target)
 
     def control(self, time_s: float) -> None:
-        """Set the motors' thrusts for the next step, and the air's forces."""
         self._wind.advance()
         state = BodyState.of(self._data)
         if self._steps % _NAVIGATION_STEPS == 0:
@@ -181,7 +185,7 @@ class Quadrotor(Robot):
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
 
     def _navigate(self, time_s: float, state: BodyState) -> None:
-        """Choose how the reference moves on, and see whether the robot keeps up."""
+        """Choose the motion of the reference, and check that the robot follows it."""
         self._give_up_if_stuck(state)
         if self._mode is FlightMode.LANDED:
             return
@@ -193,7 +197,7 @@ class Quadrotor(Robot):
             self._touch_down.reset()
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """What a camera and an IMU would estimate."""
+        """Visual-inertial odometry."""
         body = self.body
         self._own = self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
         return self._own
@@ -222,7 +226,7 @@ class Quadrotor(Robot):
             then()
 
     def _fly(self, points: list[Vector], speed: float, yaw: float | None = None) -> None:
-        """Go through points, from where the reference is."""
+        """Fly through points, starting from the reference."""
         route = Route([self._reference.position, *points], yaws=[yaw] * (len(points) + 1))
         self._go_along(Carrot(route, speed * _LOOKAHEAD_S), speed)
 
@@ -238,7 +242,7 @@ class Quadrotor(Robot):
             self.mission.begin_leg()
 
     def _cancel(self) -> None:
-        """Give up a mission, and what was to come next."""
+        """Abort a mission and all pending steps."""
         self._next, self._lander = [], None
         self.mission.cancel()
 
@@ -254,7 +258,7 @@ class Quadrotor(Robot):
             self.stop()
 
     def _steer(self, time_s: float, state: BodyState) -> None:
-        """Give the reference its acceleration."""
+        """Set the acceleration of the reference."""
         if self._lander is not None and self._lander.has_seen and self._mode is FlightMode.FLYING:
             self._mode, self._carrot, self._next = FlightMode.HOMING, None, [self.mission.end]
             self.mission.begin_leg()
@@ -269,7 +273,7 @@ class Quadrotor(Robot):
             self._reference.take_up(velocity, self._command.turn)
 
     def _keep_near(self, state: BodyState) -> None:
-        """Hold the reference back if something holds the robot, so that it does not go on alone."""
+        """Hold the reference back when the robot is blocked."""
         off = self._reference.hold_within(_REACH_M, state.position, state.velocity)
         away = math.hypot(*off)
         if away > _REACH_M:
@@ -278,7 +282,7 @@ class Quadrotor(Robot):
         self._stall_detector.watch(wanted, state.velocity, state.position[:2], self._long_dt_s)
 
     def _follow(self, carrot: Carrot, place: Vector) -> None:
-        """Pull the reference along the way; at its end, do what comes next."""
+        """Pull the reference along the route; at its end, do the next step."""
         target = carrot.advance(self._reference.position, self._cruise * self._long_dt_s)
         off_m = math.dist(target, self._reference.position)
         is_there = off_m < _ARRIVED_M and math.dist(target, place) < _THERE_M
@@ -287,7 +291,7 @@ class Quadrotor(Robot):
         self._reference.pull_to(target, carrot.yaw)
 
     def _goes_down(self, state: BodyState) -> bool:
-        """Whether it lands, or a velocity sends it down and something holds it up."""
+        """True if it lands, or is commanded down and something holds it up."""
         if self._mode is FlightMode.HOMING:
             return self._lander is not None and self._lander.touches_down
         sinks = self._mode is FlightMode.COMMANDED and self._command.sinks
@@ -295,7 +299,7 @@ class Quadrotor(Robot):
         return self._mode is FlightMode.LANDING or (sinks and is_held)
 
     def _detect_landing(self, state: BodyState) -> None:
-        """Turn the motors off when it stands on something."""
+        """Turn the motors off when it stands."""
         if self._touch_down.watch(state.position, state.velocity, self._long_dt_s):
             self._mode = FlightMode.LANDED
             if self._next:

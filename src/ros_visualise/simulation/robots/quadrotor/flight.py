@@ -1,4 +1,4 @@
-"""Cascaded control of a quadrotor: position, velocity, attitude, turn rates, motors.
+"""Cascaded control of a quadrotor: position, velocity, attitude, angular velocity, motors.
 
 Axes of the world are x east, y north, z up, of the body x forward, y left, z up.
 
@@ -22,12 +22,12 @@ _MAX_TILT = math.radians(35)
 
 @dataclass(frozen=True)
 class Airframe:
-    """What the controller knows of the quadrotor; SI units.
+    """Model of the quadrotor in the controller; SI units.
 
     Attributes:
         mass: of the whole robot.
         inertia: about the body's axes.
-        arm: distance of each motor from the middle, along x as along y.
+        arm: distance of each motor from the centre, the same along x and y.
         drag: yaw torque of a motor divided by its thrust, metres.
         max_thrust: of one motor.
     """
@@ -40,7 +40,7 @@ class Airframe:
 
 
 class BodyState(NamedTuple):
-    """The body's pose and motion: velocity in the world's axes, turn rates in its own."""
+    """Pose and motion of the body: velocity in the world's axes, angular velocity in its own."""
 
     position: Vector
     attitude: Quat
@@ -56,7 +56,7 @@ class BodyState(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """The position and heading to reach, and how they move: m/s, m/s^2 and rad/s."""
+    """Desired position and heading, and their motion: m/s, m/s^2 and rad/s."""
 
     position: Vector
     velocity: Vector
@@ -66,7 +66,7 @@ class SetPoint(NamedTuple):
 
 
 class FlightController:
-    """Computes the four motors' thrusts from the state and the set point, at each step."""
+    """Computes the four motors' thrusts from the state and the set point."""
 
     POSITION = 1.6  # 1/s
     VELOCITY = 3.2  # 1/s
@@ -80,7 +80,7 @@ class FlightController:
         self.reset()
 
     def reset(self) -> None:
-        """Set the integrators to zero."""
+        """Reset the integrators."""
         self._integral = [0.0, 0.0, 0.0]
 
     def control(self, state: BodyState, target: SetPoint, dt_s: float) -> tuple[float, ...]:
@@ -114,7 +114,7 @@ class FlightController:
         return mass * ax * share, mass * ay * share, mass * up
 
     def _turn(self, attitude: Quat, wanted: Quat, yaw_rate: float) -> Vector:
-        """Turn rates in the body's axes towards the wanted attitude."""
+        """Angular velocity in the body's axes towards the desired attitude."""
         w, x, y, z = multiply(conjugate(attitude), wanted)
         gain = 2 * self.ATTITUDE * (1 if w >= 0 else -1)
         up = rows(attitude)[2]
@@ -135,7 +135,7 @@ class FlightController:
         )
 
     def _mix(self, thrust: float, torque: Vector) -> tuple[float, ...]:
-        """The motors' thrusts; at their limits, yaw is given up first."""
+        """The motors' thrusts; at their limits, yaw is sacrificed first."""
         top = self._frame.max_thrust
         tilt_x = torque[0] / (4 * self._frame.arm)
         tilt_y = torque[1] / (4 * self._frame.arm)
@@ -150,7 +150,7 @@ class FlightController:
 
 
 def _attitude(force: Vector, yaw: float) -> Quat:
-    """The attitude whose z axis is along the force and whose x axis points to ``yaw``.
+    """The attitude with the z axis along the force and the x axis towards ``yaw``.
 
     Yaw about z, then pitch about the new y axis, then roll about the new x axis.
     """

@@ -1,7 +1,7 @@
-"""Landing by sight: down over a target that is seen, and up again where it is lost.
+"""Visual landing: descend over a visible target, climb if it is lost.
 
-All is by what the robot itself knows: where it is told that the target is, and its own odometry.
-Both are in the frame of the odometry, whose drift they share.
+It uses only the robot's own knowledge: the observed target and its odometry. Both are in the frame
+of the odometry, whose drift they share.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
 from ros_visualise.simulation.robots.quadrotor.flight import BodyState
 from ros_visualise.simulation.robots.quadrotor.reference import Reference
 
-_STIFFNESS = 4.0  # 1/s: how the reference is pulled to a target that moves
+_STIFFNESS = 4.0  # 1/s: of the spring from the reference to a moving target
 _LEGS_M = 0.16  # from base_link down to its feet
-_STALE_S = 0.3  # older than this, what is known of the target is not enough to go on down
-_FORGOTTEN_S = 5.0  # until then it moves on as it did
-_SURE_M, _SURE_SLOPE = 0.05, 0.1  # standard deviation that is allowed, by the height over it
-_CONE_M, _CONE_SLOPE = 0.06, 0.12  # how far aside it may be to go on down, by the height over it
-_SLOWEST, _SLOPE, _FASTEST = 0.2, 0.35, 1.2  # m/s down, by the height over it
+_STALE_S = 0.3  # largest age of an observation while descending
+_FORGOTTEN_S = 5.0  # until then its motion is extrapolated
+_SURE_M, _SURE_SLOPE = 0.05, 0.1  # largest standard deviation, by height
+_CONE_M, _CONE_SLOPE = 0.06, 0.12  # largest horizontal offset while descending, by height
+_SLOWEST, _SLOPE, _FASTEST = 0.2, 0.35, 1.2  # m/s down, by height
 _CLIMB = 0.8  # m/s
-_LAST_M = 0.12  # from here on it goes down whatever it sees
+_LAST_M = 0.12  # below this height it descends unconditionally
 _LAST_SPEED = 0.4  # m/s
 _BOUNCED_M = 0.5
 
 
 class Guidance(NamedTuple):
-    """Where to go from here, along the axes in which the robot's heading was given.
+    """Motion to the target, in axes relative to the robot's given heading.
 
     Attributes:
         aside: x and y of the target from the robot, metres.
-        velocity: to take up: the target's, and that of the descent; m/s.
+        velocity: the target's plus that of the descent, m/s.
         yaw: the target's heading, radians.
     """
 
@@ -45,13 +45,13 @@ class Guidance(NamedTuple):
 
 
 class Lander:
-    """Decides how to approach a target.
+    """Controls the approach to a target.
 
     Args:
-        height_m: over the target, from which it is looked for and to which to climb.
+        height_m: height above the target for searching, and to climb to.
 
     Attributes:
-        touches_down: it is so near that it goes down now.
+        touches_down: True in the final descent.
     """
 
     def __init__(self, height_m: float) -> None:
@@ -61,15 +61,15 @@ class Lander:
 
     @property
     def has_seen(self) -> bool:
-        """Whether the target was seen at all."""
+        """True once the target was seen."""
         return self._target is not None
 
     def see(self, target: Odometry) -> None:
-        """Take in where the target is, and how it moves."""
+        """Process the observed pose and velocity of the target."""
         self._target = target
 
     def steer(self, reference: Reference, own: Odometry | None, state: BodyState) -> None:
-        """Pull the reference to the target, with the target's motion."""
+        """Pull the reference to the target, including the target's motion."""
         guidance = None if own is None else self.guide(own, yaw_of(state.attitude))
         if guidance is None:
             reference.take_up((0.0, 0.0, 0.0), 0.0)
@@ -79,11 +79,11 @@ class Lander:
         reference.pull_to(place, guidance.yaw, guidance.velocity, _STIFFNESS)
 
     def guide(self, own: Odometry, yaw: float) -> Guidance | None:
-        """What to do; None where nothing is known of the target.
+        """The motion to the target; None if that is unknown.
 
         Args:
             own: the robot's odometry.
-            yaw: the robot's heading in the axes in which the answer is wanted, radians.
+            yaw: the robot's heading in the axes of the result, radians.
         """
         target = self._target
         if target is None:
@@ -104,7 +104,7 @@ class Lander:
         return Guidance(aside, (vx, vy, climb), wrap(_yaw(target) + turn))
 
     def _choose_climb(self, clear_m: float, aside_m: float, is_sure: bool) -> float:
-        """How fast to go up, m/s."""
+        """Vertical velocity, m/s."""
         cone_m = _CONE_M + _CONE_SLOPE * max(clear_m, 0.0)
         self.touches_down = clear_m < _BOUNCED_M and (
             self.touches_down or (clear_m < _LAST_M and aside_m < cone_m and is_sure)

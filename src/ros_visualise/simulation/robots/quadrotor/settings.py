@@ -19,16 +19,16 @@ _camera = partial(setting, group="camera")
 @dataclass(frozen=True)
 class _DownwardCameraParams(RobotParams):
     camera_pitch: float = _camera(
-        90.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
+        90.0, "pitch of the camera: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
     camera_gimbal: bool = _camera(
-        True, "a gimbal keeps the camera level while the body rolls and pitches"
+        True, "keep the camera level by a gimbal while the body rolls and pitches"
     )
     lidar: bool = setting(False, "switch the lidar on", group="lidar")
 
     @property
     def gimbal(self) -> bool:
-        """A gimbal keeps the camera level."""
+        """True: a gimbal keeps the camera level."""
         return self.camera_gimbal
 
 
@@ -41,9 +41,9 @@ class QuadrotorParams(
     VisualOdometryParams,
     _DownwardCameraParams,
 ):
-    """Its sensors, the wind, and a landing pad."""
+    """Sensors, wind and landing pad of the quadrotor."""
 
 
 @dataclass(frozen=True)
 class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
-    """Its world and mission, and its sensors."""
+    """World, mission and sensors of the quadrotor."""

@@ -1,4 +1,4 @@
-"""Wind with gusts, and the forces that it has on a quadrotor.
+"""Wind with gusts, and its forces on a quadrotor.
 
 Source: MIL-F-8785C, Flying qualities of piloted airplanes, 1980, section 3.7: Dryden's spectra at
 low altitudes, and the mean wind near the ground.
@@ -23,10 +23,10 @@ from ros_visualise.simulation.sensors import setting
 _wind = partial(setting, group="wind")
 
 _FOOT_M = 0.3048
-_REFERENCE_M = 20 * _FOOT_M  # where the wind's speed is given
+_REFERENCE_M = 20 * _FOOT_M  # height of the given wind speed
 _ROUGHNESS_M = 0.15 * _FOOT_M  # of the ground, for take-off and landing
 _LOWEST_M, _HIGHEST_M = 10 * _FOOT_M, 1000 * _FOOT_M  # where the spectra hold
-_SLOWEST_M_S = 0.5  # at which gusts pass by
+_SLOWEST_M_S = 0.5  # speed relative to the gusts
 _STEPS = 4  # of the physics: every 20 ms
 
 
@@ -34,15 +34,15 @@ _STEPS = 4  # of the physics: every 20 ms
 class WindParams:
     """Parameters of the wind."""
 
-    wind: float = _wind(0.0, "mean speed of the wind, 6 m above the ground, m/s", min=0, max=20)
+    wind: float = _wind(0.0, "mean wind speed 6 m above the ground, m/s", min=0, max=20)
     wind_direction: float = _wind(
-        0.0, "where the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
+        0.0, "direction that the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
     )
-    gusts: float = _wind(1.0, "how strong its gusts are; 1: as usual for such a wind", min=0, max=5)
+    gusts: float = _wind(1.0, "strength of gusts; 1: normal for such a wind", min=0, max=5)
 
 
 def mean_wind(speed: float, height_m: float) -> float:
-    """The mean wind at a height, m/s, where it is ``speed`` 6 m above the ground."""
+    """The mean wind at a height, m/s, given its ``speed`` at 6 m above the ground."""
     height_m = max(height_m, 2 * _ROUGHNESS_M)
     return speed * math.log(height_m / _ROUGHNESS_M) / math.log(_REFERENCE_M / _ROUGHNESS_M)
 
@@ -57,14 +57,14 @@ def dryden(speed: float, height_m: float) -> tuple[Floats, Floats]:
 
 
 class Gusts:
-    """Noise with Dryden's spectra, which starts in its steady state.
+    """Noise with Dryden's spectra, starting in its steady state.
 
-    Along the wind it is noise through one lag of L / V, of the length of gusts and the speed at
-    which they pass by. Across and up it is through two, of which the first counts more:
-    (1 + sqrt(3) T s) / (1 + T s)^2.
+    Along the wind it is noise through one lag of L / V, the length of gusts over the relative
+    speed. Across and up there are two lags, the first with more weight: (1 + sqrt(3) T s) / (1 + T
+    s)^2.
 
     Args:
-        random: where its numbers come from.
+        random: source of random numbers.
     """
 
     def __init__(self, random: np.random.Generator) -> None:
@@ -72,7 +72,7 @@ class Gusts:
         self._lags = [_advance((0.0, 0.0), math.inf, kick) for kick in self._kicks()]
 
     def step(self, elapsed_s: float, deviations: Floats, lengths_m: Floats, speed: float) -> Floats:
-        """The gusts (3,), so much later: along the wind, across, up; m/s."""
+        """The gusts (3,) after some time: along the wind, across, up; m/s."""
         parts = (elapsed_s * max(speed, _SLOWEST_M_S) / lengths_m).tolist()
         self._lags = [
             _advance(lags, part, kick)
@@ -89,10 +89,10 @@ class Gusts:
 
 
 def _advance(lags: Sequence[float], part: float, kick: Sequence[float]) -> tuple[float, float]:
-    """Two lags, one after the other, behind white noise whose intensity is their time constant.
+    """Two lags in series, driven by white noise whose intensity is their time constant.
 
-    This is exact, whatever ``part`` of that constant has gone by: noise is added so that in the
-    steady state variances are 1/2 and 1/4, and the covariance is 1/4.
+    Exact for any fraction ``part`` of that constant: the added noise gives variances of 1/2 and 1/4
+    and a covariance of 1/4 in the steady state.
     """
     keep = math.exp(-part)
     carried = keep * part if keep else 0.0
@@ -108,7 +108,7 @@ def _advance(lags: Sequence[float], part: float, kick: Sequence[float]) -> tuple
 
 
 class Wind:
-    """Blows at a quadrotor: MuJoCo has the drag of its body, and here is that of its rotors.
+    """Wind on a quadrotor: MuJoCo computes the drag of its body, this class that of its rotors.
 
     The rotors' drag is proportional to the speed of the air across them.
 
