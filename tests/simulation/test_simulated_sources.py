@@ -248,6 +248,8 @@ def test_a_mission_that_failed_is_begun_again_too(blocked):
     playback = Playback(rate=0, hold=True)
     said = told_of(make("husky", playback, **blocked, repeat=True), 4)
     assert said[0].startswith("mission: waypoint")
-    failed = next(number for number, one in enumerate(said) if one.startswith("failed: husky aborted"))
+    failed = next(
+        number for number, one in enumerate(said) if one.startswith("failed: husky aborted")
+    )
     assert said[failed + 1].startswith("mission: waypoint")
     playback.close()
