@@ -119,7 +119,7 @@ def test_what_is_read_is_not_written(refused: Any, tmp_path: Path) -> None:
             refused("trajectory", source, target, *ROUTE, "--overwrite"),
             refused("trajectory", source, tmp_path / "new", "--plot", target, "--overwrite"),
         ):
-            assert f"{target}: is in use: it is what is read, or a part of it" in line
+            assert f"{target}: is in use: it is the source, or a part of it" in line
 
 
 def test_a_target_that_names_topics_is_compared_too(refused: Any, tmp_path: Path) -> None:
@@ -162,11 +162,11 @@ def test_two_results_are_not_one(refused: Any, tmp_path: Path) -> None:
     source, old = record(tmp_path / "in.bag"), record(tmp_path / "old.mcap")
     (tmp_path / "link.mcap").hardlink_to(old)
     same = ["--record", old, "--record", tmp_path / "link.mcap"]
-    assert "is in use already" in refused("bag", source, *PLAY, *same)
+    assert "already in use" in refused("bag", source, *PLAY, *same)
     new = ["--record", tmp_path / "new.mcap", "--record", tmp_path / "." / "new.mcap"]
-    assert "is in use already" in refused("bag", source, *PLAY, *new)
+    assert "already in use" in refused("bag", source, *PLAY, *new)
     picture = ["--plot", tmp_path / "old.mcap", "--overwrite"]
-    assert "is in use already" in refused("trajectory", source, old, *picture)
+    assert "already in use" in refused("trajectory", source, old, *picture)
 
 
 @pytest.mark.parametrize("name", ["a\nb.mcap", "a\x1b[31m.mcap", "a\0.mcap", "\udcff.mcap", "a\r"])
@@ -233,7 +233,7 @@ class TestFullDisk:
         assert done.returncode == 1
         assert count(old) == 7
         part = tmp_path / "old.part.bag"
-        assert f"messages were kept in {part}; {old} is as it was" in done.stderr
+        assert f"messages were kept in {part}; {old} is unchanged" in done.stderr
         assert main(["convert", str(part), str(tmp_path / "rescued.bag")]) in (0, 1)
         assert 0 < count(tmp_path / "rescued.bag") < 5000
 
@@ -294,7 +294,7 @@ def test_the_folder_is_removed_while_it_is_recorded(tmp_path: Path, name: str) -
         _, error = process.communicate(timeout=60)
     assert process.returncode == 1
     (line,) = (line for line in error.splitlines() if "moved or removed" in line)
-    assert line.endswith("it was moved or removed while it was written; nothing was kept")
+    assert line.endswith("moved or removed while it was written; nothing was kept")
     assert "Traceback" not in error
 
 

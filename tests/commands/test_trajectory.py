@@ -322,7 +322,7 @@ class TestRefusals:
     def test_the_recording_itself(self, refused, tmp_path):
         source = tmp_path / "a.bag"
         source.write_bytes(b"#ROSBAG V2.0\n")
-        assert "what is read" in refused(source, source, "--overwrite")
+        assert "it is the source" in refused(source, source, "--overwrite")
 
     def test_topics(self, recordings, refused, tmp_path):
         bag, out = recordings / "bags" / "evo_ROS_example.bag", tmp_path / "out.tum"
@@ -340,7 +340,7 @@ class TestRefusals:
             assert f"{name}: a picture is drawn as SVG or PNG" in said
             assert ".png or .svg" in said
         same = tmp_path / "way.svg"
-        assert "is in use already" in refused(tmp_path / "a.bag", same, "--plot", same)
+        assert "already in use" in refused(tmp_path / "a.bag", same, "--plot", same)
         assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
 
     def test_comparisons_that_mean_nothing(self, recordings, refused, compared, tmp_path):
@@ -377,7 +377,7 @@ class TestRefusals:
 
     def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
         source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"
-        assert "no folder" in refused(source, out, "--plot", tmp_path / "nowhere" / "way.svg")
+        assert "no such folder" in refused(source, out, "--plot", tmp_path / "nowhere" / "way.svg")
         assert not out.exists()
 
 

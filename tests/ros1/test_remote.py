@@ -411,7 +411,7 @@ def test_a_recording_takes_every_topic_in_the_order_of_arrival(runtime, peer, tm
     wait_until(lambda: len(runtime.graph.topics) >= 4 and node(runtime, "edge_detector"))
     path = tmp_path / "run.mcap"
     recording = runtime.start_recording(path)
-    with pytest.raises(UsageError, match="is being recorded already"):
+    with pytest.raises(UsageError, match="another process is recording to it"):
         runtime.start_recording(path, overwrite=True)
     topics = ("/plain/a", "/plain/b", "/plain/silent_one", "/edges")
     wait_until(lambda: all(received(runtime, topic) > 5 for topic in topics))

@@ -97,7 +97,7 @@ def test_names_and_nodes_that_cannot_be_saved(tmp_path):
         save({"node": Parameters(Awkward())}, tmp_path / "p.mcap")
     with pytest.raises(UsageError, match="no node here has parameters to save"):
         save({}, tmp_path / "p.yaml")
-    with pytest.raises(OpenError, match="there is no folder"):
+    with pytest.raises(OpenError, match="no such folder:"):
         save_anew({"node": Parameters(Awkward())}, tmp_path / "none")
     assert not list(tmp_path.iterdir())
 

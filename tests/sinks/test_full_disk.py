@@ -224,5 +224,5 @@ def test_one_that_cannot_be_begun_leaves_nothing(tmp_path: Path, name: str, old:
         timeout=60,
     )
     assert "File too large; nothing was kept" in run.stderr
-    assert run.stderr.endswith(f"; {tmp_path / name} is as it was\n") == old
+    assert run.stderr.endswith(f"; {tmp_path / name} is unchanged\n") == old
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before

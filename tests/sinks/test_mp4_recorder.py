@@ -171,7 +171,7 @@ def test_a_video_without_images_is_removed(
 ) -> None:
     path = record(tmp_path / "r.mp4", [])
     assert not path.exists()
-    assert "no image came" in caplog.text
+    assert "no images received" in caplog.text
 
 
 def test_what_is_not_its_topic_is_let_go(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_what_has_the_name_by_now_stays(old: Path, tmp_path: Path) -> None:
     recorder.write("/a", noise(0))
     old.rename(tmp_path / "away")
     other.rename(old)
-    with pytest.raises(RecordingError, match="something else has its name by now"):
+    with pytest.raises(RecordingError, match="the old one was replaced meanwhile"):
         recorder.close()
     assert count(old) == 4
     assert count(beside(old)) == 1
@@ -136,7 +136,7 @@ def test_a_disk_that_fills_up_leaves_the_old_one(
     said = str(error.value)
     assert f"No space left on device; the first {kept} messages were kept" in said
     assert str(beside(old)) in said
-    assert said.endswith(f"; {old} is as it was")
+    assert said.endswith(f"; {old} is unchanged")
 
 
 def test_one_that_is_full_at_once_leaves_nothing_else(
@@ -144,7 +144,7 @@ def test_one_that_is_full_at_once_leaves_nothing_else(
 ) -> None:
     record(old := tmp_path / "r.mcap", 0, 1)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10**9, 10**9, 0))
-    with pytest.raises(RecordingError, match=r"No space left on device; .*r\.mcap is as it was"):
+    with pytest.raises(RecordingError, match=r"No space left on device; .*r\.mcap is unchanged"):
         record(old, 0, overwrite=True)
     assert count(old) == 2
     assert list(tmp_path.iterdir()) == [old]
@@ -190,7 +190,7 @@ def start(target: Path) -> subprocess.Popen[str]:
 def test_a_second_process_is_refused_and_a_killed_one_leaves_both(old: Path) -> None:
     before = content(old)
     with start(old) as process:
-        with pytest.raises(OpenError, match="is being recorded already; choose another"):
+        with pytest.raises(OpenError, match="another process is recording to it; choose another"):
             open_recorder(str(old), TOPICS, overwrite=True)
         process.kill()
     assert content(old) == before
@@ -206,7 +206,7 @@ def test_a_second_process_is_refused_and_a_killed_one_leaves_both(old: Path) -> 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_new_one_is_locked_too(tmp_path: Path, name: str) -> None:
     with start(target := tmp_path / name) as process:
-        with pytest.raises(OpenError, match="is being recorded already"):
+        with pytest.raises(OpenError, match="another process is recording to it"):
             open_recorder(str(target), TOPICS, overwrite=True)
         process.kill()
     record(target, 0, 1, overwrite=True)

@@ -84,9 +84,9 @@ def test_what_comes_while_it_is_written_stays(tmp_path: Path) -> None:
     recorder = open_recorder(str(folder), TOPICS, overwrite=True)
     recorder.write("/a", noise(0))
     (folder / "notes.txt").write_text("precious")
-    with pytest.raises(RecordingError, match="holds something else by now") as error:
+    with pytest.raises(RecordingError, match="was changed meanwhile") as error:
         recorder.close()
-    assert f"kept in {folder}.part; {folder} is as it was" in str(error.value)
+    assert f"kept in {folder}.part; {folder} is unchanged" in str(error.value)
     assert sorted(content(folder)) == ["metadata.yaml", "notes.txt", "r_0.mcap"]
     with AnyReader([tmp_path / "r.part"]) as reader:
         assert reader.message_count == 1
@@ -184,8 +184,7 @@ def test_what_a_kill_left_aside_is_told_at_the_next_start(
     assert folder.exists() == (renames == 2)
     record(folder, 0, 1, 2, overwrite=True)
     assert [record.getMessage() for record in caplog.records if str(aside) in record.message] == [
-        f"{aside} is what {folder} was before a run that was killed;"
-        " rename it to have it back, or delete it"
+        f"{aside} is the old {folder}, left by a killed run; rename it to restore it, or delete it"
     ]
     assert count(folder) == 3
     assert count(aside) == 1

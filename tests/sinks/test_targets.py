@@ -56,13 +56,19 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
 @pytest.mark.parametrize(
     ("target", "expected"),
     [
-        ("..", "has no name of its own; give the name of a file or folder"),
-        ("r.avi", r"r.avi: a recording's name ends in .mcap, .bag or .mp4"),
+        ("..", "not a valid name; give the name of a file or folder"),
+        ("r.avi", r"r.avi: the name of a recording ends in .mcap, .bag or .mp4"),
         ("r.mp5", r"; did you mean .mp4\?"),
-        ("r.bag@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
-        ("r.mp4@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
-        ("r.mp4@/edges,/image_raw", "holds one topic of images"),
-        ("r.mp4@/camera_info", "holds one topic of images"),
+        (
+            "r.bag@/nope",
+            "no topic /nope; choose from /image_raw, /camera_info, /edges, /edges_over",
+        ),
+        (
+            "r.mp4@/nope",
+            "no topic /nope; choose from /image_raw, /camera_info, /edges, /edges_over",
+        ),
+        ("r.mp4@/edges,/image_raw", "stores one topic of images"),
+        ("r.mp4@/camera_info", "stores one topic of images"),
     ],
 )
 def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> None:
@@ -88,7 +94,7 @@ def test_targets_that_cannot_be_opened(tmp_path: Path, suffix: str) -> None:
     refused = {
         there: rf"{there} exists; choose another name, or replace it with --overwrite",
         folder: "is a folder",
-        tmp_path / "no" / f"r{suffix}": rf"there is no folder {tmp_path / 'no'}; create it first",
+        tmp_path / "no" / f"r{suffix}": rf"no such folder: {tmp_path / 'no'}; create it first",
         there / f"r{suffix}": "cannot be written: Not a directory",
     }
     for path, expected in refused.items():
@@ -136,16 +142,16 @@ def test_a_ros2_folder_is_replaced_only_if_it_is_one(tmp_path: Path) -> None:
         (
             "r.bag",
             {"compression": "zstd"},
-            "cannot be compressed by zstd; it can by none, lz4, bz2",
+            "unsupported compression zstd; supported: none, lz4, bz2",
         ),
         (
             "r.mcap",
             {"compression": "bz2"},
-            "cannot be compressed by bz2; it can by auto, lz4, none, zstd",
+            "unsupported compression bz2; supported: auto, lz4, none, zstd",
         ),
-        ("r.mp4", {"compression": "lz4"}, "cannot be compressed by lz4"),
-        ("r.bag", {"profile": "ros2"}, "holds messages of ROS 1"),
-        ("r", {"profile": "ros1"}, "holds messages of ROS 2"),
+        ("r.mp4", {"compression": "lz4"}, "unsupported compression lz4; no compression"),
+        ("r.bag", {"profile": "ros2"}, "can only store messages of ROS 1"),
+        ("r", {"profile": "ros1"}, "can only store messages of ROS 2"),
     ],
 )
 def test_what_a_kind_of_file_cannot_hold(

@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import pytest
 
-from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
+from ros_visualise.sinks.mp4 import TICKS_PER_SECOND, VideoTimeline
 
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3600 * SECOND_NS
 
 
 def place(*stamps_ns: int) -> list[int]:
-    timeline = Timeline()
+    timeline = VideoTimeline()
     return [timeline.place(stamp) for stamp in stamps_ns]
 
 
@@ -42,7 +42,7 @@ def test_a_long_gap_is_kept() -> None:
 
 
 def test_the_last_gap_is_told() -> None:
-    timeline = Timeline()
+    timeline = VideoTimeline()
     assert timeline.gap == 3000
     timeline.place(0)
     timeline.place(SECOND_NS // 10)

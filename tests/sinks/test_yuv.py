@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import MEASUREMENTS, Image
-from ros_visualise.sinks.yuv import to_i420
+from ros_visualise.sinks.mp4 import to_i420
 from ros_visualise.vision.measurements import to_picture
 
 

@@ -36,7 +36,7 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
         ".hidden.mcap": "give a name alone",
         "a\0b.mcap": "holds control characters",
         "x" * 250 + ".mcap": "give one of at most 200",
-        "r.txt": "name ends in .mcap, .bag or .mp4",
+        "r.txt": "ends in .mcap, .bag or .mp4",
         "link.mcap": "leads out of the folder",
         "link": "leads out of the folder",
         "old.mcap": "exists",

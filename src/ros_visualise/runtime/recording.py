@@ -189,7 +189,7 @@ class RecorderThread:
     def _write_all(self) -> None:
         try:
             while (found := self._queue.take()) is not None:
-                self._recorder.haste = not self._lossless and self._queue.late_s > _HASTE_S
+                self._recorder.unthrottled = not self._lossless and self._queue.late_s > _HASTE_S
                 self._write(*found)
             self._write_events()
             self.closing = True

@@ -1,13 +1,13 @@
-"""Where messages are recorded to: `open_recorder` finds the recorder by the name's suffix."""
+"""Recorders of messages; `open_recorder` chooses one by the suffix of the name."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import ParameterEvent
@@ -29,17 +29,17 @@ COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
     "bag": ("none", "lz4", "bz2"),
     "mp4": (),
 }
-"""Kind of recording -> how it may be compressed; the first one is what it is if nobody says.
+"""Kind of recording -> its compressions, the default first.
 
-``auto``: small messages by ZSTD, large ones, as images, by LZ4.
+``auto``: small messages by ZSTD, large ones, such as images, by LZ4.
 """
 PARAMETER_EVENTS = "/parameter_events"
 """The topic of a `ros_visualise.data.ParameterEvent`; with ROS 2 types it is always recorded."""
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How a recording is written; as `open_recorder` has them."""
+class SinkSettings:
+    """SinkSettings of a recording; see `open_recorder`."""
 
     encoding: Encoding
     compression: str
@@ -48,45 +48,53 @@ class Settings:
     split: Split | None = None
 
 
-class Recorder(Protocol):
+R = TypeVar("R", bound="Recorder")
+
+
+class Recorder(ABC):
     """An open recording; one thread at a time uses it.
 
     Attributes:
-        haste: write as fast as can be, without compression.
+        unthrottled: write as fast as possible, without compression.
     """
 
-    haste: bool
+    unthrottled = False
 
     @property
     def files(self) -> int:
-        """How many files there are by now, of one that is split; else 1."""
+        """Number of files so far."""
+        return 1
 
     @property
+    @abstractmethod
     def path(self) -> Path:
-        """The file or folder; until it is whole, one that replaces another is beside that."""
+        """The file or folder; while it replaces another one, a place beside that."""
+
+    @property
+    @abstractmethod
+    def topics(self) -> tuple[str, ...]:
+        """The recorded topics; messages of other topics are ignored."""
 
     @property
     def unplaced(self) -> Mapping[str, int]:
-        """What it was given and has no place for: ``attachment`` -> how many of them."""
+        """Things that this format cannot store: ``attachment`` -> their number."""
+        return {}
 
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """What it records; messages of other topics are let go."""
-
-    def add(self, topic: str, kind: TopicType) -> None:
-        """Record one more topic from now on; a video lets it go.
+    def add(self, topic: str, kind: TopicType) -> None:  # noqa: B027
+        """Record one more topic from now on; a video ignores it.
 
         Raises:
             RecordingError: as `write`.
         """
 
-    def add_extra(self, extra: Extra) -> None:
-        """Keep what belongs to no topic, if it has a place for that; else it is `unplaced`.
+    def add_extra(self, extra: Extra) -> None:  # noqa: B027
+        """Store an attachment or metadata; a video ignores it.
 
         Raises:
             RecordingError: as `write`.
         """
 
+    @abstractmethod
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record a message.
 
@@ -94,63 +102,62 @@ class Recorder(Protocol):
             topic: one of `topics`.
             message: one of `ros_visualise.data` or a
                 `ros_visualise.messages.recorded.Recorded`.
-            stamp_ns: its time; else that at which it was recorded before, or that of its header.
+            stamp_ns: its time; by default its earlier time of recording, or its header's stamp.
 
         Raises:
             DamagedMessage: this one cannot be written; others can.
-            RecordingError: it cannot go on, as on a full disk; what was written stays readable.
+            RecordingError: the recording ends, as on a full disk; earlier messages stay readable.
         """
 
+    @abstractmethod
     def close(self, whole: bool = True) -> None:
         """Finish the file; more than once does no harm.
 
         Args:
-            whole: it has all that it should have, and replaces what is to be replaced.
+            whole: the recording is complete, and replaces an old one.
 
         Raises:
             RecordingError: it could not be finished; never after `write` raised it.
         """
 
+    @abstractmethod
     def remove(self) -> None:
-        """Delete what was written, after `close`; what was to be replaced stays."""
+        """Delete the new files, after `close`; an old recording stays."""
 
-    def __enter__(self) -> Recorder: ...
+    def __enter__(self: R) -> R:
+        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(whole=kind is None)
 
 
 def kind_of(path: Path) -> Kind:
-    """What kind of recording a name stands for; one without a suffix is a ROS 2 folder.
+    """The kind of recording by its name; one without a suffix is a ROS 2 folder.
 
     Raises:
-        UsageError: it ends in something else.
+        UsageError: unknown suffix.
     """
     kinds: dict[str, Kind] = {"": "folder", ".mcap": "mcap", ".bag": "bag", ".mp4": "mp4"}
     kind = kinds.get(path.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"{path}: a recording's name ends in .mcap, .bag or .mp4, or then in @/TOPIC; without"
-            " any of these it is the folder of a ROS 2 bag"
+            f"{path}: the name of a recording ends in .mcap, .bag or .mp4, optionally followed by"
+            " @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
             + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
 
 
 def encoding_of(path: Path, profile: Profile | None = None) -> Encoding:
-    """How messages stand in a recording.
+    """The encoding of messages in a recording.
 
     Raises:
-        UsageError: this kind of file does not hold messages of that profile.
+        UsageError: this kind of file cannot store messages of that profile.
     """
     kind = kind_of(path)
     if (kind, profile) in (("bag", "ros2"), ("folder", "ros1")):
         other = "ROS 1 (--profile ros1)" if kind == "bag" else "ROS 2 (--profile ros2)"
-        raise UsageError(f"{path}: holds messages of {other} alone; record to .mcap instead")
+        raise UsageError(f"{path}: can only store messages of {other}; record to .mcap instead")
     return "ros1" if kind == "bag" or profile == "ros1" else "cdr"
 
 
@@ -169,25 +176,24 @@ def open_recorder(
 ) -> Recorder:
     """Open a recording.
 
-    Where no topics are named, it takes all of them, and an .mp4 the last one of images, without
-    those on demand.
-
     Args:
         path: the new file or folder.
-        topics: topic -> type of its messages, of all that there are.
-        overwrite: replace a file that exists.
-        on_demand: those that are only recorded when they are named.
-        named: the topics to record.
-        beside: topic -> the one that is recorded with it, if there is such a one.
-        profile: an .mcap may hold messages of ROS 1; if nobody says, they are of ROS 2.
+        topics: all topics -> type of their messages.
+        overwrite: replace an existing recording.
+        on_demand: topics that are only recorded if named.
+        named: the topics to record; by default all, for an .mp4 the last one of images, without
+            those on demand.
+        beside: topic -> another one that is recorded with it, if it exists.
+        profile: an .mcap may store messages of ROS 1; the default is ROS 2.
         compression: one of `COMPRESSIONS`.
-        live: messages come as they are made: a process that is killed loses none, and changes of
-            parameters are recorded too. Otherwise they are gathered in larger chunks.
-        split: when another file begins, beside the first one or in the same folder; not of videos.
+        live: a killed process loses no message, and changes of parameters are recorded too.
+            Otherwise messages are collected in larger chunks.
+        split: when to begin another file, beside the first one or in the same folder; not for
+            videos.
 
     Raises:
         DamagedMessage: a type that cannot be written so.
-        UsageError: no such topic, compression or kind of file.
+        UsageError: unknown topic, compression or kind of file.
         OpenError: it exists or cannot be written.
     """
     path = Path(path)
@@ -205,12 +211,12 @@ def open_recorder(
     if live and encoding == "cdr":
         wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
     return _open_chunked(
-        path, kind, wanted, Settings(encoding, compression, overwrite, live, split)
+        path, kind, wanted, SinkSettings(encoding, compression, overwrite, live, split)
     )
 
 
 def _open_chunked(
-    path: Path, kind: Kind, wanted: Mapping[str, TopicType], settings: Settings
+    path: Path, kind: Kind, wanted: Mapping[str, TopicType], settings: SinkSettings
 ) -> Recorder:
     if kind == "folder":
         from ros_visualise.sinks.folder import FolderRecorder
@@ -224,7 +230,9 @@ def _open_chunked(
     return SplitRecorder(path, open_file, wanted, settings.split, settings.overwrite)
 
 
-def _open_file(path: Path, wanted: Mapping[str, TopicType], settings: Settings) -> ChunkedRecorder:
+def _open_file(
+    path: Path, wanted: Mapping[str, TopicType], settings: SinkSettings
+) -> ChunkedRecorder:
     if path.suffix.lower() == ".bag":
         from ros_visualise.sinks.bag import BagRecorder
 
@@ -239,8 +247,8 @@ def _choose_compression(path: Path, kind: Kind, wanted: str | None) -> str:
     if wanted is None:
         return next(iter(possible), "")
     if wanted not in possible:
-        can = ", ".join(possible) or "nothing but what it is"
-        raise UsageError(f"{path}: cannot be compressed by {wanted}; it can by {can}")
+        supported = f"supported: {', '.join(possible)}" if possible else "no compression"
+        raise UsageError(f"{path}: unsupported compression {wanted}; {supported}")
     return wanted
 
 
@@ -250,9 +258,8 @@ def _choose_topics(
     topics: Mapping[str, TopicType],
     on_demand: Collection[str],
 ) -> dict[str, TopicType]:
-    """Those that are named, else all but those on demand."""
     for name in named:
         if name not in topics:
-            raise UsageError(f"{path}: no topic {name}; there are {', '.join(topics)}")
+            raise UsageError(f"{path}: no topic {name}; choose from {', '.join(topics)}")
     wanted = named or [name for name in topics if name not in on_demand]
     return {name: topics[name] for name in wanted}

@@ -1,7 +1,7 @@
 """Recording to ROS 1 bags of version 2.0.
 
 Source: "Bags/Format/2.0" in the ROS wiki. The rosbags library writes bags too, but keeps a chunk
-in memory until it is full, so that a process that is killed would lose it.
+in memory until it is full, so that a killed process loses it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ import lz4.frame  # type: ignore[import-untyped]
 from mcap.records import Attachment
 
 from ros_visualise.messages.recorded import Recorded, TopicType
-from ros_visualise.sinks import Settings
+from ros_visualise.sinks import SinkSettings
 from ros_visualise.sinks.chunked import OWN_NAME, ChunkedRecorder
-from ros_visualise.sinks.encoding import Buffer, Declaration
-from ros_visualise.sinks.qos_profiles import profile
+from ros_visualise.sinks.encoding import Buffer, TopicDeclaration, qos_profile
 from ros_visualise.sources.recordings import Extra
 
 _MAGIC = b"#ROSBAG V2.0\n"
-_BAG_HEADER_BYTES = 4096  # with blanks: room to write it again, also by rosbag reindex
+_BAG_HEADER_BYTES = 4096  # padded, so that it can be rewritten, also by rosbag reindex
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _NS = 1_000_000_000
 _U32 = struct.Struct("<I").pack
@@ -33,7 +32,7 @@ _LAST_FIELD = _U32(len(b"time=") + 8) + b"time="
 
 
 def _compress_lz4(data: bytes) -> bytes:
-    """As ROS's own reader wants it: blocks stand alone, and a checksum ends them."""
+    """Independent blocks and a checksum at the end, as ROS's own reader requires."""
     compressed: bytes = lz4.frame.compress(
         data, block_linked=False, content_checksum=True, store_size=False
     )
@@ -53,7 +52,7 @@ class BagRecorder(ChunkedRecorder):
     full_bytes = 768 * 1024  # as rosbag does
     head_bytes = 46
 
-    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: SinkSettings) -> None:
         self._compression = settings.compression
         self._numbers: dict[str, int] = {}
         self._prefixes: dict[str, bytes] = {}
@@ -63,22 +62,24 @@ class BagRecorder(ChunkedRecorder):
         self._chunk = _Chunk()
         super().__init__(path, topics, settings)
 
-    def _begin(self, declared: Mapping[str, Declaration]) -> None:
+    def _begin(self, declared: Mapping[str, TopicDeclaration]) -> None:
         for topic, found in declared.items():
             self._declare(topic, found)
         self._file.write(_MAGIC + self._bag_header(0))
 
-    def _declare(self, topic: str, declared: Declaration) -> None:
+    def _declare(self, topic: str, declared: TopicDeclaration) -> None:
         self._numbers[topic] = number = len(self._numbers)
         self._prefixes[topic] = _fields(op=bytes([_MESSAGE]), conn=_U32(number))
         self._connections[topic] = self._connection(topic, declared)
         profiles = declared.topic.offered_qos.strip()
-        if profiles and profiles != profile(declared.topic.qos):  # else a latched one says the same
-            self.unplaced["QoS profile"] += 1
+        if profiles and profiles != qos_profile(
+            declared.topic.qos
+        ):  # a latched topic has that one anyway
+            self._unplaced["QoS profile"] += 1
         if declared.topic.labels:
-            self.unplaced["topic label"] += len(declared.topic.labels)
+            self._unplaced["topic label"] += len(declared.topic.labels)
 
-    def _connection(self, topic: str, declared: Declaration) -> bytes:
+    def _connection(self, topic: str, declared: TopicDeclaration) -> bytes:
         header = _fields(
             op=bytes([_CONNECTION]), conn=_U32(self._numbers[topic]), topic=topic.encode()
         )
@@ -94,15 +95,14 @@ class BagRecorder(ChunkedRecorder):
         return _record(header, about)
 
     def add_extra(self, extra: Extra) -> None:
-        """As `ros_visualise.sinks.Recorder`; a bag has no place for any."""
-        self.unplaced["attachment" if isinstance(extra, Attachment) else "metadata record"] += 1
+        self._unplaced["attachment" if isinstance(extra, Attachment) else "metadata record"] += 1
 
     def _append(self, topic: str, stamp_ns: int, data: Buffer, message: Any) -> None:
         if isinstance(message, Recorded):
             self._count_unplaced(message)
         chunk = self._chunk
         self._shown_from = len(chunk.parts)
-        if topic not in self._seen:  # who reads an unfinished file finds it before its messages
+        if topic not in self._seen:  # readers of an unfinished file need it before its messages
             self._seen.add(topic)
             chunk.add(self._connections[topic])
         time = _time(stamp_ns)
@@ -114,12 +114,12 @@ class BagRecorder(ChunkedRecorder):
 
     def _count_unplaced(self, message: Recorded) -> None:
         if message.sequence:
-            self.unplaced["sequence number"] += 1
+            self._unplaced["sequence number"] += 1
         if message.publish_ns != message.stamp_ns:
-            self.unplaced["sending time"] += 1
+            self._unplaced["sending time"] += 1
 
     def _show(self) -> None:
-        """Let the chunk at the file's end grow, not compressed, and its index after it."""
+        """Extend the uncompressed chunk at the end of the file, and its index after it."""
         size = self._chunk.size
         added = b"".join(self._chunk.parts[self._shown_from :])
         start = _chunk_start("none", size, size)
@@ -131,7 +131,7 @@ class BagRecorder(ChunkedRecorder):
     def _write_chunk(self, first_ns: int, last_ns: int) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         content = b"".join(chunk.parts)
-        compression = "none" if self.haste else self._compression
+        compression = "none" if self.unthrottled else self._compression
         compressed = _COMPRESS[compression](content)
         self._file.write(_chunk_start(compression, len(content), len(compressed)))
         self._file.write(compressed)
@@ -148,7 +148,7 @@ class BagRecorder(ChunkedRecorder):
         self._chunk_infos.append(_record(header, b"".join(counts)))
 
     def _chunk_index(self, chunk: _Chunk) -> bytes:
-        """Where in a chunk the messages of each topic begin."""
+        """Offsets of the messages of each topic in a chunk."""
         return b"".join(_index(self._numbers[t], found) for t, found in chunk.index.items())
 
     def _finish(self) -> None:
@@ -176,14 +176,14 @@ class BagRecorder(ChunkedRecorder):
 
 @dataclass
 class _Chunk:
-    """What is gathered: its records, and where in them the messages of each topic begin."""
+    """The current chunk: its records, and offsets of the messages of each topic in them."""
 
     parts: list[Buffer] = field(default_factory=list)
     size: int = 0
     index: dict[str, list[bytes]] = field(default_factory=dict)
 
     def add(self, part: Buffer) -> None:
-        """Put bytes at its end."""
+        """Append bytes."""
         self.parts.append(part)
         self.size += len(part)
 

@@ -1,8 +1,8 @@
-"""Recordings of any number of topics in files that are made of chunks."""
+"""Recordings of any number of topics in files made of chunks."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -10,36 +10,35 @@ from typing import Any, ClassVar
 
 from ros_visualise.core.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
-from ros_visualise.sinks import Settings
-from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
+from ros_visualise.sinks import Recorder, SinkSettings
+from ros_visualise.sinks.encoding import Buffer, Encoder, TopicDeclaration
 from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sources.recordings import Extra
 
 OWN_NAME = "/ros_visualise"
-"""Who published a topic, to recordings of ROS 1 that ask for one name."""
+"""The publisher of a topic in recordings of ROS 1, which need one name."""
 
 _LIVE_CHUNK_BYTES = 64 * 1024
 _SPAN_NS = 1_000_000_000
 END_NS = 2**32 * 1_000_000_000  # of the times that ROS 1 holds
-_RECORD_BYTES = 64  # what a message takes beside its own bytes, at most: its record and indexes
+_RECORD_BYTES = 64  # overhead of a message, at most: its record and indexes
 _CHECK_BYTES = 64 * 1024
 
 
-class ChunkedRecorder(ABC):
-    """Messages gathered in chunks that are compressed and written as one.
+class ChunkedRecorder(Recorder):
+    """Messages collected in chunks, each compressed and written as a whole.
 
-    What is in a chunk depends on the sizes and the stamps of messages alone, so that a file does
-    not depend on how fast it was made.
+    The content of a chunk depends on the sizes and the stamps of messages alone, so that a file
+    does not depend on how fast it was written.
 
-    While a graph runs (``live``), a message that waits for its chunk to fill stands at the end of
-    the file already, not compressed, and the chunk takes its place: a process that is killed loses
-    nothing that it had written, or the last chunk if that was being written. Such a chunk spans a
-    second and is small, and large messages fill it at once, so that they are written only once.
+    While a graph runs (``live``), messages of the chunk that is not full yet are already at the end
+    of the file, uncompressed; later the chunk replaces them. A killed process loses no message that
+    it had written, or the last chunk if that was being written. Live chunks are small and span a
+    second at most; large messages fill them at once, so that they are written only once.
 
     Args:
         path: the file.
         topics: topic -> type of its messages; `add` adds others.
-        settings: how it is written.
+        settings: compression and others.
 
     Raises:
         DamagedMessage: a type that cannot be written.
@@ -47,15 +46,12 @@ class ChunkedRecorder(ABC):
     """
 
     full_bytes: ClassVar[int]
-    """When a chunk is full, unless it is live."""
+    """Size of a full chunk, unless it is live."""
     head_bytes: ClassVar[int]
-    """What a message takes in a chunk beside its own bytes, about."""
+    """Overhead of a message in a chunk, approximately."""
 
-    files = 1
-    haste = False
-
-    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
-        self.unplaced: Counter[str] = Counter()
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: SinkSettings) -> None:
+        self._unplaced: Counter[str] = Counter()
         self._encoder, self._live = Encoder(settings.encoding), settings.live
         self.declared = {name: self._encoder.declare(topic) for name, topic in topics.items()}
         self.counts = dict.fromkeys(topics, 0)
@@ -76,17 +72,19 @@ class ChunkedRecorder(ABC):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """As `ros_visualise.sinks.Recorder`."""
         return tuple(self.declared)
 
     @property
     def path(self) -> Path:
-        """As `ros_visualise.sinks.Recorder`."""
         return self._file.path
 
     @property
+    def unplaced(self) -> Counter[str]:
+        return self._unplaced
+
+    @property
     def size(self) -> int:
-        """Bytes of the file by now, about: the same for the same messages."""
+        """Approximate size of the file so far; depends on the messages alone."""
         return self._end + self._waiting_bytes
 
     def add(self, topic: str, kind: TopicType) -> None:
@@ -103,8 +101,8 @@ class ChunkedRecorder(ABC):
             return
         self._require_open()
         if isinstance(message, Recorded) and message.type_name != declared.topic.name:
-            is_of = f"is of {declared.topic.name}, not of {message.type_name}"
-            raise DamagedMessage(f"{topic} {is_of}")
+            expected = declared.topic.name
+            raise DamagedMessage(f"{topic}: {message.type_name} instead of {expected}")
         data = self._encoder.encode(message)
         if stamp_ns is None:
             stamp_ns = recorded_ns(message)
@@ -146,34 +144,23 @@ class ChunkedRecorder(ABC):
             raise self._file.give_up(error, self._count) from None
 
     def remove(self) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         self._file.remove()
 
-    def __enter__(self) -> ChunkedRecorder:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self.close(whole=kind is None)
-
     @abstractmethod
-    def add_extra(self, extra: Extra) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
-
-    @abstractmethod
-    def _begin(self, declared: Mapping[str, Declaration]) -> None:
+    def _begin(self, declared: Mapping[str, TopicDeclaration]) -> None:
         """Write the file's start."""
 
     @abstractmethod
-    def _declare(self, topic: str, declared: Declaration) -> None:
-        """Let a topic be known, at the file's end if it has to be written."""
+    def _declare(self, topic: str, declared: TopicDeclaration) -> None:
+        """Declare a topic, at the end of the file if it has to be written."""
 
     @abstractmethod
     def _append(self, topic: str, stamp_ns: int, data: Buffer, message: Any) -> None:
-        """Take a message into the chunk: its bytes, and itself for what stands beside them."""
+        """Add a message to the chunk: its bytes, and itself for other fields of its record."""
 
     @abstractmethod
     def _show(self) -> None:
-        """Write the message that was appended last at the file's end."""
+        """Write the last message of the chunk at the end of the file."""
 
     @abstractmethod
     def _write_chunk(self, first_ns: int, last_ns: int) -> None:
@@ -181,12 +168,12 @@ class ChunkedRecorder(ABC):
 
     @abstractmethod
     def _finish(self) -> None:
-        """Write what comes after the last chunk."""
+        """Write the records after the last chunk."""
 
     def _publisher(self, topic: TopicType) -> str:
-        """Who published a topic, if that is known and was one node."""
+        """The publisher of a topic, if known and a single node."""
         if len(topic.callerids) > 1:
-            self.unplaced["publisher name"] += len(topic.callerids)
+            self._unplaced["publisher name"] += len(topic.callerids)
         return topic.callerids[0] if len(topic.callerids) == 1 else ""
 
     def _require_open(self) -> None:
@@ -194,7 +181,7 @@ class ChunkedRecorder(ABC):
             raise RecordingError(f"{self.path}: the recording has ended")
 
     def _write_between(self, write: Callable[[], object]) -> None:
-        """Write what stands between two chunks."""
+        """Write records between two chunks."""
         try:
             self._end_chunk()
             self._file.cut(self._end)
@@ -220,7 +207,7 @@ class ChunkedRecorder(ABC):
 
     @property
     def _count(self) -> int:
-        """Messages that were taken by now."""
+        """Number of messages so far."""
         return self._chunked + len(self._waiting)
 
     def _keep(self) -> None:
@@ -228,7 +215,7 @@ class ChunkedRecorder(ABC):
         self._kept = self._count
 
     def _require_room(self, size: int) -> None:
-        """See that the disk has room for so many bytes more; looks once in a while."""
+        """Check that the disk has room for so many more bytes; called once in a while."""
         self._unchecked_bytes = 0
         waiting = self._waiting_bytes + _RECORD_BYTES * len(self._waiting)
         more = size + size // 128 + _CHECK_BYTES
@@ -241,7 +228,7 @@ class ChunkedRecorder(ABC):
     @property
     @abstractmethod
     def _index_bytes(self) -> int:
-        """What `_finish` writes."""
+        """Size of what `_finish` writes."""
 
     def _fail(self, error: OSError) -> RecordingError:
         self._closed = True

@@ -1,4 +1,4 @@
-"""Messages as the bytes of one encoding, wherever they come from."""
+"""Encoding of messages from any source."""
 
 from __future__ import annotations
 
@@ -9,16 +9,24 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
-from rosbags.interfaces import Nodetype
+from rosbags.convert.converter import (
+    LATCH,
+    STATIC_MSGTYPE_RENAMES,
+    is_same_wireformat,
+    migrate_bytes,
+)
+from rosbags.interfaces import Nodetype, QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2.metadata import dump_qos_v8, parse_qos
 
 from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.core.yaml_files import BadYaml, parse_yaml
 from ros_visualise.data import CompressedImage, Image, Message, Path
 from ros_visualise.data.fields import Fields, build
 from ros_visualise.messages import data_class, from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
 from ros_visualise.messages.misfits import refused
 from ros_visualise.messages.path_bytes import pose_bytes
+from ros_visualise.messages.qos import VOLATILE, QoS
 from ros_visualise.messages.recorded import Recorded, TopicType
 
 log = logging.getLogger(__name__)
@@ -31,11 +39,11 @@ _ROS = {"ros1": "ROS 1", "cdr": "ROS 2"}
 
 
 @dataclass(frozen=True)
-class Declaration:
-    """What a file says of a topic's messages.
+class TopicDeclaration:
+    """A topic as declared in a file.
 
-    Their type as ``sensor_msgs/msg/Image``, its whole definition, its MD5 or hash; and of `topic`
-    how they are delivered and who published them.
+    ``name`` is its type as ``sensor_msgs/msg/Image``, ``text`` the whole definition of that,
+    ``digest`` its MD5 or hash.
     """
 
     name: str
@@ -43,9 +51,17 @@ class Declaration:
     digest: str
     topic: TopicType
 
+    @property
+    def offered_qos(self) -> str:
+        """QoS profiles of the publishers as YAML: those of its recording, else of `TopicType.qos`.
+
+        Empty for ROS's default. ``ros2 bag play`` uses them to offer latched topics.
+        """
+        return self.topic.offered_qos or qos_profile(self.topic.qos)
+
 
 class Encoder:
-    """Writes messages in one encoding; recorded ones that stand in it keep their bytes.
+    """Writes messages in one encoding; recorded ones of that encoding keep their bytes.
 
     Recorded messages of the other encoding are rewritten by the rosbags library: byte by byte where
     ROS 1 and ROS 2 define a type alike, else field by field. Types that only their recording knows
@@ -58,11 +74,11 @@ class Encoder:
         self._conversions: dict[tuple[str, Definitions], _Convert] = {}
         self._defaults: dict[str, object] = {}
 
-    def declare(self, topic: TopicType) -> Declaration:
-        """How a topic's messages stand in the file.
+    def declare(self, topic: TopicType) -> TopicDeclaration:
+        """The declaration of a topic in a file.
 
         Raises:
-            DamagedMessage: this encoding has no such type; the message says why.
+            DamagedMessage: this encoding cannot store such a type.
         """
         source, name = topic.definitions, topic.name
         is_copied = isinstance(source, Undecoded) and source.encoding == self.encoding
@@ -80,15 +96,15 @@ class Encoder:
             raise DamagedMessage(f"{name}: {_ROS[self.encoding]} cannot hold this type") from error
         if self._is_ros1:
             text = _THREE_PARTS.sub(r"\1\2/\3", text)
-        return Declaration(self._rename(name), text, digest, topic)
+        return TopicDeclaration(self._rename(name), text, digest, topic)
 
     def encode(self, message: Any) -> Buffer:
         """The bytes of one of `ros_visualise.data` or of a `Recorded`.
 
         Raises:
-            DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970 or an
-                int where a string belongs; or a recorded one is none of its type, or cannot be
-                converted. No other error is raised, whatever the message is.
+            DamagedMessage: this encoding cannot store a value, such as a stamp before 1970 or an
+                int in place of a string; or a recorded message is damaged or cannot be converted.
+                No other error is raised, whatever the message is.
         """
         if isinstance(message, Recorded):
             return self._encode_recorded(message)
@@ -111,7 +127,7 @@ class Encoder:
             ) from error
 
     def parts(self, message: Any) -> list[Buffer]:
-        """As `encode`, in pieces one after the other: pixels as they lie in memory.
+        """The same bytes as of `encode`, in parts, with pixels not copied.
 
         Raises:
             DamagedMessage: as `encode`.
@@ -138,7 +154,7 @@ class Encoder:
         return self._own.write(message.type_name, to_message(message, self._own.types))
 
     def _encode_path(self, path: Path) -> bytes:
-        """As the library would, which makes an object of every pose."""
+        """Equal to the bytes of the library, which makes an object of every pose."""
         empty = Path(path.stamps_ns[:0], path.positions_xyz[:0], path.quats_xyzw[:0])
         message = to_message(empty, self._own.types, path.header)
         written = bytes(self._own.write(type_name(Path), message))
@@ -147,7 +163,7 @@ class Encoder:
         return written[:-4] + count + pose_bytes(path, self.encoding, start)
 
     def _rename(self, name: str) -> str:
-        """A type's name in this encoding; ROS 1 has none of actions' and services' parts."""
+        """A type's name in this encoding; ROS 1 lacks names for parts of actions and services."""
         if self._is_ros1:
             return _THREE_PARTS.sub(r"\2/msg/\3", name)
         return STATIC_MSGTYPE_RENAMES.get(name, name)
@@ -165,7 +181,7 @@ class Encoder:
         return self._conversions[key]
 
     def _adopt(self, source: Definitions, name: str) -> None:
-        """Define a type that this encoding does not know, and those that it is made of."""
+        """Define an unknown type in this encoding, and the types of its fields."""
         own, given = self._own.store, source.store.fielddefs
         found: dict[str, Any] = {}
         left = [name]
@@ -179,7 +195,7 @@ class Encoder:
         own.register(found)
 
     def _adapt(self, about: _About) -> _About:
-        """What a field is in this encoding; ROS 1 has no bounds."""
+        """A field's type in this encoding; ROS 1 has no bounds."""
         kind, content = about
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             element, size = content
@@ -199,7 +215,7 @@ class Encoder:
             kind = data_class(name)
             if kind is not None and kind.renamed and kind.type_name == name:
                 return partial(self._rewrite, source, name, kind)
-            log.info("%s: ROS 1 and ROS 2 differ here; fields are kept by their names", name)
+            log.info("%s differs between ROS 1 and ROS 2; copying fields by name", name)
             return migrate
         if self._is_ros1:
             direct = partial(source.store.cdr_to_ros1, typename=name)
@@ -207,7 +223,7 @@ class Encoder:
         return partial(own.ros1_to_cdr, typename=target)
 
     def _rewrite(self, source: Definitions, name: str, kind: type[Message], data: Buffer) -> Buffer:
-        """Read a message as one of ours and write that."""
+        """Decode a message to one of ours and encode that."""
         return self.encode(from_message(source.read(name, data), kind))
 
     @property
@@ -227,3 +243,24 @@ def _migrate(
     return migrate_bytes(
         source, own, name, target, defaults, data, src_is2=to_ros1, dst_is2=not to_ros1
     )
+
+
+def qos_profile(qos: QoS) -> str:
+    """QoS profile of one publisher, as YAML; empty for ROS's default."""
+    if qos == VOLATILE:
+        return ""
+    found = LATCH[0]._replace(
+        history=QosHistory.KEEP_LAST,
+        depth=qos.depth,
+        reliability=QosReliability.RELIABLE if qos.reliable else QosReliability.BEST_EFFORT,
+        durability=QosDurability.TRANSIENT_LOCAL if qos.transient_local else QosDurability.VOLATILE,
+    )
+    return dump_qos_v8([found])
+
+
+def numbered_qos(profiles: str) -> str:
+    """QoS profiles with numbers for words, as in ``metadata.yaml``; empty if damaged."""
+    try:
+        return dump_qos_v8(parse_qos(parse_yaml(profiles.encode())))
+    except (BadYaml, LookupError, TypeError, ValueError, AttributeError):
+        return ""

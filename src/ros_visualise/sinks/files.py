@@ -15,22 +15,21 @@ from ros_visualise.core.paths import may_replace
 from ros_visualise.sinks.targets import Target, sync, take_over
 
 _own: dict[Path, tuple[int, ...] | None] = {}
-"""Files that `save_again` wrote: where they are, and what tells whether they are still the same."""
+"""Files that `save_again` wrote -> their identity at that time."""
 _RESERVE_BYTES = 64 * 1024
-"""What stays free on a disk that fills up, so that a recording can be finished."""
+"""Space left free on a full disk, so that a recording can be finished."""
 
 
 class TargetFile(Target):
-    """A new file whose whole parts outlive a write that fails.
+    """A new file whose complete parts outlive a failed write.
 
-    The writer calls `keep` where what it has written so far can be read. `fail` cuts the file off
-    there; from then on it swallows what it is given, so that a library that still wants to finish
-    its file does no harm.
+    The writer calls `keep` where the file can be read so far. `fail` truncates the file there and
+    ignores later writes, so that a library may still finish its file.
 
     Args:
         path: its name.
-        overwrite: whether it may be there.
-        live: leave 1 GiB or 5% of the disk free, for what a running graph makes has no end.
+        overwrite: replace an existing file.
+        live: leave 1 GiB or 5% of the disk free, as a running graph never ends by itself.
 
     Raises:
         OpenError: as `Target`.
@@ -55,11 +54,11 @@ class TargetFile(Target):
         return len(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """As of any file."""
+        """See `io.IOBase`."""
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """As of any file."""
+        """See `io.IOBase`."""
         return self._file.tell()
 
     @property
@@ -68,10 +67,10 @@ class TargetFile(Target):
         return os.fstat(self._file.fileno()).st_size
 
     def require_room(self, size: int) -> None:
-        """See that so many bytes can be written, and the end of the file after them.
+        """Check that so many bytes can be written, and the end of the file after them.
 
         Raises:
-            OSError: they cannot.
+            OSError: no space left.
         """
         self.require_there()
         disk = shutil.disk_usage(self.path.parent)
@@ -82,18 +81,18 @@ class TargetFile(Target):
             raise OSError(errno.ENOSPC, f"its disk has less than {words} left")
 
     def keep(self) -> None:
-        """What is written so far can be read as it is."""
+        """Note that the file can be read up to here."""
         self._kept = self.size
 
     def cut(self, size: int) -> None:
-        """Drop what comes after so many bytes, and go on there."""
+        """Truncate the file to so many bytes, and continue there."""
         if not self.failed:
             self._kept = min(self._kept, size)
             self._file.seek(size)
             self._file.truncate()
 
     def fail(self) -> None:
-        """Drop what was written after the last `keep`, and all that comes."""
+        """Truncate the file to the last `keep`, and ignore later writes."""
         self.failed = True
         self._file.truncate(self._kept)
 
@@ -110,7 +109,7 @@ class TargetFile(Target):
         return path
 
     def _open(self, path: str, flags: int) -> int:
-        """To its owner alone, until it has the rights of what it replaces."""
+        """Open it for its owner only, until it takes over the permissions of the old file."""
         return os.open(path, flags, 0o600 if self.replaces else 0o666)
 
     def _sync(self) -> None:
@@ -127,7 +126,7 @@ def write_file(path: Path, data: bytes, overwrite: bool = False) -> None:
     """Write a whole file, or nothing.
 
     Raises:
-        OpenError: it is there and not to be replaced, or it cannot be written.
+        OpenError: it exists already, or cannot be written.
         RecordingError: it could not be written to its end.
     """
     target = TargetFile(path, overwrite)
@@ -140,10 +139,10 @@ def write_file(path: Path, data: bytes, overwrite: bool = False) -> None:
 
 
 def save_again(path: Path, data: bytes) -> None:
-    """Write a file that a running node is asked for, maybe more than once; raises as `write_file`.
+    """Write a file that a running node may save more than once; raises as `write_file`.
 
-    It replaces what this process wrote there and nobody changed since; else only what
-    `ros_visualise.core.paths.may_replace` allows.
+    It replaces a file that this process wrote, unless it was changed since; other files only if
+    `ros_visualise.core.paths.may_replace` allows it.
     """
     place = Path(os.path.realpath(path))
     write_file(path, data, may_replace() or _own.get(place, ()) == _identity(place))
@@ -151,7 +150,7 @@ def save_again(path: Path, data: bytes) -> None:
 
 
 def _identity(path: Path) -> tuple[int, ...] | None:
-    """What changes whenever a file is replaced or written; None where there is none."""
+    """Properties that change whenever a file is replaced or written; None if it is missing."""
     with suppress(OSError):
         about = path.stat()
         return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns

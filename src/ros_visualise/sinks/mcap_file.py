@@ -38,10 +38,9 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from ros_visualise.messages.recorded import Recorded, TopicType
-from ros_visualise.sinks import Settings
+from ros_visualise.sinks import SinkSettings
 from ros_visualise.sinks.chunked import OWN_NAME, ChunkedRecorder
-from ros_visualise.sinks.encoding import Buffer, Declaration
-from ros_visualise.sinks.qos_profiles import offered_qos
+from ros_visualise.sinks.encoding import Buffer, TopicDeclaration
 from ros_visualise.sources.recordings import Extra
 
 _COMPRESS: dict[str, Callable[[bytes], bytes]] = {
@@ -55,7 +54,7 @@ _PROFILES = {"ros1": ("ros1", "ros1msg", "ros1"), "cdr": ("ros2", "ros2msg", "cd
 _CHUNK_INDEX_BYTES = 128
 _LATEST_NS = 2**64 - 1
 _MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_OP = int(Opcode.MESSAGE)  # of an enumeration it would be looked up for each message
+_MESSAGE_OP = int(Opcode.MESSAGE)  # looking it up in the enumeration takes long
 _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 _CHUNK = struct.Struct("<BQQQQII")
 _CHUNK_FIELDS_BYTES = _CHUNK.size - struct.calcsize("<BQ")
@@ -65,7 +64,7 @@ _FOOTER_START = struct.Struct("<BQQQ")
 
 @dataclass
 class _Chunk:
-    """What is gathered: its records, and channel -> stamp and place of each message."""
+    """The current chunk: its records, and channel -> stamp and offset of each message."""
 
     parts: list[Buffer] = field(default_factory=list)
     size: int = 0
@@ -73,10 +72,10 @@ class _Chunk:
 
 
 class McapRecorder(ChunkedRecorder):
-    """Any number of topics in one .mcap; what is made now was published when it was logged.
+    """Any number of topics in one .mcap; new messages are published when they are logged.
 
-    Unless it is told otherwise, chunks of small messages are compressed with ZSTD, and those of
-    large ones, as images, with LZ4: edges shrink to 2-30% in one to two times the time of copying
+    By default, chunks of small messages are compressed with ZSTD, and those of large ones, such as
+    images, with LZ4: edges shrink to 2-30% in one to two times the time of copying
     them, colour video to 60-98% at 200-300 MB/s. ZSTD would halve the edges and save another 7-30%
     of the colour, at two to four times the cost: too slow for colour at 1080p.
     """
@@ -84,7 +83,7 @@ class McapRecorder(ChunkedRecorder):
     full_bytes = 1 << 20
     head_bytes = _MESSAGE.size
 
-    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: SinkSettings) -> None:
         self._compression = settings.compression
         self._profile, self._schema_encoding, self._encoding = _PROFILES[settings.encoding]
         self._schemas: dict[tuple[str, bytes], Schema] = {}
@@ -96,20 +95,20 @@ class McapRecorder(ChunkedRecorder):
         self._metadata_indexes: list[MetadataIndex] = []
         super().__init__(path, topics, settings)
 
-    def _begin(self, declared: Mapping[str, Declaration]) -> None:
+    def _begin(self, declared: Mapping[str, TopicDeclaration]) -> None:
         for topic, found in declared.items():
             self._register(topic, found)
         header = Header(self._profile, "ros_visualise")
         topics = [header, *self._schemas.values(), *self._channels.values()]
         self._file.write(MCAP0_MAGIC + _records(topics))
 
-    def _declare(self, topic: str, declared: Declaration) -> None:
+    def _declare(self, topic: str, declared: TopicDeclaration) -> None:
         known = len(self._schemas)
         self._register(topic, declared)
         schemas = list(self._schemas.values())[known:]
         self._file.write(_records([*schemas, self._channels[topic]]))
 
-    def _register(self, topic: str, declared: Declaration) -> None:
+    def _register(self, topic: str, declared: TopicDeclaration) -> None:
         name = declared.name
         if self._profile == "ros1":
             name = name.replace("/msg/", "/")
@@ -126,18 +125,17 @@ class McapRecorder(ChunkedRecorder):
             schema_id=schema.id,
         )
 
-    def _metadata(self, declared: Declaration) -> dict[str, str]:
-        """As rosbag2 or ROS 1 write it; with what of the other the recording it comes from has."""
+    def _metadata(self, declared: TopicDeclaration) -> dict[str, str]:
+        """Metadata as rosbag2 or ROS 1 write it, and what the source recording has of the other."""
         topic, callerid = declared.topic, self._publisher(declared.topic)
         if self._profile == "ros2":
             named = {"callerid": callerid} if callerid else {}
-            return {"offered_qos_profiles": offered_qos(topic), **named, **dict(topic.labels)}
+            return {"offered_qos_profiles": declared.offered_qos, **named, **dict(topic.labels)}
         found = {"callerid": callerid or OWN_NAME, "md5sum": declared.digest, **dict(topic.labels)}
         found |= {"latching": "1"} if topic.qos.transient_local else {}
         return found | ({"offered_qos_profiles": topic.offered_qos} if topic.offered_qos else {})
 
     def add_extra(self, extra: Extra) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         record = _records([extra])
         self._require_open()
         self._require_room(len(record))
@@ -206,7 +204,7 @@ class McapRecorder(ChunkedRecorder):
         self._chunk_indexes.append(_records([found]))
 
     def _compression_of(self, chunk: _Chunk) -> str:
-        if self.haste:
+        if self.unthrottled:
             return "none"
         if self._compression != "auto":
             return self._compression
@@ -267,7 +265,7 @@ def _records(records: Iterable[McapRecord]) -> bytes:
 
 
 def _message_index(channel: int, entries: list[int]) -> bytes:
-    """Where the messages of a channel are: their stamps and places in turn."""
+    """The index of a channel's messages; entries are stamps and offsets in turn."""
     size = 8 * len(entries)
     head = _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 2 + 4 + size, channel, size)
     return head + struct.pack(f"<{len(entries)}Q", *entries)

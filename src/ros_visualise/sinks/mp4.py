@@ -10,19 +10,25 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
+import numpy as np
+import numpy.typing as npt
 from av.codec.codec import UnknownCodecError
 from av.video.frame import PictureType
 
 from ros_visualise.core.errors import DamagedMessage, OpenError, RecordingError, UsageError
-from ros_visualise.data import Image
+from ros_visualise.data import MEASUREMENTS, Image
 from ros_visualise.messages.recorded import Recorded, TopicType, content
+from ros_visualise.sinks import Recorder
 from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
-from ros_visualise.sinks.yuv import Bytes, even_size, to_i420
-from ros_visualise.sources.recordings import Extra
+from ros_visualise.vision.measurements import to_picture
 
 log = logging.getLogger(__name__)
 
+TICKS_PER_SECOND = 90_000
+"""Ticks of presentation times; 29.97 and 23.976 fps are whole numbers of them."""
+
+_MAX_GAP = 3600 * TICKS_PER_SECOND
 _KEYFRAME_TICKS = TICKS_PER_SECOND  # what a seek decodes at most
 _INDEX_BYTES = 64  # what one image adds to the index at the file's end, at most
 _FRAGMENT_BYTES = 256  # and what its own fragment takes beside it
@@ -40,56 +46,52 @@ _FILE_OPTIONS = {
     "movflags": "hybrid_fragmented+frag_every_frame+default_base_moof",
     "fflags": "+flush_packets+bitexact",
 }
+Bytes = npt.NDArray[Any]  # of uint8; OpenCV's own stubs are wider than that
+
+_STUDIO_RANGE = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
+_NEUTRAL = 128
 
 
 def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> str:
-    """The topic that an .mp4 holds: the one that was named, or the last one of images.
+    """The topic that an .mp4 stores: the named one, or the last one of images.
 
     Raises:
-        UsageError: there is none, or something else was named.
+        UsageError: no topic of images, or something else was named.
     """
     images = [topic for topic, kind in topics.items() if kind.data_class is Image]
     if named and (len(topics) > 1 or not images):
-        raise UsageError(f"{path}: an .mp4 holds one topic of images; record to .mcap instead")
+        raise UsageError(f"{path}: an .mp4 stores one topic of images; record to .mcap instead")
     if not images:
-        raise UsageError(f"{path}: there is no topic of images to record")
+        raise UsageError(f"{path}: no topic of images to record")
     return images[-1]
 
 
-class Mp4Recorder:
+class Mp4Recorder(Recorder):
     """One topic of images in an .mp4 that keeps the times of its images.
 
     All images take the size of the first one, 16-bit ones are scaled to 8 bit, mosaics become
     colour. While it is written the file can be read up to the last image but one.
     """
 
-    files = 1
-    haste = False  # it cannot
-
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:
         _require_encoder(path)
-        self.topics: tuple[str, ...] = (topic,)
-        self.unplaced: Mapping[str, int] = {}
+        self._topic = topic
         self._file = TargetFile(path, overwrite, live=True)
         self._video: _Video | None = None
-        self._timeline = Timeline()
+        self._timeline = VideoTimeline()
         self._closed = False
         self._warned = False
 
     @property
     def path(self) -> Path:
-        """As `ros_visualise.sinks.Recorder`."""
         return self._file.path
 
-    def add(self, topic: str, kind: TopicType) -> None:
-        """A video holds one topic: others are let go."""
-
-    def add_extra(self, extra: Extra) -> None:
-        """Leave it out: a video holds only images."""
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (self._topic,)
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
-        """Record an image at its stamp; as `ros_visualise.sinks.Recorder`."""
-        if topic not in self.topics:
+        if topic != self._topic:
             return
         if self._closed:
             raise RecordingError(f"{self.path}: the recording has ended")
@@ -111,7 +113,9 @@ class Mp4Recorder:
             return
         self._closed = True
         if self._video is None:
-            log.warning("%s: no image came, so there is no video%s", self.path, self._file.fate)
+            log.warning(
+                "%s: no images received, so no video was written%s", self.path, self._file.fate
+            )
             self._file.remove()
             return
         try:
@@ -124,14 +128,7 @@ class Mp4Recorder:
             raise self._file.give_up(error, self._video.count) from None
 
     def remove(self) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         self._file.remove()
-
-    def __enter__(self) -> Mp4Recorder:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self.close(whole=kind is None)
 
     def _planes(self, message: Any) -> tuple[Image, tuple[int, int], Bytes]:
         """An image, the size of the video, and the image as the encoder takes it.
@@ -240,7 +237,7 @@ class _Video:
         self._container.close()
 
     def abandon(self) -> int:
-        """Leave the file with its whole fragments; the number of images in them."""
+        """End the file after its last complete fragment; returns the number of images in it."""
         self._file.fail()
         with contextlib.suppress(OSError, av.FFmpegError):
             self._container.close()
@@ -255,3 +252,86 @@ def _require_encoder(path: Path) -> None:
             f"{path}: this PyAV is built without {_ENCODER}; record to .mcap instead, or replace it"
             " by `pip install --force-reinstall av`"
         ) from None
+
+
+class VideoTimeline:
+    """Presentation times for stamps, from zero on and always increasing.
+
+    Gaps between stamps are kept. Where the clock jumps - backwards, or more than an hour ahead - a
+    message follows the last one after the last gap.
+
+    Attributes:
+        gap: the last gap between two messages, in ticks.
+    """
+
+    def __init__(self) -> None:
+        self.gap = TICKS_PER_SECOND // 30
+        self._ticks: int | None = None
+        self._stamp_ns = 0
+        self._zero_ns = 0  # the stamp that would be at time zero
+
+    def place(self, stamp_ns: int) -> int:
+        """Time of the next message, in ticks."""
+        if self._ticks is None:
+            self._ticks, self._zero_ns = 0, stamp_ns
+        else:
+            self._ticks, last = self._next(stamp_ns, self._ticks), self._ticks
+            self.gap = self._ticks - last
+        self._stamp_ns = stamp_ns
+        return self._ticks
+
+    def _next(self, stamp_ns: int, last: int) -> int:
+        ticks = _divide((stamp_ns - self._zero_ns) * TICKS_PER_SECOND, 1_000_000_000)
+        if stamp_ns <= self._stamp_ns or ticks - last > _MAX_GAP:
+            ticks = last + self.gap
+            self._zero_ns = stamp_ns - _divide(ticks * 1_000_000_000, TICKS_PER_SECOND)
+        return max(ticks, last + 1)
+
+
+def _divide(numerator: int, denominator: int) -> int:
+    return (numerator + denominator // 2) // denominator
+
+
+def even_size(image: Image) -> tuple[int, int]:
+    """(Width, height) of the image, one more where it is odd."""
+    return image.width + image.width % 2, image.height + image.height % 2
+
+
+def to_i420(image: Image, size: tuple[int, int]) -> Bytes:
+    """The planes Y, U and V below one another: (height * 3 / 2, width).
+
+    An odd row or column is doubled; an image of any other size is scaled.
+    """
+    pixels, order = _to_8_bit(image)
+    if even_size(image) == size:
+        right, bottom = size[0] - image.width, size[1] - image.height
+        if right or bottom:
+            pixels = cv2.copyMakeBorder(pixels, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+    else:
+        pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    if order == "gray":
+        return _gray_to_i420(pixels)
+    return cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{order}2YUV_I420"))
+
+
+def _to_8_bit(image: Image) -> tuple[Bytes, str]:
+    """Pixels, and the order of their channels as OpenCV names it; a mosaic becomes colour."""
+    pixels: Bytes = image.pixels
+    if image.encoding in MEASUREMENTS:
+        return to_picture(pixels), "BGR"
+    if pixels.dtype == np.uint16:
+        pixels = cv2.convertScaleAbs(pixels, alpha=255 / 65535)
+    kind = image.encoding.rstrip("0123456789")
+    if kind == "mono":
+        return np.ascontiguousarray(pixels, np.uint8), "gray"
+    if kind.startswith("bayer_"):
+        pattern = kind.removeprefix("bayer_").upper()
+        return cv2.cvtColor(pixels, getattr(cv2, f"COLOR_Bayer{pattern}2BGR")), "BGR"
+    return np.ascontiguousarray(pixels, np.uint8), kind.upper()
+
+
+def _gray_to_i420(gray: Bytes) -> Bytes:
+    height, width = gray.shape
+    planes = np.full((height * 3 // 2, width), _NEUTRAL, np.uint8)
+    cv2.LUT(gray, _STUDIO_RANGE, dst=planes[:height])
+    return planes

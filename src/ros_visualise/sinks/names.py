@@ -1,4 +1,4 @@
-"""Which names may be written to."""
+"""Names of targets on the command line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.core.paths import check_printable
 from ros_visualise.sources.recordings.metadata import METADATA
 
 _LEFT_BY_SQLITE = ("-wal", "-journal", "-shm")
-"""What comes after a database's name in those of the files that belong to it."""
+"""Suffixes of the files that belong to a database."""
 
 
 def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
@@ -29,34 +29,35 @@ def record_folder(path: Path) -> Path:
     """The folder that a page records to.
 
     Raises:
-        OpenError: there is none.
+        OpenError: no such folder.
     """
     check_printable(path)
     if not os.path.isdir(path):
-        raise OpenError(f"{path}: there is no such folder to record to; create it first")
+        raise OpenError(f"{path}: no such folder to record to; create it first")
     return path
 
 
 def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
-    """Refuse a target that is given twice or is being read, whatever it is called.
+    """Reject targets that coincide with each other or with the source, under whatever names.
 
     Args:
-        targets: what is going to be written.
-        source: what is read; there need be no such file, as of a camera.
+        targets: files and folders to write.
+        source: the source; not a file for a camera.
 
     Raises:
-        UsageError: two are one, one is in the other, or a target holds or is a part of the source.
+        UsageError: two coincide, one contains the other, or a target contains or is a part of the
+            source.
     """
     for number, target in enumerate(targets):
         check_printable(target)
         if any(_meet(target, other) for other in targets[:number]):
-            raise UsageError(f"{target}: is in use already; choose another name")
+            raise UsageError(f"{target}: already in use; choose another name")
     there = [target for target in targets if os.path.lexists(target)]
     read = _all_of(_files_read(Path(source))) if source and there else set()
     for target in there:
         if read & _all_of([target], depth=1):
             raise UsageError(
-                f"{target}: is in use: it is what is read, or a part of it; choose another name"
+                f"{target}: is in use: it is the source, or a part of it; choose another name"
             )
 
 
@@ -68,7 +69,7 @@ def _meet(one: Path, other: Path) -> bool:
 
 
 def _files_read(source: Path) -> Iterator[Path]:
-    """The files and folders of which a source consists."""
+    """The files and folders of a source."""
     yield source
     beside = Path(os.path.realpath(source))
     yield from (beside.with_name(f"{beside.name}{end}") for end in _LEFT_BY_SQLITE if beside.name)
@@ -82,7 +83,7 @@ def _files_read(source: Path) -> Iterator[Path]:
 
 
 def _all_of(paths: Iterable[Path], depth: float = math.inf) -> set[tuple[int, int]]:
-    """What tells files apart however they are named, of these and of all below them."""
+    """Device and inode of these files, and of all in these folders."""
     found: set[tuple[int, int]] = set()
     level = list(paths)
     while level and depth >= 0:

@@ -1,4 +1,4 @@
-"""One recording in several files, each of which can be read alone."""
+"""One recording in several files; each can be read by itself."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 from ros_visualise.core.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.messages.latched import Latched
 from ros_visualise.messages.recorded import TopicType, recorded_ns
+from ros_visualise.sinks import Recorder
 from ros_visualise.sinks.chunked import END_NS, ChunkedRecorder
-from ros_visualise.sinks.encoding import Declaration
+from ros_visualise.sinks.encoding import TopicDeclaration
 from ros_visualise.sources.recordings import Extra
 
 _SIZES = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -29,7 +30,7 @@ OpenPart = Callable[[int, Mapping[str, TopicType]], ChunkedRecorder]
 
 @dataclass(frozen=True)
 class Split:
-    """When the next file begins: after so many bytes, or so many nanoseconds; None: never."""
+    """The limits of a file, bytes or nanoseconds; None: no limit."""
 
     size: int | None = None
     span_ns: int | None = None
@@ -58,14 +59,14 @@ def part_path(path: Path, number: int) -> Path:
 
 
 def existing_parts(path: Path) -> dict[int, Path]:
-    """Number -> file, of those with names of parts."""
+    """Existing parts: number -> file."""
     name = re.compile(f"{re.escape(path.stem)}_(0|[1-9]\\d*){re.escape(path.suffix)}")
     there = path.parent.glob(f"{glob.escape(path.stem)}_*{glob.escape(path.suffix)}")
     return {int(found[1]): one for one in there if (found := name.fullmatch(one.name))}
 
 
-class Part(NamedTuple):
-    """A file: its name, the times of its messages, and how many it has of each topic."""
+class PartInfo(NamedTuple):
+    """A file: its name, times of its messages, and number of messages by topic."""
 
     path: Path
     start_ns: int
@@ -73,16 +74,16 @@ class Part(NamedTuple):
     counts: Mapping[str, int]
 
 
-class PartedRecorder:
-    """Any number of topics in a series of files, as `ros_visualise.sinks.Recorder`.
+class PartedRecorder(Recorder):
+    """Any number of topics in a series of files.
 
-    Each file is whole before the next one begins, and begins with what was said last of all that
-    lasts: static frames, what is latched, calibrations, and the values of all parameters.
+    Each file is finished before the next one begins, and begins with the last messages that still
+    hold: static frames, latched topics, calibrations, and the values of all parameters.
 
     Args:
         open_part: opens a file; raises as `ChunkedRecorder`.
         topics: topic -> type of its messages.
-        split: when the next one begins.
+        split: the limits of a file.
     """
 
     def __init__(
@@ -93,10 +94,10 @@ class PartedRecorder:
         self._latched = Latched()
         for topic, kind in topics.items():
             self._latched.add(topic, kind)
-        self._done: list[Part] = []
+        self._done: list[PartInfo] = []
         self._unplaced: Counter[str] = Counter()
-        self._first_ns: int | None = None  # the time at which this part begins
-        self._head_bytes = 0  # of what lasts, which does not fill it
+        self._first_ns: int | None = None  # the start time of this part
+        self._head_bytes = 0  # of the messages that still hold, which do not count
         self._part = open_part(0, self._types)
         self._first = self._part.path
 
@@ -106,52 +107,37 @@ class PartedRecorder:
         return self._first if self._done else self._part.path
 
     @property
-    def parts(self) -> list[Part]:
-        """All files, with that which is being written."""
+    def parts(self) -> list[PartInfo]:
+        """All files, including the current one."""
         part = self._part
-        return [*self._done, Part(part.path, part.start_ns, part.end_ns, part.counts)]
+        return [*self._done, PartInfo(part.path, part.start_ns, part.end_ns, part.counts)]
 
     @property
     def files(self) -> int:
-        """As `ros_visualise.sinks.Recorder`."""
         return len(self._done) + 1
 
     @property
-    def haste(self) -> bool:
-        """As `ros_visualise.sinks.Recorder`."""
-        return self._part.haste
-
-    @haste.setter
-    def haste(self, haste: bool) -> None:
-        self._part.haste = haste
-
-    @property
     def topics(self) -> tuple[str, ...]:
-        """As `ros_visualise.sinks.Recorder`."""
         return tuple(self._types)
 
     @property
-    def declared(self) -> Mapping[str, Declaration]:
-        """Topic -> what the files say of it."""
+    def declared(self) -> Mapping[str, TopicDeclaration]:
+        """Topic -> its declaration in the files."""
         return self._part.declared
 
     @property
     def unplaced(self) -> Mapping[str, int]:
-        """As `ros_visualise.sinks.Recorder`."""
         return self._unplaced + self._part.unplaced
 
     def add(self, topic: str, kind: TopicType) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         self._part.add(topic, kind)
         self._types[topic] = kind
         self._latched.add(topic, kind)
 
     def add_extra(self, extra: Extra) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         self._part.add_extra(extra)
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         if topic not in self._types:
             return
         at_ns = recorded_ns(message) if stamp_ns is None else stamp_ns
@@ -159,24 +145,17 @@ class PartedRecorder:
             if self._is_full(at_ns):
                 self._begin_next(at_ns)
             self._first_ns = at_ns if self._first_ns is None else self._first_ns
+        self._part.unthrottled = self.unthrottled
         self._part.write(topic, message, stamp_ns)
         self._latched.keep(topic, message)
 
     def close(self, whole: bool = True) -> None:
-        """As `ros_visualise.sinks.Recorder`; files that are whole stay so."""
         self._part.close(whole)
 
     def remove(self) -> None:
-        """As `ros_visualise.sinks.Recorder`."""
         self._part.remove()
         for part in self._done:
             part.path.unlink(missing_ok=True)
-
-    def __enter__(self) -> PartedRecorder:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self.close(whole=kind is None)
 
     def _is_full(self, at_ns: int) -> bool:
         if self._first_ns is None:
@@ -186,7 +165,7 @@ class PartedRecorder:
         return is_long or (size is not None and self._part.size - self._head_bytes >= size)
 
     def _begin_next(self, at_ns: int) -> None:
-        """End this file, and begin the next with what lasts.
+        """End this file, and begin the next one with the messages that still hold.
 
         Raises:
             RecordingError: it cannot be written.
@@ -194,13 +173,11 @@ class PartedRecorder:
         self._part.close()
         done, self._done = self._done, self.parts
         self._unplaced += self._part.unplaced
-        haste = self._part.haste
         try:
             self._part = self._open_part(len(self._done), self._types)
         except OpenError as error:
             self._done = done
             raise RecordingError(str(error)) from error
-        self._part.haste = haste
         self._first_ns = at_ns
         for topic, message in self._latched.messages(at_ns):
             with suppress(DamagedMessage):  # of one that was written before
@@ -212,13 +189,13 @@ class SplitRecorder(PartedRecorder):
     """A series of files beside one another: ``run_0.mcap``, ``run_1.mcap`` and so on.
 
     Args:
-        path: the name that they are made of.
+        path: the base of their names.
         open_file: opens one of them.
         topics, split: as of `PartedRecorder`.
         overwrite: replace those of an earlier recording.
 
     Raises:
-        OpenError: there are files of such names, or they cannot be written.
+        OpenError: files of such names exist, or they cannot be written.
     """
 
     def __init__(
@@ -239,7 +216,7 @@ class SplitRecorder(PartedRecorder):
         )
 
     def close(self, whole: bool = True) -> None:
-        """As of `PartedRecorder`; a whole one leaves no later parts of an earlier recording."""
+        """Finish the file; a complete recording also deletes the later parts of an old one."""
         super().close(whole)
         number = self.files
         while whole and (file := part_path(self._name, number)).is_file():

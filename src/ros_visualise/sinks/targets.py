@@ -1,4 +1,4 @@
-"""Where something new is written to, and how it takes the place of what is there."""
+"""New files and folders, which replace old ones when they are complete."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ log = logging.getLogger(__name__)
 
 
 class Target(ABC):
-    """A new file or folder; what is there under its name is replaced when the new one is whole.
+    """A new file or folder; it replaces an old one of its name when it is complete.
 
-    Where nothing is there, it is written under its own name, and is found there however it ends.
-    Else it is written beside the old one, as NAME.part.SUFFIX, until `close`. Meanwhile its name is
-    locked against other processes; the lock ends with this one, however that ends. Nobody may read
-    or write it who might not the old one.
+    If there is no old one, it is written under its own name, and stays there however it ends. Else
+    it is written beside the old one, as NAME.part.SUFFIX, until `close`. Meanwhile its name is
+    locked against other processes; the lock ends with this process, however that ends. It never has
+    wider permissions than the old one.
 
     Attributes:
-        path: where it is.
-        replaces: whether something was there.
+        path: its current place.
+        replaces: True if there is an old one.
 
     Raises:
-        OpenError: as `check`, or somebody else is writing to that name.
+        OpenError: as `check`, or another process is writing to that name.
         UsageError: as `check`.
     """
 
@@ -57,15 +57,15 @@ class Target(ABC):
 
     @classmethod
     def check(cls, path: Path, overwrite: bool) -> None:
-        """Say what cannot be written, and touch nothing.
+        """Check that it can be written, without touching anything.
 
         Raises:
-            OpenError: it is there and not to be replaced, or it cannot be written.
-            UsageError: it is no name; see `ros_visualise.core.paths.check_printable`.
+            OpenError: it exists already, or cannot be written.
+            UsageError: not a valid name; see `ros_visualise.core.paths.check_printable`.
         """
         check_printable(path)
         if path.name in ("", ".."):
-            raise UsageError(f"{path}: has no name of its own; give the name of a file or folder")
+            raise UsageError(f"{path}: not a valid name; give the name of a file or folder")
         try:
             if path.parent.exists() and path.exists():
                 cls._check_old(path)
@@ -79,19 +79,19 @@ class Target(ABC):
             raise _not_written(path, OSError(errno.EACCES, os.strerror(errno.EACCES)))
 
     def require_there(self) -> None:
-        """See that it is where it was begun.
+        """Check that it was not moved or removed.
 
         Raises:
-            OSError: it is not.
+            OSError: it was.
         """
         if not self._is_there():
-            raise OSError(errno.ENOENT, "it was moved or removed while it was written")
+            raise OSError(errno.ENOENT, "moved or removed while it was written")
 
     def close(self, whole: bool = True) -> None:
-        """End it; a whole one takes the place of what was there.
+        """Finish it; a complete one replaces the old one.
 
         Raises:
-            OSError: it cannot: it is where it was written, or nowhere.
+            OSError: it could not replace it, or was removed.
         """
         with self._held:
             self.require_there()
@@ -104,14 +104,14 @@ class Target(ABC):
                     sync(self._place.parent)
 
     def give_up(self, error: Exception, kept: int) -> RecordingError:
-        """End it before it is whole.
+        """End it before it is complete.
 
         Args:
-            error: why.
-            kept: so many messages of it can be read; where there are none, it is removed.
+            error: the reason.
+            kept: number of its messages that can be read; with 0, it is removed.
 
         Returns:
-            what to tell.
+            the error to raise.
         """
         self._held.close()
         reason = getattr(error, "strerror", None) or str(error)
@@ -127,11 +127,11 @@ class Target(ABC):
 
     @property
     def fate(self) -> str:
-        """What to add where it ends early: what was there still is, if anything was."""
-        return f"; {self._name} is as it was" if self.replaces else ""
+        """Note for messages about an early end: the old one is unchanged, if there is one."""
+        return f"; {self._name} is unchanged" if self.replaces else ""
 
     def remove(self) -> None:
-        """End it and delete it; what was there still is."""
+        """Delete it; an old one stays."""
         self._held.close()
         if self._is_there():
             self._delete()
@@ -139,19 +139,19 @@ class Target(ABC):
     @classmethod
     @abstractmethod
     def _check_old(cls, path: Path) -> None:
-        """Raise OpenError unless what is there is of a kind that may be replaced."""
+        """Raise OpenError unless the old one is of a kind that may be replaced."""
 
     @abstractmethod
     def _create(self, path: Path) -> Path:
-        """Make it; raise FileExistsError where something is there."""
+        """Create it; raise FileExistsError if the name is taken."""
 
     @abstractmethod
     def _sync(self) -> None:
-        """See that the disk has it."""
+        """Flush it to the disk."""
 
     @abstractmethod
     def _replace(self, old: Path) -> None:
-        """Put it in the place of the old one."""
+        """Replace the old one."""
 
     @abstractmethod
     def _delete(self) -> None:
@@ -165,13 +165,13 @@ class Target(ABC):
             try:
                 return self._create(path)
             except FileExistsError:
-                log.warning("%s is left of an earlier run; delete it if you do not need it", path)
+                log.warning("%s is left over from an earlier run; delete it if not needed", path)
         raise AssertionError
 
     def _require_old(self) -> None:
-        """See that nobody put another thing in the place of what is to be replaced."""
+        """Check that the old one is still the same."""
         if self._place.exists() and not os.path.samestat(self._old, self._place.stat()):
-            raise OSError(errno.EEXIST, "something else has its name by now")
+            raise OSError(errno.EEXIST, "the old one was replaced meanwhile")
 
     def _is_there(self) -> bool:
         try:
@@ -181,7 +181,7 @@ class Target(ABC):
 
 
 def sync(path: Path) -> None:
-    """See that the disk has what was written to a file, or which files a folder has."""
+    """Flush a file, or the list of files of a folder, to the disk."""
     if sys.platform != "win32":  # which cannot open folders
         descriptor = os.open(path, os.O_RDONLY)
         try:
@@ -191,7 +191,7 @@ def sync(path: Path) -> None:
 
 
 def take_over(new: Path, old: os.stat_result) -> None:
-    """Give something new the owner and the rights of something old, as far as that can be done."""
+    """Give a new file the owner and the permissions of an old one, as far as possible."""
     if sys.platform == "win32":
         return
     mode = stat.S_IMODE(old.st_mode)
@@ -206,7 +206,7 @@ def take_over(new: Path, old: os.stat_result) -> None:
 
 
 def _followed(path: Path) -> Path:
-    """What a link leads to, so that it is that which is written, and not the link."""
+    """The target of a link, which is written in place of the link."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
@@ -226,7 +226,7 @@ def _locked(path: Path) -> Iterator[None]:
             log.debug("%s: %s", path, error)
             is_free = True
         if not is_free:
-            raise OpenError(f"{path}: is being recorded already; choose another name")
+            raise OpenError(f"{path}: another process is recording to it; choose another name")
         yield
     finally:
         os.close(descriptor)
@@ -236,5 +236,5 @@ def _not_written(path: Path, error: OSError) -> OpenError:
     if isinstance(error, FileExistsError):
         return OpenError(f"{path} exists; choose another name, or replace it with --overwrite")
     if isinstance(error, FileNotFoundError):
-        return OpenError(f"{path}: there is no folder {path.parent}; create it first")
+        return OpenError(f"{path}: no such folder: {path.parent}; create it first")
     return OpenError(f"{path}: cannot be written: {error.strerror}")

@@ -9,7 +9,7 @@ import genpy
 
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros1.topics import Publisher
-from ros_visualise.sinks.encoding import Declaration, Encoder
+from ros_visualise.sinks.encoding import Encoder, TopicDeclaration
 
 
 class RawMessage(genpy.Message):  # type: ignore[misc]
@@ -32,7 +32,7 @@ class RawMessage(genpy.Message):  # type: ignore[misc]
         return self
 
 
-def raw_class(declared: Declaration) -> type[RawMessage]:
+def raw_class(declared: TopicDeclaration) -> type[RawMessage]:
     """The class of the messages of a type, which nobody here needs to know."""
     names = {
         "__slots__": (),
