@@ -33,7 +33,8 @@ WRENCHES = [
 
 
 # the levels of diagnostics are no numbers of any size
-TABLED = {kind for kind in topic_kinds() if issubclass(kind, TabledMessage)} - {DiagnosticArray}
+FOUND = {kind for kind in topic_kinds() if issubclass(kind, TabledMessage)} - {DiagnosticArray}
+TABLED = sorted(FOUND, key=lambda kind: kind.__name__)
 
 
 @pytest.mark.parametrize("kind", TABLED, ids=lambda kind: kind.__name__)
