@@ -81,4 +81,4 @@ def test_a_tag_of_ones_own_is_taken_and_none_is_said():
     for step in (landmarks.corners, landmarks.plane, landmarks.poses):
         answer = step(none["image"], landmarks.CornerParams())
         assert isinstance(answer["image"], Image)
-        assert "no tag" in answer["text"].text
+        assert "No tag" in answer["text"].text

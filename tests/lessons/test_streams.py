@@ -104,7 +104,7 @@ def test_an_imu_of_a_few_measurements_says_how_many_are_needed():
         imu = Imu(UP, np.zeros(3), UP[:3], header=stamped(number / 10))
         said = measured.step(imu, sensors.MeasuredParams()), allan.step(imu, None)
     assert all(
-        "5 measurements so far; this window needs at least 100" in answer["text"].text
+        "5 measurements so far; this window waits for at least 100" in answer["text"].text
         for answer in said
     )
 
@@ -142,7 +142,7 @@ def test_a_slow_node_counts_what_it_did_not_get():
     for number in (5, 6, 9, 14):
         image = StepResult(pixels, "mono8", work=graph._Counted(number))
         text = slow.step(image, graph.SlowParams(busy_ms=0))["text"].text
-    assert "10 messages it took 4; 6 (60 %) were dropped" in " ".join(text.split())
+    assert "10 messages it processed 4; 6 (60 %) were dropped" in " ".join(text.split())
 
 
 def test_a_rate_is_told_by_stamps_and_by_the_clock(monkeypatch):

@@ -1,7 +1,7 @@
-"""Lessons: what the nodes compute, step by step, on a picture or film of one's own.
+"""Lessons: the nodes' methods, step by step, on any picture or video.
 
 Each file in ``topics`` is one: pure functions for its steps, a node for each, and a text that is
-filled with the numbers of the run. Another package brings one by an entry point of the group
+filled with the numbers of the run. Another package adds one by an entry point of the group
 ``ros_visualise.lessons``; see `ros_visualise.core.registry`.
 """
 
@@ -19,4 +19,4 @@ LESSONS = Registry(
         *("camera", "sensors", "frames", "landmarks", "vision", "graph"),
     ),
 )
-"""All lessons, in the order in which one would give them."""
+"""All lessons, in teaching order."""

@@ -1,7 +1,7 @@
 """KITTI's car and its sensors, as a figure and in 3D.
 
-Places are metres ahead of the IMU, to its left and above the road, about: Geiger et al., Vision
-meets Robotics: The KITTI Dataset, 2013, figure 3. The car is a VW Passat estate.
+Positions are metres ahead of the IMU, to its left and above the road, approximately from: Geiger et
+al., Vision meets Robotics: The KITTI Dataset, 2013, figure 3. The car is a VW Passat estate.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, ORANGE, RED, Color
 from ros_visualise.plotting.figure import Figure
 
 _SIZE = np.array([4.8, 1.8, 1.5])
-_MIDDLE = np.array([0.6, 0.16])  # of the car, from above
+_MIDDLE = np.array([0.6, 0.16])  # centre of the car, from above
 _IMU_UP = 0.93
 _WHEEL_M = 0.64
 _BASELINE_M = 0.54
-_FAR_M = 4.0  # how much is drawn of what a sensor sees
+_FAR_M = 4.0  # drawn range of the sensors
 _LETTERS_M = 0.11
 
 
@@ -31,7 +31,7 @@ class _Sensor(NamedTuple):
     color: Color
     size: tuple[float, float, float]
     label: tuple[float, float, float]
-    """Where its name is in 3D: names of neighbours must not cover one another."""
+    """Position of its name in 3D, so that names do not overlap."""
 
 
 _VELODYNE = _Sensor("Velodyne", (0.81, 0.32, 1.73), RED, (0.22, 0.22, 0.28), (0.4, 0.4, 2.8))
@@ -44,7 +44,7 @@ _SENSORS = (_VELODYNE, *_CAMERAS, _INERTIAL)
 
 
 def figure() -> Figure:
-    """From the side and from above; one metre is 100 units."""
+    """The car from the side and from above; one metre is 100 units."""
     drawn = Figure(640, 530)
     scale, middle = 100.0, 320.0
     length, width, height = _SIZE * scale
@@ -71,7 +71,7 @@ def figure() -> Figure:
 
 
 def markers(frame_id: str) -> MarkerArray:
-    """The car in 3D, clear, with its sensors and what they see; it goes with its IMU's frame."""
+    """The transparent car in 3D, with its sensors and their views, in its IMU's frame."""
     shapes = (*_body(), *_rays(), *(one for sensor in _SENSORS for one in _named(sensor)))
     header = Header(0, frame_id)
     return MarkerArray(
@@ -98,7 +98,7 @@ def _body() -> Iterator[Marker]:
 
 
 def _asides(sensor: _Sensor) -> list[float]:
-    """How far it is to the left; of a pair both."""
+    """Its distance to the left; both for a pair."""
     aside = sensor.place[1]
     return [aside, aside - _BASELINE_M] if sensor in _CAMERAS else [aside]
 
@@ -116,7 +116,7 @@ def _named(sensor: _Sensor) -> Iterator[Marker]:
 
 
 def _rays() -> Iterator[Marker]:
-    """Rays of the laser, which goes round; and the corners of what a camera sees."""
+    """Rays of the rotating laser, and the corners of a camera's view."""
     around = np.radians(np.arange(0, 360, 10))
     down = np.full(len(around), -0.2)
     rays = np.stack([np.cos(around), np.sin(around), down], axis=1) * _FAR_M
@@ -137,7 +137,7 @@ def _lines(pairs: list[tuple[Floats, Floats]], color: Color) -> Marker:
 
 
 def _at(ahead: float, aside: float, up: float) -> Floats:
-    """In the IMU's frame."""
+    """A position in the IMU's frame."""
     return np.array([ahead, aside, up - _IMU_UP])
 
 

@@ -1,4 +1,4 @@
-"""The last node of a lesson: writes it down as one HTML page with its figures."""
+"""The last node of a lesson: writes it as one HTML page with its figures."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ pre { background: #f2f2f2; padding: .6em 1em; overflow-x: auto; font-size: min(.
 
 
 def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: bool) -> Any:
-    """The node that writes a lesson down.
+    """The node that writes a lesson.
 
     Args:
-        lesson: what is written.
-        steps: name of a node -> what it does; `image_of` and `text_of` call the inputs.
-        folder: where the page goes; a person who asks for more gets them beside it.
+        lesson: to write.
+        steps: name of a node -> its description; `image_of` and `text_of` name the inputs.
+        folder: for the page; further exports go beside it.
         at_end: write it when the stream ends.
     """
     inputs: dict[str, type[Message]] = {image_of(step): Image for step in steps}
@@ -48,16 +48,16 @@ def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: b
             self._news: dict[str, Any] = {}
 
         def step(self, params: NoParams, **news: Any) -> None:
-            """Keep the newest of everything."""
+            """Keep the newest messages."""
             self._news |= news
 
-        @action("write the lesson as it is now: a web page with its figures")
+        @action("write the present lesson as a web page with its figures")
         def export(self) -> Text:
             """Write it to a new folder."""
             return Text(f"Written: {write_page(lesson, steps, self._news, _unused(folder))}")
 
         def finish(self) -> Text | None:
-            """Write it, if that is wanted."""
+            """Write it, if requested."""
             if not at_end:
                 return None
             return Text(f"Written: {write_page(lesson, steps, self._news, folder)}")
@@ -66,23 +66,23 @@ def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: b
 
 
 def image_of(step: str) -> str:
-    """What the input is called that takes the image of a step."""
+    """Name of the input for a step's image."""
     return f"{step}_image"
 
 
 def text_of(step: str) -> str:
-    """What the input is called that takes the text of a step."""
+    """Name of the input for a step's text."""
     return f"{step}_text"
 
 
 def write_page(
     lesson: Lesson, steps: Mapping[str, str], news: dict[str, Any], folder: Path
 ) -> Path:
-    """Write a lesson: each figure as PNG and SVG, and a page that shows them; returns the page.
+    """Write a lesson: each figure as PNG and SVG, and a page with them; returns the page.
 
     Raises:
-        OpenError: it cannot be written, or is there and not to be replaced.
-        RecordingError: it could not be written to its end.
+        OpenError: it cannot be written, or exists and must not be replaced.
+        RecordingError: it could not be written completely.
     """
     parts = [f"<h1>{escape(lesson.name)}: {escape(lesson.about)}</h1>"]
     try:
@@ -101,7 +101,7 @@ def write_page(
 
 
 def _figure(folder: Path, name: str, image: Image) -> str:
-    """Write the image of a step in both formats; what shows it on the page."""
+    """Write the image of a step in both formats; returns the HTML that shows it."""
     _, png = cv2.imencode(".png", image.pixels)
     write_file(folder / f"{name}.png", bytes(png), may_replace())
     if isinstance(image.data, FigureImage):
@@ -127,6 +127,6 @@ def _page(lesson: Lesson, parts: Sequence[str]) -> str:
 
 
 def _unused(folder: Path) -> Path:
-    """The folder, or the first that is not there of those called as it and 2, 3, ..."""
+    """The folder, or the first free one with a number 2, 3, ... appended."""
     others = (folder.with_name(f"{folder.name}_{n}") for n in count(2))
     return next(one for one in chain([folder], others) if not os.path.lexists(one))

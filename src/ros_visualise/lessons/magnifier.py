@@ -1,4 +1,4 @@
-"""Pixels of a picture enlarged, about one that a person chooses."""
+"""Enlarged pixels of a picture, around a chosen one."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _GAP = 8
 
 @dataclass(frozen=True)
 class PixelParams:
-    """At which pixel one looks."""
+    """The pixel to look at."""
 
-    x: int = param(-1, "column of the pixel; a click on the picture chooses it; -1: chosen "
-        "for you",
+    x: int = param(-1, "column of the pixel; a click on the picture chooses it; -1: "
+        "automatic",
                    min=-1, max=4096, slider=(-1, 640))  # fmt: skip
     y: int = param(-1, "row of the pixel", min=-1, max=4096, slider=(-1, 480))
 
     def pixel(self, shape: tuple[int, ...], otherwise: tuple[int, int]) -> tuple[int, int]:
-        """(x, y) of the pixel that was chosen, or another one if none was.
+        """(x, y) of the chosen pixel, or of the default.
 
         Args:
             shape: of the picture: height, width.
-            otherwise: the other one.
+            otherwise: the default.
         """
         if self.x < 0 or self.y < 0:
             return otherwise
@@ -40,11 +40,11 @@ class PixelParams:
 
 
 def pixel_at(image: Image, across: float, down: float) -> tuple[int, int] | None:
-    """(x, y) of the pixel of a lesson's picture that is seen at a place of a step's image.
+    """(x, y) of the pixel of a lesson's picture at a point of a step's image.
 
     Args:
         image: of the step.
-        across, down: shares of its width and height, 0 to 1.
+        across, down: fractions of its width and height, 0 to 1.
     """
     if isinstance(image.data, FigureImage):
         figure = image.data.figure
@@ -56,10 +56,10 @@ class Zoom:
     """The pixels around one, enlarged, each with its number.
 
     Args:
-        figure: what is drawn on.
-        box: where; a square.
+        figure: to draw on.
+        box: square to fill.
         center: (x, y) of the pixel.
-        reach: how many pixels are shown on each side of it.
+        reach: number of pixels on each side of it.
     """
 
     def __init__(self, figure: Figure, box: Box, center: tuple[int, int], reach: int) -> None:
@@ -68,7 +68,7 @@ class Zoom:
         self._side = box[2] / (2 * reach + 1)
 
     def draw(self, picture: Pixels, numbers: Floats | Pixels | None = None) -> None:
-        """A picture, and the numbers (height, width) of its pixels where they are given."""
+        """Draw a picture, and numbers (height, width) in its pixels if given."""
         x, y = self._center
         n = self._reach
         wide = cv2.copyMakeBorder(picture, n, n, n, n, cv2.BORDER_CONSTANT)
@@ -88,12 +88,12 @@ class Zoom:
                 self._figure.text(place[0], place[1] + size / 3, text, size, "middle", ink)
 
     def mark(self, x: int, y: int, color: Color) -> None:
-        """The outline of a pixel."""
+        """Outline a pixel."""
         left, top = self.place(x, y) - self._side / 2
         self._figure.outline((left, top, self._side, self._side), color, 3)
 
     def place(self, x: float, y: float) -> Floats:
-        """Where the middle of a pixel is on the figure, (2,)."""
+        """(2,) centre of a pixel on the figure."""
         from_center = np.array([x - self._center[0], y - self._center[1]]) + self._reach + 0.5
         return np.array(self._box[:2]) + from_center * self._side
 
@@ -101,12 +101,12 @@ class Zoom:
 def magnified(
     pictures: Sequence[Pixels], pixel: tuple[int, int], reach: int
 ) -> tuple[Figure, Zoom]:
-    """A figure of pictures of one size, one below the other, with room for pixels beside them.
+    """A figure with pictures of one size below each other, and room for pixels beside them.
 
     Args:
-        pictures: they are drawn; in the first, a frame is around what is enlarged.
-        pixel: (x, y) of the pixel in the middle.
-        reach: how many pixels are shown on each side of it.
+        pictures: to draw; the enlarged part is framed in the first.
+        pixel: (x, y) of the central pixel.
+        reach: number of pixels on each side of it.
     """
     height, width = pictures[0].shape[:2]
     each = (_SIDE - _GAP * (len(pictures) - 1)) / len(pictures)

@@ -1,4 +1,4 @@
-"""The first node of a lesson: the picture that it is about, in a size at which one sees pixels."""
+"""The first node of a lesson: its picture, small enough to see pixels."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ NAME = "picture"
 
 @dataclass(frozen=True)
 class PictureParams:
-    """How large the picture is."""
+    """The size of the picture."""
 
     longest: int = param(
         640,
-        "length of the longer side, pixels; a smaller picture stays as it is",
+        "length of the longer side, pixels; smaller pictures stay unchanged",
         min=16,
         max=4096,
         slider=(64, 1280),
@@ -31,7 +31,7 @@ class PictureParams:
 
 
 def picture_of(lesson: Lesson) -> Any:
-    """The node that gives a lesson its picture, and says what the lesson is about."""
+    """The node that gives a lesson its picture and introduction."""
 
     @node(NAME, params=PictureParams, inputs=TAKES, outputs=GIVES)
     def picture(image: Image, params: PictureParams) -> dict[str, Message]:
@@ -55,7 +55,7 @@ def colors_of(image: Image) -> Pixels:
 
 
 def fit(pixels: Pixels, longest: int) -> Pixels:
-    """A picture no longer than that, made smaller by means over areas."""
+    """A picture reduced to that length by area averaging."""
     height, width = pixels.shape[:2]
     scale = longest / max(height, width)
     if scale >= 1:

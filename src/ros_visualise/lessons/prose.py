@@ -1,4 +1,4 @@
-"""The texts of lessons: paragraphs, and formulas on lines that begin with four spaces."""
+"""Texts of lessons: paragraphs, and formulas on lines indented by four spaces."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ _FORMULA = "    "
 
 
 def to_html(text: str) -> str:
-    """A text as HTML; whatever it holds is shown as it is written, never as markup.
+    """A text as HTML, with any markup escaped.
 
     Args:
-        text: paragraphs between empty lines; one whose lines all begin with four spaces is a
-            formula, whose lines stay as they are.
+        text: paragraphs between empty lines; a paragraph with all lines indented by four spaces is
+            a formula, whose lines are kept.
     """
     return "\n".join(_block(block) for block in re.split(r"\n\s*\n", text.strip("\n")) if block)
 

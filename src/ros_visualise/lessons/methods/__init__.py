@@ -1,1 +1,1 @@
-"""The methods that lessons explain, in plain NumPy: slower than OpenCV, and open to look into."""
+"""The methods of the lessons in plain NumPy: slower than OpenCV, but easy to read."""

@@ -1,4 +1,4 @@
-"""The Allan deviation: how noisy the mean of a sensor is, over how long one averages."""
+"""Allan deviation: the noise of a sensor's mean, by averaging time."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import numpy as np
 from ros_visualise.data import Floats
 
 _PER_DECADE = 10
-_LEAST_WINDOWS = 4  # pairs that do not overlap, below which the largest times say little
+_LEAST_WINDOWS = 4  # smallest number of disjoint pairs of windows
 OF_BIAS = 0.664
-"""The deviation's least value, as a part of the bias instability: the root of 2 ln 2 / pi."""
+"""Ratio of the minimum of the deviation to the bias instability: the root of 2 ln 2 / pi."""
 
 
 def allan_deviation(rates: Floats, period_s: float) -> tuple[Floats, Floats]:
     """Times in seconds, (T,), and the deviation of means over each, (T, C).
 
-    Windows overlap, so that all that is measured is used.
+    Windows overlap, so that all measurements are used.
 
     Args:
-        rates: (N, C) what was measured, evenly in time.
-        period_s: from one to the next.
+        rates: (N, C) measurements at equal intervals.
+        period_s: interval between them.
 
     Source: IEEE Std 952-1997, annex C; Riley, Handbook of Frequency Stability Analysis, 2008,
     section 5.2.4.
@@ -35,17 +35,17 @@ def allan_deviation(rates: Floats, period_s: float) -> tuple[Floats, Floats]:
 
 
 def random_walk(times_s: Floats, deviation: Floats) -> float:
-    """The noise density: what white noise leaves of a mean over one second, by the short times.
+    """Noise density: the white noise in a mean over one second, from the short times.
 
-    White noise falls with the root of the time, N / sqrt(t); N is the geometric mean over the
-    first decade.
+    White noise falls with the root of the time, N / sqrt(t); N is the geometric mean over the first
+    decade.
     """
     is_short = times_s <= times_s[0] * 10
     return float(np.exp(np.mean(np.log(deviation[is_short] * np.sqrt(times_s[is_short])))))
 
 
 def _deviation(angle: Floats, span: int, period_s: float) -> Floats:
-    """Of the means over that many samples, (C,)."""
+    """(C,) Allan deviation for means over ``span`` samples."""
     second = angle[2 * span :] - 2 * angle[span:-span] + angle[: -2 * span]
     deviation: Floats = np.sqrt(np.mean(second**2, axis=0) / 2) / (span * period_s)
     return deviation

@@ -1,4 +1,4 @@
-"""The camera of a pinhole and a lens: where points are seen, and what a lens does to them."""
+"""The model of a camera with a pinhole and a lens."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SQUARE_M = 0.03
 
 
 def camera_matrix(focal_px: float, width: int, height: int) -> Floats:
-    """K (3, 3) of a camera that looks through the middle of its image."""
+    """K (3, 3) of a camera with its principal point in the image centre."""
     center_x, center_y = (width - 1) / 2, (height - 1) / 2
     return np.array([[focal_px, 0, center_x], [0, focal_px, center_y], [0, 0, 1]])
 
@@ -28,11 +28,11 @@ def project(points_xyz: Floats, K: Floats) -> Floats:
 
 
 def distort(rays_xy: Floats, D: Floats) -> Floats:
-    """Where a lens puts rays (N, 2) of X/Z and Y/Z.
+    """Rays (N, 2) of X/Z and Y/Z after a lens.
 
     Args:
-        rays_xy: as without a lens.
-        D: k1, k2, p1, p2 and k3: radial, and tangential of a lens that is not straight.
+        rays_xy: without a lens.
+        D: k1, k2, p1, p2 and k3: radial, and tangential for a decentred lens.
 
     Source: Brown, Decentering distortion of lenses, 1966; OpenCV's calib3d.
     """
@@ -47,26 +47,26 @@ def distort(rays_xy: Floats, D: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """What a calibration found: fx, fy, cx, cy, k1, k2, p1, p2, k3, and their deviations (9,)."""
+    """Estimated fx, fy, cx, cy, k1, k2, p1, p2, k3, and their standard deviations (9,)."""
 
     values: Floats
     deviations: Floats
     rms_px: float
     views: list[Floats]
-    """(N, 2) pixels each, as they were measured."""
+    """(N, 2) measured pixels each."""
 
 
 def calibrate(
     K: Floats, D: Floats, size: tuple[int, int], views: int, noise_px: float, seed: int
 ) -> CalibrationResult:
-    """Calibrate a camera that is known, by pictures of a board that are computed.
+    """Calibrate a known camera from simulated images of a board.
 
     Args:
         K, D: the camera.
         size: (width, height) of its images.
-        views: how many pictures.
+        views: number of images.
         noise_px: standard deviation of a corner's coordinates.
-        seed: of where the board is held, and of the noise.
+        seed: of the board's poses, and of the noise.
     """
     random = np.random.default_rng(seed)
     board = np.zeros((BOARD[0] * BOARD[1], 3))
@@ -86,7 +86,7 @@ def calibrate(
 def _view(
     board: Floats, K: Floats, D: Floats, size: tuple[int, int], random: np.random.Generator
 ) -> Floats:
-    """The board as the camera sees it, tilted, somewhere in its image, (N, 2)."""
+    """(N, 2) pixels of the board, tilted, somewhere in the image."""
     R, _ = cv2.Rodrigues(random.uniform(-0.6, 0.6, 3))
     depth = K[0, 0] * BOARD[0] * _SQUARE_M / (random.uniform(0.35, 0.6) * size[0])
     middle = np.array(size) * random.uniform(0.3, 0.7, 2)

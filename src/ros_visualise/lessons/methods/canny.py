@@ -1,4 +1,4 @@
-"""Canny's steps after the derivative, as OpenCV takes them: pixel for pixel the same.
+"""Canny's steps after the derivative, as in OpenCV: identical for every pixel.
 
 Source: Canny, A computational approach to edge detection, 1986; OpenCV, imgproc/src/canny.cpp.
 """
@@ -37,11 +37,11 @@ class Gradient:
 
     @property
     def size(self) -> Whole:
-        """How large it is, (height, width): |dx| + |dy|, or in L2 its square, dx² + dy²."""
+        """Magnitude, (height, width): |dx| + |dy|, or in L2 its square, dx² + dy²."""
         return self.dx**2 + self.dy**2 if self.is_l2 else abs(self.dx) + abs(self.dy)
 
     def threshold(self, level: float) -> int:
-        """A person's threshold as it is compared with `size`."""
+        """A threshold as it is compared with `size`."""
         level /= _SHRUNK if self.aperture == 7 else 1
         return int(min(_LARGEST, level) ** 2 if self.is_l2 else level)
 
@@ -52,7 +52,7 @@ def gradient(gray: Pixels, aperture: int, is_l2: bool) -> Gradient:
     Args:
         gray: 8 bits.
         aperture: of the kernel, 3, 5 or 7.
-        is_l2: measure it by its Euclidean norm.
+        is_l2: use the Euclidean norm.
     """
     dx, dy = sobel(gray, aperture)
     if aperture == 7:
@@ -61,7 +61,7 @@ def gradient(gray: Pixels, aperture: int, is_l2: bool) -> Gradient:
 
 
 def direction_class(found: Gradient) -> Whole:
-    """0 to 3, an index of `NEIGHBOURS`: the one of four directions that is nearest."""
+    """0 to 3, index in `NEIGHBOURS` of the nearest of four directions."""
     x, y = abs(found.dx), abs(found.dy) << _BITS
     is_flat = y < x * _TAN_22_5
     is_steep = y > x * _TAN_22_5 + (x << (_BITS + 1))  # tan 67.5 is tan 22.5 + 2
@@ -71,9 +71,9 @@ def direction_class(found: Gradient) -> Whole:
 
 
 def is_maximum(found: Gradient) -> Mask:
-    """Where the gradient is no smaller than at the two neighbours along its direction.
+    """Mask of pixels whose gradient is at least that of both neighbours along its direction.
 
-    Of two equal ones to the right or below, one stays; at a slant neither does.
+    Of two equal ones, the left or upper one stays; on a diagonal neither does.
     """
     size = found.size
     height, width = size.shape
@@ -105,12 +105,12 @@ class Edges:
 
 
 def hysteresis(found: Gradient, keeps: Mask, low: float, high: float) -> Edges:
-    """Strong pixels, and weak ones that hang on them by a chain of neighbours, at a corner too.
+    """Strong pixels, and weak ones connected to them by a chain of (also diagonal) neighbours.
 
     Args:
         found: the gradient.
-        keeps: the pixels that `is_maximum` left.
-        low, high: thresholds, in whichever order.
+        keeps: the pixels left by `is_maximum`.
+        low, high: thresholds, in any order.
     """
     low, high = sorted((low, high))
     candidates = keeps & (found.size > found.threshold(low))
@@ -123,7 +123,7 @@ def hysteresis(found: Gradient, keeps: Mask, low: float, high: float) -> Edges:
 
 
 def opencv_edges(found: Gradient, low: float, high: float) -> Pixels:
-    """What OpenCV makes of the same image."""
+    """Edges of the same image by OpenCV."""
     edges: Pixels = cv2.Canny(
         found.gray, low, high, apertureSize=found.aperture, L2gradient=found.is_l2
     )

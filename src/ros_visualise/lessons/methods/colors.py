@@ -1,7 +1,6 @@
-"""Colours in 8 bits as OpenCV computes them, bit for bit: gray, and hue, saturation and value.
+"""8-bit colours identical to OpenCV's: gray, and hue, saturation and value.
 
-Source: OpenCV, imgproc/src/color_rgb and color_hsv: fixed-point numbers, so that every machine gets
-the same.
+Source: OpenCV, imgproc/src/color_rgb and color_hsv: fixed-point numbers, the same on every machine.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from ros_visualise.data import Pixels
 
 GRAY_WEIGHTS = {"R": 0.299, "G": 0.587, "B": 0.114}
-"""Of ITU-R BT.601: the eye sees green best."""
+"""Weights of ITU-R BT.601: the eye sees green best."""
 
 _BITS = 15
 _SHIFT = 12

@@ -1,4 +1,4 @@
-"""Why odometry drifts: small errors of the heading, carried along the way."""
+"""Drift of odometry: small errors of the heading, accumulated along the path."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ros_visualise.data import Floats
 
 
 def aligned(positions_xy: Floats, headings: Floats, start_xy: Floats, heading: float) -> Floats:
-    """A path (N, 2), moved and turned so that it begins at a place and with a heading, radians."""
+    """A path (N, 2), moved and rotated to begin at a point with a heading, radians."""
     angle = heading - headings[0]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     moved: Floats = (positions_xy - positions_xy[0]) @ turn.T + start_xy
@@ -22,12 +22,12 @@ def wrapped(angles: Floats) -> Floats:
 
 
 def error_by_heading(positions_xy: Floats, heading_errors: Floats) -> Floats:
-    """How far a path leads astray by its heading alone, (N,) metres.
+    """(N,) metres by which a path deviates because of its headings alone.
 
-    Each step of the true path is made in the direction in which the heading is wrong.
+    Each step of the true path is made in the direction of the wrong heading.
 
     Args:
-        positions_xy: (N, 2) where one was in truth.
+        positions_xy: (N, 2) true positions.
         heading_errors: (N,) radians.
     """
     steps = np.diff(positions_xy, axis=0)

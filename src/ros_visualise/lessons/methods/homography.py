@@ -1,4 +1,4 @@
-"""The homography between a plane and its picture, by four points or more."""
+"""The homography between a plane and its picture, from at least four points."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from ros_visualise.data import Floats
 
 
 def homography(points: Floats, pixels: Floats) -> Floats:
-    """H (3, 3) that takes points (N, 2) of a plane to pixels (N, 2); its last number is 1.
+    """H (3, 3) from points (N, 2) of a plane to pixels (N, 2); its last number is 1.
 
-    Two equations for each of four points or more; the solution is the last right singular vector.
+    Two equations for each of at least four points; the solution is the last right singular vector.
 
     Source: Hartley, Zisserman, Multiple View Geometry, 2004, algorithm 4.1 (DLT).
     """
@@ -24,18 +24,18 @@ def homography(points: Floats, pixels: Floats) -> Floats:
 
 
 def apply(H: Floats, points: Floats) -> Floats:
-    """Where a homography takes points (N, 2)."""
+    """Points (N, 2) mapped by a homography."""
     moved = np.column_stack([points, np.ones(len(points))]) @ H.T
     pixels: Floats = moved[:, :2] / moved[:, 2:]
     return pixels
 
 
 def ellipse(covariance: Floats, deviations: float, points: int = 60) -> Floats:
-    """The line (N, 2) around zero that lies so many standard deviations out.
+    """The line (N, 2) around zero at a number of standard deviations.
 
     Args:
         covariance: (2, 2).
-        deviations: 1 holds 39 % of a normal distribution, 2 hold 86 %.
+        deviations: 1 contains 39 % of a normal distribution, 2 contain 86 %.
         points: N.
     """
     variances, axes = np.linalg.eigh(covariance)

@@ -1,4 +1,4 @@
-"""The first layer of a network: 3x3 convolutions of a colour picture, and what they look for."""
+"""The first layer of a network: 3x3 convolutions of a colour picture, and their kinds."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ros_visualise.data import Floats, Pixels
 
 KINDS = ("edge", "spot", "colour")
-"""What a kernel can be, in the order of the cosines of `likeness`."""
+"""Kinds of kernels, in the order of the cosines of `likeness`."""
 
-_MIDDLE = 0.5  # is taken from the colours, 0 to 1, before the first layer
+_MIDDLE = 0.5  # subtracted from the colours, 0 to 1, before the first layer
 _STRIDE = 2
 _GX = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)
 _CENTRE = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]], float)
@@ -31,15 +31,15 @@ class Layer:
 
 
 def first_layer(metadata: Mapping[str, str]) -> Layer:
-    """The first layer, as the file of a network of ours tells it in its metadata."""
+    """The first layer, from the metadata of one of our networks."""
     kernels, biases = (json.loads(metadata[f"first_{name}"]) for name in ("kernels", "biases"))
     return Layer(np.array(kernels, np.float32), np.array(biases, np.float32))
 
 
 def respond(bgr: Pixels, layer: Layer) -> Floats:
-    """What the layer answers before its ReLU, (N, rows, columns), at every second pixel.
+    """Output of the layer before its ReLU, (N, rows, columns), at every second pixel.
 
-    Beyond its border the picture is middle gray, which is the layer's zero.
+    Outside, the picture is middle gray, which is zero for the layer.
     """
     rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.float32) / 255 - np.float32(_MIDDLE)
     wide = np.pad(rgb, ((1, 1), (1, 1), (0, 0)))
@@ -49,26 +49,26 @@ def respond(bgr: Pixels, layer: Layer) -> Floats:
 
 
 def beside(values: Pixels | Floats) -> Pixels | Floats:
-    """Of a value of each pixel those where the layer answers."""
+    """Values at the pixels where the layer has outputs."""
     return values[::_STRIDE, ::_STRIDE]
 
 
 def relu(values: Floats) -> Floats:
-    """What is above zero."""
+    """Values with negative ones set to zero."""
     return np.maximum(values, 0)
 
 
 def sobel_cosines(kernels: Floats) -> Floats:
-    """Cosines of the angles to Sobel's Gx and Gy of gray, (N, 2): 1 the same, -1 its opposite."""
+    """Cosines of the angles to Sobel's Gx and Gy of gray, (N, 2): 1 is equal, -1 opposite."""
     return np.stack([_cosines(kernels, _gray(one)) for one in (_GX, _GX.T)], axis=1)
 
 
 def likeness(kernels: Floats) -> Floats:
-    """How much of a kernel is of each of `KINDS`: cosines from 0 to 1, (N, 3).
+    """Similarity of a kernel to each of `KINDS`: cosines from 0 to 1, (N, 3).
 
-    Each kind is all sums of some kernels: an edge of Gx and Gy of gray, a spot of a centre and the
-    ring around it of gray, colour of all whose sum over the colours is zero. These are at right
-    angles to one another, so that the squares of the cosines add up to 1 at most.
+    Each kind is the span of some kernels: an edge of Gx and Gy of gray, a spot of a centre and the
+    ring around it in gray, colour of all with zero sum over the colours. They are orthogonal, so
+    the squares of the cosines add up to at most 1.
     """
     edge = np.hypot(*sobel_cosines(kernels).T)
     spot = np.hypot(*(_cosines(kernels, _gray(one)) for one in (_CENTRE, _RING)))
@@ -83,7 +83,7 @@ def correlation(one: Floats | Pixels, other: Floats | Pixels) -> float:
 
 
 def _gray(kernel: Floats) -> Floats:
-    """The kernel that is the same for all colours, (3, 3, 3)."""
+    """A kernel (3, 3, 3) that is the same for all colours."""
     return np.stack([kernel] * 3)
 
 

@@ -1,4 +1,4 @@
-"""A Bayer mosaic, and colours from it by means of neighbours."""
+"""A Bayer mosaic, and demosaicing by averaging neighbours."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _CHANNELS = {"b": 0, "g": 1, "r": 2}
 
 
 def channel_map(height: int, width: int) -> Pixels:
-    """Which channel of BGR each pixel of the sensor measures, (height, width)."""
+    """Channel of BGR measured by each pixel of the sensor, (height, width)."""
     tile = np.array([_CHANNELS[letter] for letter in PATTERN], np.uint8).reshape(2, 2)
     return np.tile(tile, (-(-height // 2), -(-width // 2)))[:height, :width]
 
 
 def to_mosaic(bgr: Pixels) -> Pixels:
-    """What a sensor behind that pattern of filters measures: one number for each pixel."""
+    """Measurements of a sensor with that filter pattern: one number for each pixel."""
     kinds = channel_map(*bgr.shape[:2])
     return np.ascontiguousarray(np.take_along_axis(bgr, kinds[..., None], 2)[..., 0])
 
@@ -32,7 +32,7 @@ def colored(mosaic: Pixels) -> Pixels:
 
 
 def bilinear(mosaic: Pixels) -> Pixels:
-    """BGR by the means of the nearest pixels that measured a colour, rounded half up.
+    """BGR by averaging the nearest pixels that measured a colour, rounded half up.
 
     The outermost pixels, which lack neighbours, get the colours of those beside them.
     """
@@ -47,7 +47,7 @@ METHODS = {
     "VNG": cv2.COLOR_BayerRGGB2BGR_VNG,
     "edge-aware": cv2.COLOR_BayerRGGB2BGR_EA,
 }
-"""OpenCV's ways from a mosaic to colours."""
+"""OpenCV's demosaicing methods."""
 
 
 def demosaic(mosaic: Pixels, method: str) -> Pixels:
@@ -56,9 +56,9 @@ def demosaic(mosaic: Pixels, method: str) -> Pixels:
 
 
 def _filled(mosaic: Pixels, is_measured: Pixels) -> Pixels:
-    """One colour everywhere: as measured, else the mean of the nearest that were measured.
+    """One colour everywhere: measured, or the mean of the nearest measured pixels.
 
-    Of the eight around a pixel those at its sides count before those at its corners.
+    Of the eight neighbours, those at the sides are used before those at the corners.
     """
     values = np.where(is_measured, mosaic, 0).astype(np.float64)
     side = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float64)
@@ -70,7 +70,7 @@ def _filled(mosaic: Pixels, is_measured: Pixels) -> Pixels:
 
 
 def _mean(values: Floats, is_measured: Pixels, kernel: Floats) -> Floats:
-    """Of the neighbours that were measured; NaN where none was."""
+    """Mean of the measured neighbours; NaN without any."""
     border = cv2.BORDER_CONSTANT
     sums = cv2.filter2D(values, -1, kernel, borderType=border)
     counts = cv2.filter2D(is_measured.astype(np.float64), -1, kernel, borderType=border)

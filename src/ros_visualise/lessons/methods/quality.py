@@ -1,4 +1,4 @@
-"""How well one picture shows another, and how much a picture tells."""
+"""Picture quality and information."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FULL = 255
 
 
 def mean_square(one: Pixels, other: Pixels) -> float:
-    """The mean of the squared differences, over pixels and channels."""
+    """Mean of the squared differences, over pixels and channels."""
     return float(np.mean((one.astype(np.float64) - other) ** 2))
 
 
@@ -23,7 +23,7 @@ def psnr(one: Pixels, other: Pixels) -> float:
 
 
 def quantize(pixels: Pixels, bits: int) -> Pixels:
-    """With 2^bits levels instead of 256, spread from 0 to 255 again."""
+    """2^bits levels instead of 256, spread from 0 to 255."""
     shift = 8 - bits
     top = (1 << bits) - 1
     levels: Pixels = np.rint((pixels >> shift) * (FULL / top)).astype(np.uint8)
@@ -31,7 +31,7 @@ def quantize(pixels: Pixels, bits: int) -> Pixels:
 
 
 def entropy(pixels: Pixels) -> float:
-    """Bits that a level tells on average, by how often each is there: −Σ p log2 p."""
+    """Mean information of a pixel in bits: −Σ p log2 p."""
     counts = np.bincount(pixels.ravel(), minlength=256)
     share = counts[counts > 0] / counts.sum()
     return float(-(share * np.log2(share)).sum()) + 0.0

@@ -19,7 +19,7 @@ def binomial(order: int) -> Whole:
 
 
 def sobel_kernels(aperture: int) -> tuple[Whole, Whole]:
-    """What smooths across and what differentiates along: (aperture,) each.
+    """Smoothing and differentiating kernel, (aperture,) each.
 
     Args:
         aperture: 3, 5 or 7.
@@ -28,7 +28,7 @@ def sobel_kernels(aperture: int) -> tuple[Whole, Whole]:
 
 
 def sobel(gray: Pixels, aperture: int) -> tuple[Whole, Whole]:
-    """The derivatives to the right and down, unscaled; beyond its border the image stays the same.
+    """The derivatives to the right and down, unscaled; the border is replicated.
 
     Args:
         gray: 8 or 16 bits.
@@ -39,7 +39,7 @@ def sobel(gray: Pixels, aperture: int) -> tuple[Whole, Whole]:
 
 
 def correlate(gray: Pixels, along: Whole, down: Whole) -> Whole:
-    """Weighted sums over windows: a row of weights to the right, another one down."""
+    """Weighted sums over windows: one row of weights to the right, another one down."""
     reach = len(along) // 2
     height, width = gray.shape
     wide = np.pad(gray.astype(np.int64), reach, mode="edge")
@@ -49,19 +49,19 @@ def correlate(gray: Pixels, along: Whole, down: Whole) -> Whole:
 
 
 def direction(dx: Whole | Floats, dy: Whole | Floats) -> Floats:
-    """Where it gets brighter, in degrees from 0 to 360: 0 right, 90 down."""
+    """Direction of the gradient, in degrees from 0 to 360: 0 right, 90 down."""
     angle: Floats = np.degrees(np.arctan2(dy, dx)) % 360
     return angle
 
 
 def magnitude(dx: Whole | Floats, dy: Whole | Floats) -> Floats:
-    """The length of the gradient."""
+    """Length of the gradient."""
     length: Floats = np.hypot(dx, dy)
     return length
 
 
 def central_difference(values: Pixels) -> Floats:
-    """The derivative of (N,) by both neighbours of each; beyond the ends the values stay."""
+    """The derivative of (N,) from both neighbours of each; the ends are replicated."""
     wide = np.pad(values.astype(float), 1, mode="edge")
     slope: Floats = (wide[2:] - wide[:-2]) / 2
     return slope

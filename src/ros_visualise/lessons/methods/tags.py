@@ -1,4 +1,4 @@
-"""A tag in a picture: found, or drawn where there is none."""
+"""A tag in a picture: detected, or drawn into it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 @dataclass(frozen=True, eq=False)
 class TagSeen:
-    """A tag in a picture; ``truth`` (4, 2) are its corners where it was drawn."""
+    """A tag in a picture; ``truth`` (4, 2) are its corners if it was drawn."""
 
     picture: Pixels
     info: CameraInfo
@@ -32,7 +32,7 @@ class TagSeen:
 
 
 def find_tag(seen: TagSeen) -> TagSeen | None:
-    """With the largest tag of its picture; None if there is none."""
+    """The picture with its largest tag; None without a tag."""
     gray = cv2.cvtColor(seen.picture, cv2.COLOR_BGR2GRAY)
     tags = TagFinder([_FAMILY]).find(gray)
     if not tags:
@@ -46,14 +46,14 @@ def find_tag(seen: TagSeen) -> TagSeen | None:
 def draw_tag(
     bgr: Pixels, info: CameraInfo, size_m: float, distance_m: float, turned_rad: Floats
 ) -> TagSeen:
-    """The picture with a tag ahead of the camera.
+    """The picture with a tag in front of the camera.
 
     Args:
-        bgr: what is drawn over.
+        bgr: the picture.
         info: its camera.
         size_m: side of the tag's black square.
-        distance_m: of the tag's middle.
-        turned_rad: of the tag, from facing the camera: backwards, to the side, around the axis.
+        distance_m: of the tag's centre.
+        turned_rad: rotation from facing the camera: backwards, sideways, around the axis.
     """
     cells, rim = draw_cells(_FAMILY, 7)
     outer = 1 + 2 * rim / (len(cells) - 2 * rim)  # of the white rim, in sides
@@ -66,7 +66,7 @@ def draw_tag(
     to_plane = np.array(
         [[pixel, 0, (pixel - outer) / 2], [0, -pixel, (outer - pixel) / 2], [0, 0, 1]]
     )
-    times = 4  # what is drawn is averaged from so many pixels to a side
+    times = 4  # supersampling along each side
     finer = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1]])
     size = (info.width * times, info.height * times)
     drawn, share = (

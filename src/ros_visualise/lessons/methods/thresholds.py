@@ -1,4 +1,4 @@
-"""Thresholds: what becomes of each level, and the one that parts the levels best."""
+"""Thresholds: tone curves, and the threshold that separates the levels best."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Tones = npt.NDArray[np.uint8]
 
 
 def tone_curves(level: int) -> dict[str, Tones]:
-    """Type of a fixed threshold -> what becomes of each level from 0 to 255, (256,)."""
+    """Type of a fixed threshold -> output for each level from 0 to 255, (256,)."""
     is_above = level < LEVELS
     curves = {
         "binary": np.where(is_above, 255, 0),
@@ -26,7 +26,7 @@ def tone_curves(level: int) -> dict[str, Tones]:
 
 
 def between_classes(counts: npt.NDArray[np.int64]) -> Floats:
-    """Otsu's measure of each threshold, (256,): the variance between what is below and above.
+    """Otsu's measure for each threshold, (256,): the variance between the two classes.
 
     Args:
         counts: of each level, (256,).
@@ -44,5 +44,5 @@ def between_classes(counts: npt.NDArray[np.int64]) -> Floats:
 
 
 def otsu(counts: npt.NDArray[np.int64]) -> int:
-    """The threshold of the largest variance between the classes; the lowest of equal ones."""
+    """The threshold with the largest variance between the classes; the lowest of equal ones."""
     return int(between_classes(counts).argmax())

@@ -1,1 +1,1 @@
-"""The lessons, one in each file: its text, and a node for each of its steps."""
+"""The lessons, one in each file: its text, and a node for each step."""

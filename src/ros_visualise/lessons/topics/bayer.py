@@ -1,4 +1,4 @@
-"""How a camera with one colour for each pixel gives pictures in colours."""
+"""Bayer mosaics: colour pictures from one colour for each pixel."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ros_visualise.plotting.colors import levels
 from ros_visualise.plotting.figure import Figure
 
 _REACH = 8
-_GAIN = 4  # of errors, to be seen
+_GAIN = 4  # of errors, to make them visible
 
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """The picture as it was, what the sensor makes of it, and where one looks."""
+    """The true picture, the sensor's measurements, and the point to look at."""
 
     truth: Pixels
     mosaic: Pixels
@@ -50,8 +50,8 @@ def mosaic(image: Image, params: PixelParams) -> dict[str, Message]:
             R G R G
             G B G B
 
-        So the sensor measures {numbers} of the {wanted} numbers of a colour picture. The two that
-        each pixel lacks are guessed from its neighbours: that is called demosaicing.
+        So the sensor measures {numbers} of the {wanted} numbers of a colour picture. The two
+        missing colours of each pixel are estimated from its neighbours: this is called demosaicing.
         """
     return show(
         image,
@@ -87,8 +87,8 @@ def _by(method: str, name: str, text: str) -> Any:
 
 
 _FIGURES = """
-        Above are the picture, its error ({gain} times as bright, to be seen), and a part of the
-        picture, enlarged. Compared with the truth: PSNR {psnr:.2f} dB; the largest error is
+        Above are the picture, its error ({gain} times as bright, to make it visible), and a part of
+        the picture, enlarged. Compared with the truth: PSNR {psnr:.2f} dB; the largest error is
         {largest} levels; {false:.2f} % of the pixels have a colour that is wrong by more than 20
         levels.
         """
@@ -147,7 +147,7 @@ LESSON = Lesson(
 
 
 def _of_use(picture: Pixels) -> Pixels:
-    """With an even number of rows and columns, which the pattern needs; at least 16 of each."""
+    """Cropped to even numbers of rows and columns for the pattern; at least 16 of each."""
     height, width = (max(16, side) for side in picture.shape[:2])
     wide = cv2.copyMakeBorder(
         picture, 0, height - picture.shape[0], 0, width - picture.shape[1], cv2.BORDER_REFLECT
@@ -162,14 +162,14 @@ def _error(found: Pixels, truth: Pixels) -> Pixels:
 
 
 def _chroma_error(found: Pixels, truth: Pixels) -> Pixels:
-    """How much the channels are wrong relative to one another: a gray error has none."""
+    """Errors of the channels relative to each other: zero for a gray error."""
     difference = found.astype(np.int64) - truth
     error: Pixels = difference.max(axis=2) - difference.min(axis=2)
     return error
 
 
 def _draw(work: _Measured, picture: Pixels, error: Pixels | None) -> Figure:
-    """The picture, its error or else the truth, and a part around the place that is looked at."""
+    """The picture, its error or the truth, and an enlarged part."""
     seen = work.truth if error is None else levels(error, 255 / _GAIN)
     figure, zoom = magnified([picture, seen], work.place, _REACH)
     zoom.draw(picture)

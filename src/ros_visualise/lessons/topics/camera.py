@@ -1,4 +1,4 @@
-"""How a camera makes a picture of the world, and what a calibration finds."""
+"""The camera: how it forms an image, and what a calibration finds."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from ros_visualise.plotting.figure import Figure
 
 _NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 _COLORS = (BLUE, RED, GREEN, ORANGE, YELLOW)
-_GRID = 12  # of lines that show how the lens bends them
+_GRID = 12  # number of grid lines
 
 
 @dataclass(frozen=True)
 class PinholeParams:
-    """The camera, and a cube before it."""
+    """The camera, and a cube in front of it."""
 
     focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
-    distance: float = param(5.0, "distance from the camera to the cube's middle, metres", min=1.5,
+    distance: float = param(5.0, "distance from the camera to the cube's centre, metres", min=1.5,
                             max=100, slider=(1.5, 20))  # fmt: skip
     aside: float = param(
-        0.0, "how far the cube is to the right, metres", min=-20, max=20, slider=(-3, 3)
+        0.0, "offset of the cube to the right, metres", min=-20, max=20, slider=(-3, 3)
     )
-    turn: float = param(25.0, "how far the cube is turned, degrees", min=-180, max=180)
+    turn: float = param(25.0, "rotation of the cube, degrees", min=-180, max=180)
 
 
 @node("pinhole", params=PinholeParams, inputs=TAKES, outputs=GIVES)
 def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
-    """A pinhole: far things are small."""
+    """A pinhole: distant objects look small."""
     bgr = work_of(image, np.ndarray)
     height, width = bgr.shape[:2]
     K = camera_matrix(params.focal * width, width, height)
@@ -85,7 +85,7 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class LensParams:
-    """The lens: how far it is from a pinhole."""
+    """The distortion of the lens."""
 
     focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
@@ -117,7 +117,7 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
     corner = np.array([[0.0, 0.0]])
     moved = _to_pixels(distort(_to_rays(corner, K), D), K)[0]
     text = """
-        A lens shifts each point in the picture, the more the farther the point is from the middle.
+        A lens shifts each point in the picture, and more so the farther it is from the centre.
         With x = X/Z, y = Y/Z and r² = x² + y²:
 
             R  = 1 + k₁ r² + k₂ r⁴ + k₃ r⁶
@@ -144,11 +144,11 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
     valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
     difference = cv2.absdiff(back, seen.straight).mean(axis=2)
     text = """
-        For each pixel of the straight picture we compute where the lens has put it, and take the
+        For each pixel of the straight picture we compute where the lens has moved it, and take the
         colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} % of
-        the picture comes back; the black rest was outside of what the lens saw. What comes back
-        differs from the truth by {difference:.2f} levels on average, because it was interpolated
-        twice.
+        the picture is recovered; the black rest was outside the view of the lens. The recovered
+        part differs from the truth by {difference:.2f} levels on average, because it was
+        interpolated twice.
         """
     return show(image, back, text, share=100 * valid.mean(),
                 difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
@@ -156,17 +156,17 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class CalibrationParams:
-    """The pictures by which one calibrates."""
+    """The pictures for the calibration."""
 
     views: int = param(12, "number of pictures of the board", min=3, max=60, slider=(3, 30))
-    noise: float = param(0.2, "standard deviation of a corner's place, pixels", min=0, max=5,
+    noise: float = param(0.2, "standard deviation of a corner's position, pixels", min=0, max=5,
                          slider=(0, 1))  # fmt: skip
-    seed: int = param(0, "seed of the random places of the board", min=0, max=1000, slider=(0, 20))
+    seed: int = param(0, "seed of the random poses of the board", min=0, max=1000, slider=(0, 20))
 
 
 @node("calibration", params=CalibrationParams, inputs=TAKES, outputs=GIVES)
 def calibration(image: Image, params: CalibrationParams) -> dict[str, Message]:
-    """What a calibration finds."""
+    """A calibration and its results."""
     seen = work_of(image, _LensPictures)
     height, width = seen.straight.shape[:2]
     size = (width, height)
@@ -176,17 +176,17 @@ def calibration(image: Image, params: CalibrationParams) -> dict[str, Message]:
     table = "\n".join(f"    {name}  {true:9.4f}  {value:9.4f} ± {spread:.4f}"
                       for name, true, value, spread in rows)  # fmt: skip
     text = f"""
-To calibrate a camera, one holds a board of known size in front of it, in many places. The
-calibration (Zhang, 2000) searches for the camera parameters, and the places of the board, that
-explain best where its {BOARD[0] * BOARD[1]} corners were seen. Here the simulated camera takes
+To calibrate a camera, hold a board of known size in front of it, in many poses. The calibration
+(Zhang, 2000) searches for the camera parameters, and the poses of the board, that best explain
+where its {BOARD[0] * BOARD[1]} corners were seen. Here the simulated camera takes
 {params.views} pictures, with noise of {params.noise:g} pixels on each corner. The table shows the
 truth, what was found, and its standard deviation:
 
 {table}
 
 On average (RMS) the corners are {found.rms_px:.3f} pixels from where the result predicts them. More
-pictures, more tilted boards, and boards near the picture's corners make it better. To calibrate
-your own camera: ros-visualise calibrate.
+pictures, more tilted boards, and boards near the picture's corners improve it. To calibrate your
+own camera, run ros-visualise calibrate.
 """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), seen.bent // 3)
@@ -203,8 +203,8 @@ LESSON = Lesson(
     "camera",
     "how a camera sees: the pinhole, what a lens does, how to undo it, what calibration finds",
     """
-    To measure with pictures, one has to know where in a picture a thing of the world appears. Here
-    a camera is simulated that looks at your picture of {width} x {height} pixels, as if it were a
+    To measure with pictures, you have to know where in a picture a point of the world appears. Here
+    we simulate a camera that looks at your picture of {width} x {height} pixels, as if it were a
     poster.
     """,
     [Step(pinhole), Step(lens, "picture"), Step(undistorted, "lens"), Step(calibration, "lens")],
@@ -221,7 +221,7 @@ def _to_pixels(rays: Floats, K: Floats) -> Floats:
 
 
 def _through(bgr: Pixels, K: Floats, D: Floats) -> Pixels:
-    """A straight picture as the lens sees it: each pixel has the colour of its undistorted ray."""
+    """A straight picture through the lens: pixels have the colour of their undistorted ray."""
     height, width = bgr.shape[:2]
     columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)

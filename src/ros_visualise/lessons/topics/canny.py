@@ -24,7 +24,7 @@ _REACH = 3
 
 @dataclass(frozen=True)
 class SmoothingParams:
-    """How much is smoothed."""
+    """Strength of the smoothing."""
 
     sigma: float = param(1.0, "standard deviation of the Gaussian, pixels; 0 is off",
                          min=0, max=20, slider=(0, 5))  # fmt: skip
@@ -44,17 +44,17 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
             r² = x² + y²,   σ = {sigma:g}
 
         That changes a pixel of this picture by {change:.2f} gray levels on average. cv2.Canny does
-        not smooth; whoever calls it has to do that before. With σ = 0 this step is off.
+        not smooth, so do it before calling it. With σ = 0 this step is off.
         """
     return show(image, smoothed, text, smoothed, sigma=params.sigma, change=change)
 
 
 @dataclass(frozen=True)
 class GradientParams:
-    """How the gradient is measured."""
+    """Measurement of the gradient."""
 
     aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
-    l2: bool = param(False, "take √(Gx² + Gy²), which is more exact, instead of |Gx| + |Gy|")
+    l2: bool = param(False, "use √(Gx² + Gy²), which is more exact, instead of |Gx| + |Gy|")
 
 
 @node("gradient", params=GradientParams, inputs=TAKES, outputs=GIVES)
@@ -161,13 +161,13 @@ def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
     edges = canny.hysteresis(thin.gradient, thin.keeps, params.low, params.high)
     weak = edges.rescued | edges.lost
     text = """
-        Two thresholds sort what is left:
+        Two thresholds sort the remaining pixels:
 
             strong:  |G| > {high}
             weak:    {low} < |G| ≤ {high}
 
         Here {strong} pixels are strong (white) and {weak} are weak (orange). The other {none} are
-        no edges.
+        not edges.
         """
     low, high = sorted((params.low, params.high))
     return show(
@@ -227,13 +227,13 @@ LESSON = Lesson(
 
 
 def _norm(found: Gradient) -> Pixels:
-    """The size of the gradient, float; in L2 the root of what is compared."""
+    """The magnitude of the gradient, float; in L2 the root of the compared value."""
     size: Pixels = np.sqrt(found.size) if found.is_l2 else found.size.astype(float)
     return size
 
 
 def _at(size: Pixels, x: int, y: int) -> float:
-    """The gradient there; beyond the border there is none."""
+    """The gradient at a pixel; 0 outside the picture."""
     is_inside = 0 <= x < size.shape[1] and 0 <= y < size.shape[0]
     return float(size[y, x]) if is_inside else 0.0
 
@@ -241,7 +241,7 @@ def _at(size: Pixels, x: int, y: int) -> float:
 def _draw_suppression(
     found: Gradient, keeps: Mask, pixel: tuple[int, int], towards: tuple[int, int]
 ) -> Figure:
-    """The gradient of the whole picture, what stays of it, and |G| around one pixel."""
+    """The gradient of the whole picture, what is left of it, and |G| around one pixel."""
     (x, y), size = pixel, _norm(found)
     stays = np.where(keeps, size, 0)
     figure, zoom = magnified([levels(np.sqrt(size)), levels(np.sqrt(stays))], pixel, _REACH)

@@ -28,7 +28,7 @@ from ros_visualise.plotting.figure import Figure, picture_grid
 from ros_visualise.vision.color import hsv_mask
 
 _SIDE, _DOT, _LETTERS = 1.6, 0.02, 0.1
-"""In 3D, metres: the cube's edges, the points, the names of its corners."""
+"""Sizes in 3D, metres: the cube's edges, the points, the names of its corners."""
 _EDGES = [[one, one ^ bit] for one in range(8) for bit in (1, 2, 4) if not one & bit]
 """Pairs of the cube's corners, numbered by the bits of x, y and z."""
 _TURN, _TILT = np.radians(-35), np.radians(25)
@@ -41,9 +41,9 @@ _CORNERS = {"black": (0, 0, 0), "red": (1, 0, 0), "green": (0, 1, 0), "blue": (0
 
 @dataclass(frozen=True)
 class CubeParams:
-    """How many pixels are drawn."""
+    """Number of drawn pixels."""
 
-    points: int = param(20_000, "most pixels that are drawn", min=100, max=200_000,
+    points: int = param(20_000, "max points", min=100, max=200_000,
                         slider=(1000, 50_000))  # fmt: skip
 
 
@@ -71,7 +71,7 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
 
 @node("hsv", params=PixelParams, inputs=TAKES, outputs=GIVES)
 def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
-    """HSV: which colour, how much of it, how bright."""
+    """HSV: the colour, how much of it, and its brightness."""
     bgr = work_of(image, np.ndarray)
     found = to_hsv(bgr)
     row, column = np.unravel_index(found[..., 1].argmax(), bgr.shape[:2])
@@ -112,7 +112,7 @@ def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class RangeParams:
-    """Which colours stay."""
+    """The range of colours to keep."""
 
     hue_low: int = param(
         35,
@@ -127,13 +127,13 @@ class RangeParams:
 
 @node("hue_range", params=RangeParams, inputs=TAKES, outputs=GIVES)
 def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
-    """A range of hues finds things by their colour."""
+    """A range of hues finds objects by their colour."""
     bgr = work_of(image, np.ndarray)
     low = params.hue_low, params.saturation, params.value
     mask = hsv_mask(bgr, "BGR", low, (params.hue_high, 255, 255))
     dim = cv2.cvtColor(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY) // 3, cv2.COLOR_GRAY2BGR)
     text = """
-        Light and shadow change R, G and B together, but hardly the hue. So one selects things by
+        Light and shadow change R, G and B together, but hardly the hue. So objects are selected by
         their hue: here from {low} to {high}, that is {low_degrees}° to {high_degrees}°. Gray has no
         hue, so the saturation must be at least {saturation}. {share:.1f} % of the pixels are in
         this range and keep their colours; the others are shown dark and gray.
@@ -198,7 +198,7 @@ LESSON = Lesson(
 
 
 def _markers(colors: Pixels, header: Header) -> MarkerArray:
-    """Colours (N, 3) in BGR in the cube: x is red, y green, z blue; its middle is the origin."""
+    """Colours (N, 3) in BGR in the cube: x is red, y green, z blue; its centre is the origin."""
     rgb = colors[:, ::-1] / 255
     corners = np.array(list(product((0.0, 1.0), repeat=3)))
     points = Marker(
@@ -231,13 +231,13 @@ def _markers(colors: Pixels, header: Header) -> MarkerArray:
 
 
 def _place(rgb: Floats) -> Floats:
-    """Where colours from 0 to 1 are in 3D, metres."""
+    """Positions in 3D of colours from 0 to 1, metres."""
     places: Floats = (rgb - 0.5) * _SIDE
     return places
 
 
 def _draw_cube(colors: Pixels) -> Figure:
-    """The cube seen at a slant, the nearest points last."""
+    """The cube from an oblique view, the nearest points last."""
     side = 400
     figure = Figure(WIDTH, side)
     picture = np.full((side, WIDTH, 3), 255, np.uint8)
@@ -258,7 +258,7 @@ def _draw_cube(colors: Pixels) -> Figure:
 
 
 def _project(rgb: Floats, side: int) -> tuple[Floats, Floats]:
-    """Where points of the cube are on the figure, (N, 2), and how far away."""
+    """Points of the cube on the figure, (N, 2), and their depth."""
     x, y, z = (rgb - 0.5).T
     across = x * np.cos(_TURN) - y * np.sin(_TURN)
     away = x * np.sin(_TURN) + y * np.cos(_TURN)

@@ -1,4 +1,4 @@
-"""The tree of frames, what tf answers, and why odometry drifts."""
+"""The frame tree, transforms from tf, and the drift of odometry."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from ros_visualise.plotting.figure import Figure
 
 _PERIOD_NS = 1_000_000_000
 _ROW, _INDENT = 30, 34
-_MOST = 100_000  # poses that are kept
+_MOST = 100_000  # largest number of poses
 
 
 @dataclass(frozen=True)
 class TreeParams:
-    """What is asked of tf."""
+    """The query to tf."""
 
     target: str = param("", "the frame to answer in; empty: the root")
-    source: str = param("", "the frame whose place is asked for; empty: the deepest in the tree")
+    source: str = param("", "the frame to locate; empty: the deepest in the tree")
 
 
 @node("tree", params=TreeParams, inputs={"tf": Transforms}, outputs=GIVES, frames=True)
 class Tree:
-    """The tree of frames, and what tf answers."""
+    """The frame tree, and a transform from tf."""
 
     def __init__(self, _: TreeParams) -> None:
         self._told_ns: int | None = None
@@ -46,7 +46,7 @@ class Tree:
     def step(
         self, tf: Transforms, params: TreeParams, frames: FrameTree
     ) -> dict[str, Message] | None:
-        """Every second: the tree as it is now."""
+        """Every second: the present tree."""
         stamp_ns = tf.header.stamp_ns
         if self._told_ns is not None and 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
             return None
@@ -59,16 +59,16 @@ class Tree:
         target = params.target or chains.get(source, [source])[0]
         text = """
             Where is the camera, seen from the map? Each part of a robot has a frame: an origin and
-            three axes. Each frame has a place in one other frame, its parent, so all frames form a
-            tree; here there are {count}. tf tells where any frame is in any other, now or some
-            seconds ago, by multiplying the transforms along the way:
+            three axes. Each frame has a pose in one other frame, its parent, so all frames form a
+            tree; here there are {count}. tf computes the pose of any frame in any other, now or
+            some seconds ago, by multiplying the transforms along the path:
 
             {product}
 
             {answer}
 
             By the convention REP 105, base_link is the robot. In odom the robot moves smoothly, but
-            its place drifts. In map it does not drift, but may jump when it is corrected. The
+            its pose drifts. In map it does not drift, but may jump when it is corrected. The
             transform from map to odom is this correction.
             """
         try:
@@ -92,7 +92,7 @@ class _Way:
         self.rows: list[tuple[float, float, float, float]] = []
 
     def add(self, odometry: Odometry) -> None:
-        """Keep a pose, if it is later than the last."""
+        """Add a pose, if it is later than the last."""
         stamp_ns = odometry.header.stamp_ns
         if self.rows and stamp_ns <= self.rows[-1][0]:
             return
@@ -102,7 +102,7 @@ class _Way:
             self.rows = self.rows[::2]
 
     def at(self, stamps_ns: Floats) -> tuple[Floats, Floats]:
-        """Places (N, 2) and headings (N,) at these times, in between along straight lines."""
+        """Interpolated positions (N, 2) and headings (N,) at these times."""
         known = np.array(self.rows)
         x, y = (np.interp(stamps_ns, known[:, 0], known[:, column]) for column in (1, 2))
         return np.stack([x, y], axis=1), np.interp(stamps_ns, known[:, 0], np.unwrap(known[:, 3]))
@@ -122,7 +122,7 @@ class Drift:
     def step(
         self, params: object, odom: Odometry | None = None, truth: Odometry | None = None
     ) -> dict[str, Message] | None:
-        """Every second: both ways so far."""
+        """Every second: both paths so far."""
         if truth is not None:
             self._truth.add(truth)
         if odom is None:
@@ -137,8 +137,8 @@ class Drift:
         if len(self._truth.rows) < 2:
             places, _ = self._odom.at(stamps)
             text = """
-                The way by odometry: {length:.2f} m so far. This recording does not hold the true
-                way, so the error cannot be told. A simulated robot knows it: run this lesson
+                The path by odometry: {length:.2f} m so far. This recording does not contain the
+                true path, so the error is unknown. A simulated robot knows it: run this lesson
                 without a file.
                 """
             return show_at(odom.header, _draw_way([(places, BLUE)]), text, length=_length(places))
@@ -157,9 +157,9 @@ class Drift:
         text = """
             Odometry adds up small steps, measured by wheels or a camera. Each step is a little
             wrong, and nothing corrects it, so the error grows (for a while errors may cancel). Blue
-            is where odometry believes the robot to be, green is where it is.
+            is the path by odometry, green is the true one.
 
-            After {length:.2f} m the error is {error:.3f} m, {share:.2f} % of the way, and the
+            After {length:.2f} m the error is {error:.3f} m, {share:.2f} % of the path, and the
             heading is off by {heading:+.2f}°. A heading that is wrong by ε turns every later step
             Δp by ε. The wrong headings alone cause an error of
 
@@ -198,7 +198,7 @@ def _chain(frames: FrameTree, name: str) -> list[str]:
 
 
 def _product(target: str, chain: list[str]) -> str:
-    """How the transform to the last of a chain is put together."""
+    """The product of transforms to the last frame of a chain."""
     below = chain[chain.index(target) :] if target in chain else [target, chain[-1]]
     links = [f"T({parent} ← {child})" for parent, child in pairwise(below)]
     lines = [f"    T({target} ← {chain[-1]})", f"      = {links[0] if links else 'I'}"]
@@ -214,7 +214,7 @@ def _answer(T: Floats, target: str, source: str) -> str:
 
 
 def _draw_tree(frames: FrameTree) -> Figure:
-    """Each frame below its parent, and a line between them."""
+    """Each frame below its parent, connected by lines."""
     names = sorted(frames.frames())
     rows = tree_rows({name: parent for name in names if (parent := frames.parent(name))})
     figure = Figure(WIDTH, max(_ROW * len(rows) + 20, 60))
@@ -235,7 +235,7 @@ def _length(places: Floats) -> float:
 def _draw_way(
     ways: list[tuple[Floats, tuple[int, int, int]]], error: tuple[Floats, Floats] | None = None
 ) -> Figure:
-    """Ways from above, and below them how the error grows."""
+    """Paths from above, and below them the growing error."""
     figure = Figure(WIDTH, 620 if error else 430)
     every = np.concatenate([places for places, _ in ways])
     axes = PlotAxes(figure, (70, 30, WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)

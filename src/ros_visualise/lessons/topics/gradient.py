@@ -1,4 +1,4 @@
-"""Derivatives of a picture: along a line, to the right and down, how large and where to."""
+"""Derivatives of a picture: along a line, in two directions, magnitude and direction."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
     steepest = int(np.abs(slope).argmax())
     x = steepest if params.x < 0 else min(params.x, width - 1)
     text = """
-        Along row {row} (yellow) the gray levels are a curve f (blue). Its derivative (red) tells
+        Along row {row} (yellow) the gray levels are a curve f (blue). Its derivative (red) is
         how fast it changes. A picture has no values between two pixels, so the derivative is half
         the difference of the two neighbours:
 
@@ -58,14 +58,14 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class DerivativesParams:
-    """How the derivatives are taken."""
+    """Kernel of the derivatives."""
 
     aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
 
 
 @dataclass(frozen=True, eq=False)
 class _Gradient:
-    """To the right and down, (height, width) each."""
+    """Derivatives to the right and down, (height, width) each."""
 
     dx: Pixels
     dy: Pixels
@@ -135,7 +135,7 @@ def size(image: Image, params: object) -> dict[str, Message]:
 
 @node("direction", inputs=TAKES, outputs=GIVES)
 def towards(image: Image, params: object) -> dict[str, Message]:
-    """θ: where it gets brighter."""
+    """θ: the direction in which it gets brighter."""
     found = work_of(image, _Gradient)
     angle, length = direction(found.dx, found.dy), magnitude(found.dx, found.dy)
     weights = np.bincount((angle / 45 + 0.5).astype(int).ravel() % 8, length.ravel(), 8)
@@ -159,7 +159,7 @@ def towards(image: Image, params: object) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class EdgesParams:
-    """What counts as an edge."""
+    """Threshold for edges."""
 
     threshold: int = param(100, "an edge is where |G| exceeds this",
                            min=0, max=100_000, slider=(0, 800))  # fmt: skip
@@ -184,7 +184,7 @@ LESSON = Lesson(
     "gradient",
     "what a gradient is: the gray along a line and its derivative, Gx and Gy, length and direction",
     """
-    For a program a picture is a function: it has a gray level at each of {width} x {height} places.
+    For a program a picture is a function: it has a gray level at each of {width} x {height} points.
     Where this function is steep, there is an edge. These windows differentiate it: first along one
     line, then in both directions.
     """,
@@ -199,17 +199,17 @@ LESSON = Lesson(
 
 
 def _signed(values: Pixels, top: float) -> Pixels:
-    """From -top to top as 0 to 255, 0 as 128."""
+    """Values from -top to top as 0 to 255, 0 as 128."""
     shown: Pixels = np.rint(128 + values * (127 / top)).astype(np.uint8)
     return shown
 
 
 def _draw_profile(gray: Pixels, pixel: tuple[int, int], slope: Floats) -> Figure:
-    """A band of the picture with a row, and below it the gray and its derivative at these places.
+    """A band of the picture around a row, and below it the gray and its derivative.
 
     Args:
         gray: the picture.
-        pixel: (x, y), what is looked at in which row.
+        pixel: (x, y) of the pixel to look at.
         slope: of the row.
     """
     at, row = pixel

@@ -1,4 +1,4 @@
-"""Nodes, topics and messages, shown with the graph that is running."""
+"""Nodes, topics and messages, shown with the running graph."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def message(image: Image, params: object) -> dict[str, Message]:
             data             {size} bytes
 
         The stamp is the time at which the camera took the image, not the time at which it arrived.
-        Nodes that process the image keep its stamp, so that one can find results that belong
+        Nodes that process the image keep its stamp, so that you can find results that belong
         together.
         """
     return show(
@@ -56,7 +56,7 @@ def message(image: Image, params: object) -> dict[str, Message]:
 
 @dataclass(frozen=True, eq=False)
 class _Counted:
-    """Which message of its topic it is, from 1 on."""
+    """Number of a message on its topic, from 1."""
 
     number: int
 
@@ -74,7 +74,7 @@ class Rate:
         self._arrivals: deque[int] = deque(maxlen=_KEPT)
 
     def step(self, image: Image, params: object) -> dict[str, Message]:
-        """Each message is counted, and what is known of the last ones is told."""
+        """Count a message, and report the rate of the latest ones."""
         self._number += 1
         self._stamps.append(image.header.stamp_ns)
         self._arrivals.append(monotonic_ns())
@@ -86,7 +86,7 @@ class Rate:
 
                 by their stamps
                 {stamped}
-                by our clock
+                by this computer's clock
                 {arrived}
 
             A topic has a name and a type. A publisher does not know who subscribes to it, and a
@@ -107,9 +107,9 @@ class Rate:
 
 @dataclass(frozen=True)
 class SlowParams:
-    """How slow."""
+    """Processing time."""
 
-    busy_ms: int = param(200, "time that it works on each message, milliseconds", min=0, max=2000,
+    busy_ms: int = param(200, "processing time of each message, milliseconds", min=0, max=2000,
                          slider=(0, 500))  # fmt: skip
 
 
@@ -121,7 +121,7 @@ class Slow:
         self._taken = self._first = 0
 
     def step(self, image: Image, params: SlowParams) -> dict[str, Message]:
-        """It takes its time."""
+        """Wait before answering."""
         number = work_of(image, _Counted).number
         self._first = self._first or number
         self._taken += 1
@@ -130,13 +130,13 @@ class Slow:
         text = """
             This node works {busy} ms on each message, so it can process {most}. While it
             works, each new message replaces the one that waits: so it always gets the latest one.
-            Of {came} messages it took {taken}; {dropped} ({share:.0f} %) were dropped.
+            Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were dropped.
 
             That is right for watching and steering, where only the newest message counts. A
             recording must not lose any: there the source waits for the slowest node. Drops are
             counted in the table of topics.
             """
-        most = f"{1000 / params.busy_ms:.1f} per second" if params.busy_ms else "all that come"
+        most = f"{1000 / params.busy_ms:.1f} per second" if params.busy_ms else "all messages"
         return show(
             image,
             _draw_share(self._taken, came),
@@ -168,7 +168,7 @@ LESSON = Lesson(
     "nodes, topics and messages, publish and subscribe, rates and drops, on the running graph",
     """
     A robot's software is made of many small programs, called nodes, that send each other messages.
-    These windows are nodes themselves, and tell about the messages that they get: pictures of
+    These windows are nodes themselves, and show the messages that they get: pictures of
     {width} x {height} pixels. Play, pause, change the rate, and watch them.
     """,
     [

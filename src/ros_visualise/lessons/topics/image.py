@@ -1,4 +1,4 @@
-"""What a picture is to a program: numbers."""
+"""Images: pixels, channels, levels, encodings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ENCODED = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "bgr16", "bayer_rggb8")
 
 @node("pixels", params=PixelParams, inputs=TAKES, outputs=GIVES)
 def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
-    """Pixels: places with numbers."""
+    """Pixels: a grid of numbers."""
     bgr = work_of(image, np.ndarray)
     gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     height, width = gray.shape
@@ -67,8 +67,8 @@ def channels(image: Image, params: object) -> dict[str, Message]:
     table = "\n".join(f"    {name:6} mean {one.mean():6.1f}   from {one.min():3} to {one.max():3}"
                       for name, one in named)  # fmt: skip
     text = f"""
-A colour picture is made of three gray ones, its channels. Each tells how much of one colour there
-is. OpenCV keeps them in the order blue, green, red; most other programs begin with red.
+A colour picture is made of three gray ones, its channels, one for each colour. OpenCV keeps them in
+the order blue, green, red; most other programs begin with red.
 
 {table}
 """
@@ -77,7 +77,7 @@ is. OpenCV keeps them in the order blue, green, red; most other programs begin w
 
 @dataclass(frozen=True)
 class LevelsParams:
-    """How many levels."""
+    """Number of levels."""
 
     bits: int = param(3, "number of bits k of a gray level", min=1, max=8)
 
@@ -93,9 +93,9 @@ def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
             2^{bits} = {count} levels
             {width} × {height} × {bits} / 8 = {size:.0f} bytes
 
-        Fewer levels need less memory, but where the gray changes slowly one sees steps. Compared
-        with 8 bits, this picture has a PSNR (how near it is to the original) of {psnr:.1f} dB; each
-        bit more adds about 6 dB. {used} of the {count} levels are used.
+        Fewer levels need less memory, but where the gray changes slowly you see steps. Compared
+        with 8 bits, this picture has a PSNR (how near it is to the original) of {psnr:.1f} dB;
+        each additional bit adds about 6 dB. {used} of the {count} levels are used.
         """
     quality = psnr(fewer, gray)
     return show(
@@ -114,7 +114,7 @@ def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
 def histogram(image: Image, params: object) -> dict[str, Message]:
-    """The histogram: how often each level is there."""
+    """The histogram: how often each level occurs."""
     bgr = work_of(image, np.ndarray)
     gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     figure = Figure(WIDTH, 400)
@@ -138,7 +138,7 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class ResolutionParams:
-    """How coarse."""
+    """Reduction of the resolution."""
 
     factor: int = param(
         8, "this many pixels along each side become one", min=1, max=64, slider=(1, 32)
@@ -147,7 +147,7 @@ class ResolutionParams:
 
 @node("resolution", params=ResolutionParams, inputs=TAKES, outputs=GIVES)
 def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
-    """Resolution: how many pixels there are for the same thing."""
+    """Resolution: the number of pixels for the same object."""
     bgr = work_of(image, np.ndarray)
     height, width = bgr.shape[:2]
     size = max(1, width // params.factor), max(1, height // params.factor)
@@ -174,7 +174,7 @@ def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
 
 @node("encodings", inputs=TAKES, outputs=GIVES)
 def encodings(image: Image, params: object) -> dict[str, Message]:
-    """Encodings: what the bytes of a message mean."""
+    """Encodings: the meaning of the bytes of a message."""
     bgr = work_of(image, np.ndarray)
     count = bgr.shape[0] * bgr.shape[1]
     rows = []
@@ -184,9 +184,8 @@ def encodings(image: Image, params: object) -> dict[str, Message]:
         rows.append(f"    {name:12} {depth} × {8 * size:2} bits {count * depth * size:12} bytes")
     table = "\n".join(rows)
     text = f"""
-A message sensor_msgs/Image holds bytes, and the name of their encoding, which says how to read
-them. Read by a wrong name, the same bytes give another picture: above, red and blue have changed
-places.
+A message sensor_msgs/Image holds bytes, and the name of their encoding, which defines how to read
+them. Read with a wrong name, the same bytes give another picture: above, red and blue are swapped.
 
 {table}
 
@@ -198,9 +197,9 @@ same kind of bytes as 16UC1, but means gray levels.
 
 LESSON = Lesson(
     "image",
-    "what a picture is to a program: pixels, channels, bits and levels, encodings, resolution",
+    "how images are stored: pixels, channels, bits and levels, encodings, resolution",
     """
-    A camera measures light at many places and writes numbers. Everything else, such as edges, tags
+    A camera measures light at many points and writes numbers. Everything else, such as edges, tags
     and maps, is computed from these numbers. This picture has {width} x {height} pixels.
     """,
     [

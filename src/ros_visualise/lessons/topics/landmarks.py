@@ -1,4 +1,4 @@
-"""How a tag in a picture tells where it is: corners, homography, two poses, an ellipse."""
+"""The pose of a tag in a picture: corners, homography, two poses, an ellipse."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ _TRIALS = 300
 
 @dataclass(frozen=True)
 class TagLessonParams:
-    """The camera and the tag; where none is in the picture, one is drawn."""
+    """The camera, and the tag to draw into a picture without one."""
 
     focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
     size: float = param(
         0.16, "side of the black square, metres", min=0.01, max=10, slider=(0.02, 1)
     )
-    distance: float = param(1.5, "distance to the tag that is drawn, metres", min=0.1, max=100,
+    distance: float = param(1.5, "distance to the drawn tag, metres", min=0.1, max=100,
                             slider=(0.3, 4))  # fmt: skip
-    tilt: float = param(15.0, "how far the drawn tag leans back, degrees", min=-80, max=80)
-    turn: float = param(10.0, "how far the drawn tag is turned aside, degrees", min=-80, max=80)
+    tilt: float = param(15.0, "backward tilt of the drawn tag, degrees", min=-80, max=80)
+    turn: float = param(10.0, "yaw of the drawn tag, degrees", min=-80, max=80)
 
 
 @node("tag", params=TagLessonParams, inputs=TAKES, outputs=GIVES)
 def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
-    """A tag: a square that says its number."""
+    """A tag: a square with an encoded number."""
     bgr = work_of(image, np.ndarray)
     height, width = bgr.shape[:2]
     K = camera_matrix(params.focal * width, width, height)
@@ -61,12 +61,14 @@ def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
     figure.picture((0, 0, width, height), seen.picture)
     figure.line(seen.corners[[0, 1, 2, 3, 0]], GREEN, 2)
     text = """
-        A tag is a black square, which is easy to find, with black and white cells in it that tell
+        A tag is a black square, which is easy to find, with black and white cells in it that encode
         its number. Here is {name}, {origin}. The tags of this family differ from one another in at
         least 11 cells, so even with five wrong cells the number is still clear.
         """
     origin = (
-        "found in your picture" if seen.truth is None else "drawn into the picture, as it has none"
+        "found in your picture"
+        if seen.truth is None
+        else "drawn into your picture, which has no tag"
     )
     return show(image, figure, text, seen, name=seen.name, origin=origin)
 
@@ -111,13 +113,13 @@ def plane(image: Image, params: object) -> dict[str, Message]:
     rows = "\n".join("    " + " ".join(f"{one:9.4f}" for one in row) for row in H)
     middle = apply(H, np.zeros((1, 2)))[0]
     text = f"""
-A point x of a plane and its place u in the picture are linked by a matrix of nine numbers, the
+A point x of a plane and its pixel u in the picture are linked by a matrix of nine numbers, the
 homography: u ~ H x (equal up to scale; x in sides of the tag). As the scale is free there are eight
 unknowns. Each corner gives two equations, so four corners are enough:
 
 {rows}
 
-With H the tag is drawn as if seen straight from the front, and its cells are read. The middle of
+With H the tag is drawn as if seen straight from the front, and its cells are read. The centre of
 the tag is at ({middle[0]:.2f}, {middle[1]:.2f}): not the mean of its corners, which perspective
 moves, ({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
 """
@@ -126,7 +128,7 @@ moves, ({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
 
 @dataclass(frozen=True)
 class CornerParams:
-    """How exact the corners are."""
+    """Accuracy of the corners."""
 
     sigma: float = param(0.5, "standard deviation of a corner's coordinates, pixels", min=0.01,
                          max=10, slider=(0.05, 2))  # fmt: skip
@@ -143,12 +145,12 @@ def poses(image: Image, params: CornerParams) -> dict[str, Message]:
     rows = "\n".join(map(_described, found))
     text = f"""
 From the homography, the size of the tag ({seen.size_m:g} m) and the focal length of the camera
-({seen.info.K[0, 0]:.0f} pixels; a guess, if your camera is not calibrated) follows the pose: how
-far away the tag is, and how it is turned. It is {np.linalg.norm(best.position_xyz):.3f} m away.
+({seen.info.K[0, 0]:.0f} pixels; a guess, if your camera is not calibrated) follows the pose of the
+tag: its position and its orientation. It is {np.linalg.norm(best.position_xyz):.3f} m away.
 
 From far away a square that is tilted to the left looks like one that is tilted to the right, so
-there can be two readings. With corners that are off by {params.sigma:g} pixels, the table tells for
-each reading how likely it is, where the tag would be, and how far the corners are from where they
+there can be two readings. With corners that are off by {params.sigma:g} pixels, the table shows for
+each reading its probability, the position of the tag, and how far the corners are from where they
 should be:
 
 {rows}
@@ -161,7 +163,7 @@ one, orange for the other. {_other(found)}
 
 @node("ellipse", params=CornerParams, inputs=TAKES, outputs=GIVES)
 def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
-    """The covariance: how sure the place is."""
+    """The covariance: position uncertainty."""
     seen = _tag_of(image)
     found = () if seen is None else square_poses(seen.corners, seen.size_m, seen.info, params.sigma)
     if seen is None or not found:
@@ -171,16 +173,16 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
     spread = best.covariance[[0, 2]][:, [0, 2]]
     deviations = np.sqrt(np.diag(best.covariance))
     text = """
-        If corners are off by {sigma:g} pixels, the tag's computed place is off too. The covariance
-        of the pose tells by how much (to first order):
+        If corners are off by {sigma:g} pixels, the tag's computed position is off too. The
+        covariance of the pose is a measure of that (to first order):
 
             Σ = (Jᵀ J)⁻¹ σ²
             J: how the corners move with the pose
 
-        The figure shows the place from above: each of the {trials} dots was computed from corners
-        with random noise. By theory the inner ellipse holds 39 % of them, the outer one 86 %; here
-        the outer one holds {inside:.0f} %. The standard deviation is {x:.2f} mm sideways, and
-        {z:.2f} mm along the line of sight: the distance is known worst.
+        The figure shows the position from above: each of the {trials} dots was computed from
+        corners with random noise. By theory the inner ellipse holds 39 % of them, the outer one 86
+        %; here the outer one holds {inside:.0f} %. The standard deviation is {x:.2f} mm sideways,
+        and {z:.2f} mm along the line of sight: the distance is known worst.
         """
     away = (tried - best.position_xyz)[:, [0, 2]]
     inside = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away) < 4
@@ -200,8 +202,8 @@ LESSON = Lesson(
     "landmarks",
     "how a tag tells where it is: corners, homography, its two poses, covariance as an ellipse",
     """
-    A robot that sees a thing of known size and shape knows where it is. The windows show how, with
-    a tag: one in your picture of {width} x {height} pixels, or one that is drawn into it.
+    A robot that sees an object of known size and shape can compute its own pose. The windows show
+    how, with a tag: one in your picture of {width} x {height} pixels, or one that is drawn into it.
     """,
     [
         Step(tag),
@@ -213,7 +215,7 @@ LESSON = Lesson(
 )
 
 _CORNERS = ("lower left ", "lower right", "upper right", "upper left ")
-_NOTHING = "There is no tag to look at: see the window before."
+_NOTHING = "No tag: see the previous window."
 
 
 def _tag_of(image: Image) -> TagSeen | None:
@@ -223,10 +225,9 @@ def _tag_of(image: Image) -> TagSeen | None:
 
 def _corner_error(seen: TagSeen) -> str:
     if seen.truth is None:
-        return "How far they are from the truth is not known: it is your picture."
+        return "Their error is unknown, as this is your picture."
     error = np.linalg.norm(seen.corners - seen.truth, axis=1)
-    far = f"{error.mean():.3f} pixels from there on average, {error.max():.3f} at most"
-    return f"In truth they are {far}."
+    return f"Their error is {error.mean():.3f} pixels on average, {error.max():.3f} at most."
 
 
 def _described(pose: PoseEstimate) -> str:
@@ -263,7 +264,7 @@ def _draw_poses(seen: TagSeen, found: Sequence[PoseEstimate]) -> Figure:
 
 
 def _tried(seen: TagSeen, sigma: float, best: PoseEstimate) -> Floats:
-    """Where corners with noise have the tag, (N, 3) metres: of each the reading that is nearest."""
+    """Positions (N, 3), metres, from noisy corners, each by the reading nearest to the best."""
     random = np.random.default_rng(0)
     noisy = seen.corners + random.normal(0, sigma, (_TRIALS, 4, 2))
     several = squares_poses(
@@ -278,7 +279,7 @@ def _tried(seen: TagSeen, sigma: float, best: PoseEstimate) -> Floats:
 
 
 def _draw_ellipse(away_mm: Floats, covariance: Floats) -> Figure:
-    """Dots and ellipses, from above: to the right, and up ahead."""
+    """Dots and ellipses from above: x to the right, y ahead."""
     figure = Figure(WIDTH, 480)
     lines = [ellipse(covariance, count) for count in (1, 2)]
     reach = np.abs(np.concatenate([*lines, away_mm])).max(axis=0)

@@ -1,4 +1,4 @@
-"""Noise, and what smoothing does against it."""
+"""Noise, and smoothing against it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class NoiseModel(Enum):
 
 @dataclass(frozen=True)
 class NoiseParams:
-    """What is added to the picture."""
+    """Noise added to the picture."""
 
     model: NoiseModel = param(
         NoiseModel.GAUSSIAN,
@@ -44,12 +44,12 @@ class NoiseParams:
         min=0,
         max=100,
     )
-    seed: int = param(0, "of the random numbers", min=0, max=1000, slider=(0, 20))
+    seed: int = param(0, "seed of the random numbers", min=0, max=1000, slider=(0, 20))
 
 
 @dataclass(frozen=True, eq=False)
 class _Noisy:
-    """The picture in gray as it was, and with noise."""
+    """The gray picture without and with noise."""
 
     clean: Pixels
     noisy: Pixels
@@ -70,7 +70,7 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
         MSE is the mean of the squared differences.
 
         Here the MSE is {square:.1f}, its square root {root:.1f} levels, and the PSNR {psnr:.2f} dB.
-        30 dB is good; below 20 dB one sees little but noise.
+        30 dB is good; below 20 dB you see little but noise.
         """
     work = _Noisy(clean, added)
     error = mean_square(added, clean)
@@ -89,7 +89,7 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class GaussParams:
-    """How much is smoothed."""
+    """Strength of the smoothing."""
 
     sigma: float = param(1.2, "standard deviation, pixels", min=0.3, max=20, slider=(0.3, 5))
 
@@ -115,7 +115,7 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class MedianParams:
-    """How large the window is."""
+    """Size of the window."""
 
     size: int = param(3, "width of the window, pixels; even counts as the next odd", min=3, max=31,
                       slider=(3, 15))  # fmt: skip
@@ -138,13 +138,13 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class BilateralParams:
-    """What is near, in place and in level."""
+    """Size of the window, and allowed difference of levels."""
 
     size: int = param(7, "width of the window, pixels; even counts as the next odd", min=3, max=31,
                       slider=(3, 15))  # fmt: skip
     sigma_color: float = param(
         50.0,
-        "how different the levels may be that are still mixed",
+        "largest difference of levels that are still averaged",
         min=1,
         max=255,
         slider=(1, 150),

@@ -1,4 +1,4 @@
-"""What a robot's sensors measure, and with how much noise."""
+"""A robot's sensors: their measurements and noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ros_visualise.plotting.figure import Figure
 
 _PERIOD_S = 1.0
 _GROWS = 0.02
-_MOST, _DROPPED = 200_000, 20_000  # samples that are kept, and that make way for new ones
+_MOST, _DROPPED = 200_000, 20_000  # largest number of samples, and number dropped at once
 _GAP = 5  # periods without a measurement
 _LEAST = 100
 
@@ -36,23 +36,23 @@ class Car:
             return None
         self._is_shown = True
         text = """
-            A robot knows about the world only what its sensors tell it. A passive sensor receives
-            what comes by itself; an active one sends something out and measures what comes back.
-            These sensors are on the car of KITTI, a data set with which many methods are compared:
+            A robot knows about the world only what its sensors measure. A passive sensor only
+            receives signals; an active one sends something out and measures what comes back. These
+            sensors are on the car of KITTI, a data set with which many methods are compared:
 
                 camera     passive  light, 10 Hz
                 Velodyne   active   laser echoes, 10 Hz
                 GPS (RTK)  passive  radio signals, 10 Hz
-                IMU        passive  turns, forces, 100 Hz
+                IMU        passive  rotation, forces, 100 Hz
 
             A camera has 1392 × 512 pixels, and sees nothing in the dark. The Velodyne measures
-            about 100000 points per turn, up to 120 m away. GPS with corrections (RTK) is accurate
-            to 5 cm under open sky. The IMU measures turning and acceleration everywhere, but what
-            is computed from it drifts.
+            about 100000 points per revolution, up to 120 m away. GPS with corrections (RTK) is
+            accurate to 5 cm under open sky. The IMU measures rotation and acceleration everywhere,
+            but a pose computed from it drifts.
 
             None of them is enough alone: a camera does not know the scale, a laser sees no colours,
             GPS has no signal in tunnels, and the IMU drifts. The 3D view shows the car around the
-            IMU of this run, if tf knows where that is.
+            IMU of this run, if tf has its frame.
             """
         markers = car.markers(imu.header.frame_id)
         return {**show_at(imu.header, car.figure(), text), "markers": markers}
@@ -60,29 +60,27 @@ class Car:
 
 @dataclass(frozen=True)
 class MeasuredParams:
-    """What is looked at."""
+    """The time range to show."""
 
-    seconds: float = param(
-        10.0, "seconds that are drawn, up to now", min=1, max=600, slider=(1, 60)
-    )
+    seconds: float = param(10.0, "time range up to now, seconds", min=1, max=600, slider=(1, 60))
 
 
 class _Samples:
-    """What an IMU has measured.
+    """Samples of an IMU.
 
     Args:
-        grows: one looks when a second has gone, and when this part of the time has been added.
+        grows: show the next result after a second, and after the time grew by this fraction.
     """
 
     def __init__(self, grows: float = 0.0) -> None:
         self._grows = grows
-        self._rows = np.empty((_MOST, 7))  # seconds since the first; turn rates, accelerations
+        self._rows = np.empty((_MOST, 7))  # seconds since the first; angular velocity, acceleration
         self._count = 0
         self._first_ns = 0
         self._due_s = 0.0
 
     def add(self, imu: Imu) -> bool:
-        """Keep a measurement; whether it is time to look."""
+        """Add a measurement; True if the next result is due."""
         if not self._count:
             self._first_ns = imu.header.stamp_ns
         time_s = (imu.header.stamp_ns - self._first_ns) / 1e9
@@ -100,12 +98,12 @@ class _Samples:
 
     @property
     def is_enough(self) -> bool:
-        """Whether there is anything to tell."""
+        """True if there are enough samples."""
         return self._count >= _LEAST
 
     @property
     def times_s(self) -> Floats:
-        """Since the first, (N,)."""
+        """Seconds since the first, (N,)."""
         return self._rows[: self._count, 0]
 
     @property
@@ -115,32 +113,32 @@ class _Samples:
 
     @property
     def period_s(self) -> float:
-        """From one to the next, by their median."""
+        """Median interval, seconds."""
         return float(np.median(np.diff(self.times_s)))
 
     @property
     def covered_s(self) -> float:
-        """How long was measured, of those that are kept; gaps are left out."""
+        """Measured time of the samples in memory, seconds, without gaps."""
         steps = np.diff(self.times_s)
         return float(steps[steps < _GAP * self.period_s].sum())
 
     def wait(self, imu: Imu) -> dict[str, Message]:
-        """What is told while there is not enough."""
+        """The answer while there are too few samples."""
         text = """
-            {count} measurements so far; this window needs at least {least}, and waits for them.
-            KITTI's drives have 10 per second, so choose one of 10 s or more, or any other recording
+            {count} measurements so far; this window waits for at least {least}. KITTI's drives have
+            10 per second, so choose one of 10 s or more, or any other recording
             with an IMU.
             """
         figure = Figure(WIDTH, 120)
-        told = f"{self._count} of {_LEAST} measurements that are needed"
+        told = f"{self._count} of {_LEAST} measurements needed"
         figure.text(WIDTH / 2, 40, told, 16, "middle", RED)
-        figure.text(WIDTH / 2, 80, "10 s of a KITTI drive have as many", 14, "middle")
+        figure.text(WIDTH / 2, 80, "(10 s of a KITTI drive)", 14, "middle")
         return show_at(imu.header, figure, text, count=self._count, least=_LEAST)
 
 
 @node("measured", params=MeasuredParams, inputs={"imu": Imu}, outputs=GIVES)
 class ImuReadings:
-    """What the IMU measures."""
+    """Measurements of the IMU."""
 
     def __init__(self, _: MeasuredParams) -> None:
         self._samples = _Samples()
@@ -149,7 +147,7 @@ class ImuReadings:
         self._samples = _Samples()
 
     def step(self, imu: Imu, params: MeasuredParams) -> dict[str, Message] | None:
-        """Every second: the last of what was measured."""
+        """Every second: the latest measurements."""
         if not self._samples.add(imu):
             return None
         if not self._samples.is_enough:
@@ -160,14 +158,14 @@ class ImuReadings:
             The IMU of this run gives {rate:.0f} measurements per second. In the last {seconds:.0f}
             s:
 
-                turn rate, rad/s
+                angular velocity, rad/s
                 mean {turn}
                 dev. {turn_noise}
                 acceleration, m/s²
                 mean {force}
                 dev. {force_noise}
 
-            For a sensor at rest the turn rates should be zero, and the acceleration 9.81 m/s²
+            For a sensor at rest the angular velocity should be zero, and the acceleration 9.81 m/s²
             upwards: an accelerometer feels the ground push against its weight. If the means differ
             from that, the difference is the bias. The deviation is noise, and the robot's own
             motion.
@@ -197,7 +195,7 @@ class Allan:
         self._samples = _Samples(_GROWS)
 
     def step(self, imu: Imu, params: object) -> dict[str, Message] | None:
-        """Every second, later more seldom: by all that was measured so far."""
+        """Every second, later less often: from all measurements so far."""
         if not self._samples.add(imu):
             return None
         if not self._samples.is_enough:
@@ -260,7 +258,7 @@ def _three(values: Floats) -> str:
 def _draw_measured(times_s: Floats, values: Floats) -> Figure:
     figure = Figure(WIDTH, 460)
     for number, (name, three) in enumerate(
-        (("turn rate (rad/s): x red, y green, z blue", values[:, :3]),
+        (("angular velocity (rad/s): x red, y green, z blue", values[:, :3]),
          ("acceleration (m/s^2)", values[:, 3:]))
     ):  # fmt: skip
         low = np.array([times_s[0], three.min()])

@@ -17,12 +17,12 @@ from ros_visualise.plotting.colors import BLUE, GREEN, RED
 from ros_visualise.plotting.figure import Figure
 from ros_visualise.vision.threshold import adaptive
 
-_TALL = 130  # of the picture that is parted
+_TALL = 130  # height of the separated picture
 
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
 def histogram(image: Image, params: object) -> dict[str, Message]:
-    """How often each gray level occurs."""
+    """Histogram: how often each gray level occurs."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     counts = np.bincount(gray.ravel(), minlength=256)
     figure = Figure(WIDTH, 360)
@@ -31,7 +31,7 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
         A threshold compares gray levels, so first look at how often each level occurs: the
         histogram. This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the
         most frequent one is {mode}, with {count} pixels. If the histogram has two hills, a
-        threshold in the valley between them separates dark things from bright ones.
+        threshold in the valley between them separates dark objects from bright ones.
         """
     return show(
         image,
@@ -117,7 +117,7 @@ class AdaptiveParams:
 
 @node("adaptive", params=AdaptiveParams, inputs=TAKES, outputs=GIVES)
 def by_window(image: Image, params: AdaptiveParams) -> dict[str, Message]:
-    """A threshold of its own for each pixel."""
+    """A separate threshold for each pixel."""
     gray = work_of(image, np.ndarray)
     size = params.size | 1
     seen = adaptive(gray, False, size, params.offset)
@@ -137,15 +137,15 @@ LESSON = Lesson(
     "threshold",
     "what a threshold does to a picture: five types, Otsu's choice, and a threshold for each pixel",
     """
-    A threshold decides by the gray level alone: bright or dark, thing or background. It is the
-    oldest way to find things in a picture. This picture has {width} x {height} pixels.
+    A threshold decides by the gray level alone: bright or dark, object or background. It is the
+    oldest way to find objects in a picture. This picture has {width} x {height} pixels.
     """,
     [Step(histogram), Step(types), Step(by_otsu, "histogram"), Step(by_window, "histogram")],
 )
 
 
 def _mean(levels: Pixels) -> float:
-    """Of no levels it is 0."""
+    """Mean level; 0 for no pixels."""
     return float(levels.mean()) if levels.size else 0.0
 
 
@@ -171,7 +171,7 @@ def _draw_types(gray: Pixels, level: int) -> Figure:
 
 
 def _draw_otsu(gray: Pixels, level: int) -> Figure:
-    """The picture parted, its histogram with the threshold, and the measure of each threshold."""
+    """The separated picture, its histogram with the threshold, and Otsu's measure."""
     counts = np.bincount(gray.ravel(), minlength=256)
     across = WIDTH - 90
     scale = min(across / gray.shape[1], _TALL / gray.shape[0])

@@ -1,4 +1,4 @@
-"""Filter or vision: the first layer of our own network beside Sobel, and what comes of it."""
+"""Filter or vision: the first layer of our own network beside Sobel, and its results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SOBEL = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)
 
 @dataclass(frozen=True, eq=False)
 class _NetworkPicture:
-    """A picture, the network and its first layer; what that answers before its ReLU."""
+    """A picture, the network, its first layer, and the layer's output before its ReLU."""
 
     bgr: Pixels
     network: Network
@@ -45,14 +45,14 @@ class _NetworkPicture:
 
 @node("kernels", inputs=TAKES, outputs=GIVES)
 class Kernels:
-    """What the network's first layer has learned, beside Sobel's kernels."""
+    """The kernels learned by the network's first layer, beside Sobel's."""
 
     def __init__(self, _: NoParams) -> None:
         self._network = Network(str(OWN_MODEL))
         self._layer = first_layer(self._network.metadata)
 
     def step(self, image: Image, params: NoParams) -> dict[str, Message]:
-        """Show them, and say what they are like."""
+        """Show the kernels and their kinds."""
         bgr = work_of(image, np.ndarray)
         kernels = self._layer.kernels
         kinds = likeness(kernels)
@@ -85,7 +85,7 @@ class Kernels:
 
 @node("activations", inputs=TAKES, outputs=GIVES)
 def activations(image: Image, params: object) -> dict[str, Message]:
-    """What each kernel sees in the picture."""
+    """The response of each kernel to the picture."""
     seen = work_of(image, _NetworkPicture)
     maps = relu(seen.answers)
     active = (maps > 0).mean(axis=(1, 2))
@@ -145,9 +145,9 @@ def filters(image: Image, params: object) -> dict[str, Message]:
 
 @dataclass(frozen=True)
 class ThingsParams:
-    """What counts as found."""
+    """Thresholds of network and filter."""
 
-    min_score: float = param(0.4, "lowest score, from 0 to 1, that counts as found",
+    min_score: float = param(0.4, "lowest accepted score, from 0 to 1",
                              min=0.01, max=1)  # fmt: skip
     threshold: int = param(100, "an edge is where Sobel's |G| exceeds this",
                            min=0, max=2_000, slider=(0, 800))  # fmt: skip
@@ -155,22 +155,22 @@ class ThingsParams:
 
 @node("things", params=ThingsParams, inputs=TAKES, outputs=GIVES)
 def things(image: Image, params: ThingsParams) -> dict[str, Message]:
-    """What the whole network makes of it."""
+    """Objects found by the network."""
     seen = work_of(image, _NetworkPicture)
     gray = cv2.cvtColor(seen.bgr, cv2.COLOR_BGR2GRAY)
     is_edge = np.hypot(*sobel(gray, 3)) > params.threshold
     found = seen.network.detect(seen.bgr, "BGR", SelectionRules(params.min_score))
     text = """
-        A filter tells how the picture changes at each place: here |G| > {threshold} at {share:.1f}
-        % of the pixels, on landmarks as well as on the ground beside them. It cannot tell what a
-        landmark is.
+        A filter measures how the picture changes at each point: here |G| > {threshold} at
+        {share:.1f} % of the pixels, on landmarks as well as on the ground beside them. It does not
+        know what a landmark is.
 
         The network's later layers work in the same way: their kernels slide over the maps of the
-        layer before, and each sees a wider part of the picture. The last layers tell what is there:
+        layer before, and each sees a wider part of the picture. The last layers detect the objects:
 
         {found}
 
-        The score tells how sure the network is. It can be wrong. The only things that it knows are:
+        The score is the network's confidence. It can be wrong. The only objects that it knows are:
         {names}.
         """
     names = seen.network.names
@@ -185,7 +185,7 @@ LESSON = Lesson(
     """
     Sobel's kernels were designed by a person; a network's kernels are learned. Both work on the
     same {width} x {height} pixels: your picture, or a drawn landscape. How alike are they? And what
-    more is needed to find a thing and name it?
+    more is needed to find an object and name it?
     """,
     [
         Step(Kernels),
@@ -197,7 +197,7 @@ LESSON = Lesson(
 
 
 def _order(kinds: Floats) -> list[int]:
-    """The numbers of the kernels by kind, of each the clearest first."""
+    """Indices of the kernels by kind, the clearest of each first."""
     best = kinds.argmax(axis=1)
     return sorted(range(len(kinds)), key=lambda number: (best[number], -kinds[number].max()))
 
@@ -220,7 +220,7 @@ def _draw_kernels(kernels: Floats, kinds: Floats) -> Figure:
 
 
 def _signed(values: Floats | Pixels) -> Pixels:
-    """0 as 128, and what is farthest from it as 1 or 255."""
+    """Values with 0 as 128, and the largest magnitude as 1 or 255."""
     top = max(float(np.abs(values).max()), 1e-9)
     shown: Pixels = np.rint(128 + values * (127 / top)).astype(np.uint8)
     return shown
@@ -239,7 +239,7 @@ def _draw_things(bgr: Pixels, found: Candidates, names: dict[int, str]) -> Figur
 
 def _listed(found: Candidates, names: dict[int, str]) -> str:
     if not len(found):
-        return "    nothing: lower min_score, or take another picture"
+        return "    nothing: lower min_score, or use another picture"
     boxes = zip(found.boxes_xyxy, found.scores, found.classes, strict=True)
     return "\n".join(
         f"    {names[int(number)]:8}  {score:.2f}  at ({(box[0] + box[2]) / 2:.0f},"
