@@ -137,5 +137,5 @@ def test_a_smoothing_that_takes_long_ends_with_ctrl_c_and_the_map_is_kept(mapped
     assert not ended.is_set(), "it did not wait for the smoothing"
     ended.set()
     assert status == 130
-    assert "has the landmarks as they were found, not smoothed" in said
+    assert "holds the landmarks without smoothing" in said
     assert len(places) == 7

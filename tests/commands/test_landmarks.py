@@ -266,7 +266,7 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
             "none.yaml: no such file",
         ),
         (["{photo}", "--map", "{folder}/map.txt"], "map.txt: give a map a name that ends in .yaml"),
-        (["{photo}", "--survey", "none.yaml"], "is for a map: add --map OUT.yaml"),
+        (["{photo}", "--survey", "none.yaml"], "requires --map OUT.yaml"),
         (["{photo}", "--topic", "/image"], "--topic /image: only for a recording"),
         (["{bad}"], "bad.yaml: not a video that FFmpeg can read"),
         (["{folder}"], "a folder with no pictures and no recording in it"),

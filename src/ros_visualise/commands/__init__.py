@@ -113,13 +113,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RosVisualiseError as error:
         say(f"ros-visualise: {error}")
         return error.exit_status
-    except BrokenPipeError:  # whoever read the output has seen enough
+    except BrokenPipeError:  # the reader of the output has ended
         return 1
 
 
 class _Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As argparse does it; an option that there is not is said first, with what was meant."""
+        """Parse as argparse does; report an unknown option first, with a similar one."""
         options = [name for name in self._option_string_actions if name.startswith("--")]
         given = list(args or () if self._subparsers is None else ())  # of a command, that is
         for text in given[: given.index("--")] if "--" in given else given:

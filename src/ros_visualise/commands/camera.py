@@ -27,14 +27,14 @@ class CameraOptions(SizedOptions):
 
 
 def run(options: CameraOptions) -> int:
-    """Show the camera until it is ended."""
+    """Show the camera until it is stopped."""
     from ros_visualise.graph.pipelines import image_pipeline
     from ros_visualise.running.graphs import Selection, sized_to
     from ros_visualise.running.play import play
 
     def graph(_: object) -> Graph:
         if options.rate is not None or options.loop or options.start is not None:
-            raise UsageError("a camera is live: it takes no --rate, --loop or --start")
+            raise UsageError("--rate, --loop and --start do not fit a live camera; omit them")
         return image_pipeline("camera", uri=options.input, **sized_to(options.size))
 
     # the name is not the address, which may hold a password

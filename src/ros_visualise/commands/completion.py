@@ -1,4 +1,4 @@
-"""``completion``: code that a shell needs to complete commands and options."""
+"""``completion``: shell code that completes commands and options."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def run(options: CompletionOptions) -> int:
 
 
 COMMAND = Command(
-    "print what a shell needs to complete commands and options",
+    "print shell code that completes commands and options",
     CompletionOptions,
     run,
 )

@@ -27,7 +27,7 @@ class DemoOptions(SizedOptions):
 
 
 def run(options: DemoOptions) -> int:
-    """Play the scene until it is ended."""
+    """Play the scene until it is stopped."""
     from ros_visualise.graph.pipelines import demo_pipeline
     from ros_visualise.running.graphs import Selection
     from ros_visualise.running.play import play

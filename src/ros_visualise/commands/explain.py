@@ -41,7 +41,7 @@ class ExplainOptions(PlayingOptions):
 
 
 def run(options: ExplainOptions) -> int:
-    """List the lessons, or give one; 1 if something was lost."""
+    """List the lessons, or play one; 1 if data was lost."""
     from ros_visualise.lessons import LESSONS
     from ros_visualise.lessons.handout import PAGE
     from ros_visualise.running.play import play
@@ -67,7 +67,7 @@ def run(options: ExplainOptions) -> int:
 
 
 def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> Selection:
-    """A lesson on a file; on another one in its place it goes on."""
+    """A lesson on a file, or on another that is opened from the page."""
     from ros_visualise.lessons.pipeline import lesson_pipeline
     from ros_visualise.running.graphs import Selection
 
@@ -81,7 +81,7 @@ def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> 
 
 
 def _written_down(options: ExplainOptions, lesson: Lesson) -> ExplainOptions:
-    """Options that play as much as a lesson's page needs, and show nothing."""
+    """Options that play as much as a lesson's page needs, without a view."""
     duration, frames = options.duration, options.frames
     if frames is None and duration is None:
         is_recorded = lesson.streams and options.input not in (None, *ROBOTS.names())
@@ -92,10 +92,10 @@ def _written_down(options: ExplainOptions, lesson: Lesson) -> ExplainOptions:
 
 
 def _prepare(page: Path, overwrite: bool) -> list[Path]:
-    """Make the folder of a page; those that were made for it, the innermost first.
+    """Make the folder of a page; gives the new folders, the innermost first.
 
     Raises:
-        OpenError: that cannot be done, or there are files in it already.
+        OpenError: it cannot be made, or is not empty.
     """
     try:
         if page.parent.is_dir() and any(page.parent.iterdir()) and not overwrite:
@@ -108,7 +108,7 @@ def _prepare(page: Path, overwrite: bool) -> list[Path]:
 
 
 def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders, the innermost first, up to one that something was written into."""
+    """Remove folders, the innermost first, up to one that is not empty."""
     with suppress(OSError):
         for folder in folders:
             folder.rmdir()

@@ -1,4 +1,4 @@
-"""``info``: what a file holds."""
+"""``info``: the contents of a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ros_visualise.running.arguments import argument, option
 from ros_visualise.running.options import MemoryOptions
 
 _COLUMN = 13
-_FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
+_FIRST_DATE_S = 365 * 86_400  # times before 1971 count from a start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,12 +21,12 @@ class InfoOptions(MemoryOptions):
     """Options of ``info``."""
 
     input: str = argument("a recording or a video", metavar="FILE")
-    check: bool = option(False, "read the whole file, and report what is damaged")
+    check: bool = option(False, "read the whole file, and report damage")
     json: bool = option(False, "print it as one JSON object")
 
 
 def run(options: InfoOptions) -> int:
-    """Print what a file holds; 1 if something of it is lost."""
+    """Print the contents of a file; 1 if data is lost."""
     from ros_visualise import sources
     from ros_visualise.running.interruptible import interruptible
 
@@ -39,7 +39,7 @@ def run(options: InfoOptions) -> int:
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
-    """The lines of ``rosbag info``; of a video, those that it has, and its images'."""
+    """Lines as of ``rosbag info``; for a video, with its images."""
     written = _written_in_ros1 if found["format"].startswith("rosbag ") else shown
     rows: list[tuple[str, list[str]]] = [
         ("path", [found["path"]]),
@@ -127,7 +127,7 @@ def _duration(seconds: float) -> str:
 
 
 def _time(seconds: float) -> str:
-    """Local time with its zone, and seconds; of times that count from a start, seconds alone."""
+    """Local time with its zone, and seconds; seconds alone for times that count from a start."""
     if seconds < _FIRST_DATE_S:
         return f"{seconds:.2f}"
     hundredths = round(seconds * 100)
@@ -136,4 +136,4 @@ def _time(seconds: float) -> str:
     return f"{day}.{hundredths % 100:02d} {time.strftime('%Z', local)} ({hundredths / 100:.2f})"
 
 
-COMMAND = Command("tell what is in a recording or a video", InfoOptions, run)
+COMMAND = Command("print what is in a recording or a video", InfoOptions, run)

@@ -75,11 +75,11 @@ def _allowed(about: dict[str, Any]) -> str:
     if about["choices"]:
         return ", ".join(about["choices"])
     if about["min"] is not None and about["max"] is not None:
-        return f"{about['type']} {_told(about['min'])} to {_told(about['max'])}"
+        return f"{about['type']} {_number(about['min'])} to {_number(about['max'])}"
     return str(about["type"])
 
 
-def _told(number: float) -> str:
+def _number(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 

@@ -1,4 +1,4 @@
-"""``plugins``: what other packages bring, and what of it cannot be used."""
+"""``plugins``: the plug-ins of other packages, and those that failed to load."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _lines(found: list[dict[str, str]]) -> Iterator[str]:
 
 
 COMMAND = Command(
-    "list what other packages add, and what of it cannot be used",
+    "list the plug-ins of other packages, and those that failed to load",
     PluginsOptions,
     run,
 )

@@ -1,4 +1,4 @@
-"""``sim``: a simulated robot in a world of its own choice."""
+"""``sim``: a simulated robot in a world."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SimOptions(WorldOptions, SizedOptions):
 
 
 def run(options: SimOptions) -> int:
-    """Run the robot until it is ended."""
+    """Run the robot until it is stopped."""
     from ros_visualise.graph.pipelines import simulation_pipeline
     from ros_visualise.running.graphs import Selection
     from ros_visualise.running.play import play
@@ -35,8 +35,8 @@ def run(options: SimOptions) -> int:
     def graph(_: object) -> Graph:
         if mission == "none" and options.view == "none" and is_endless:
             raise UsageError(
-                "the robot has nothing to do and would stand still for ever: add --mission "
-                "lawn_mower or --duration 60"
+                "without a mission the robot would stand still for ever: add --mission lawn_mower"
+                " or --duration 60"
             )
         size = parse_size(options.size)
         return simulation_pipeline(options.robot, size, **options.scenario)

@@ -13,7 +13,7 @@ from ros_visualise.running.options import MemoryOptions
 
 @dataclass(frozen=True, kw_only=True)
 class BoardOptions:
-    """The board."""
+    """The board with the pattern."""
 
     GROUP = "board"
 

@@ -35,9 +35,8 @@ def summary(found: CameraCalibration, collector: ViewCollector, better: Lens | N
         ("uncertainty", _about_uncertainty(found)),
         ("worst views", _about_views(found)),
     ]
-    left_out = _left_out(found, collector)
-    if left_out:
-        rows.append(("rejected", left_out))
+    if rejected := _rejected(found, collector):
+        rows.append(("rejected", rejected))
     coverage = collector.coverage
     rows += [
         (name, f"[{'#' * round(bar * _BAR):{_BAR}}] {bar:4.0%}")
@@ -191,7 +190,7 @@ def _about_views(found: CameraCalibration) -> str:
     return ", ".join(f"{view.name} {rms:.2f} px" for rms, view in worst[:_LISTED])
 
 
-def _left_out(found: CameraCalibration, collector: ViewCollector) -> str:
+def _rejected(found: CameraCalibration, collector: ViewCollector) -> str:
     parts = [f"{view.name} (rms {rms:.2f} px)" for view, rms in found.outliers]
     if found.stray:
         parts.append(counted(found.stray, "stray point"))

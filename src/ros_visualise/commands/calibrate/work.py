@@ -39,7 +39,7 @@ _ENOUGH_VIEWS = 25  # of a camera, where they cover all
 
 
 def calibrate_camera(options: CalibrateOptions) -> int:
-    """Print the board if that is asked for, and calibrate if there are images."""
+    """Print the board if asked to, and calibrate if images are given."""
     board = board_of(
         BoardKind(options.pattern), options.size, options.square, options.share, options.dictionary
     )
@@ -52,7 +52,7 @@ def calibrate_camera(options: CalibrateOptions) -> int:
 
 
 def _check(options: CalibrateOptions) -> None:
-    """Refuse what cannot be done, before anything is read."""
+    """Reject what cannot be done, before anything is read."""
     if not (options.input or options.board):
         raise UsageError("nothing to do: give pictures, a video or a camera, or --board FILE.pdf")
     targets = [one for one in (options.board, options.output, options.plot) if one is not None]
@@ -103,7 +103,7 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
 def _collect(
     source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish
 ) -> list[str]:
-    """Look at all images of a source, until somebody asks for the end; what was lost."""
+    """Collect views from all images of a source, until asked to stop; notes on losses."""
     if is_live(source):
         _follow(source, options, collector, wish)
         return []
@@ -143,11 +143,11 @@ def _bar(images: Iterable[T]) -> Iterable[T]:
 
 
 def _follow(source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish) -> None:
-    """A camera's images, until enough of them cover all, or time is over; says what to do next."""
+    """Collect views from a camera until they cover the image, or time is over; print advice."""
     clock = WallClock()
     start_ns = clock.monotonic_ns()
     advice = ""
-    say(f"{source}: show the board to the camera; Ctrl-C ends it and calibrates")
+    say(f"{source}: show the board to the camera; Ctrl-C ends this and calibrates")
     with closing(Camera(source)) as camera:
         for newest in camera.images():
             gone_s = (clock.monotonic_ns() - start_ns) / 1e9

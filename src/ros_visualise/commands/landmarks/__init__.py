@@ -1,4 +1,4 @@
-"""``landmarks``: what is found in pictures, videos and recordings, and where it is."""
+"""``landmarks``: landmarks in pictures, videos and recordings, and their poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ros_visualise.simulation.robots import OURS
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionOptions:
-    """What is found, and how."""
+    """Landmarks that are detected, and how."""
 
     GROUP = "landmarks"
 
@@ -35,20 +35,19 @@ class DetectionOptions:
     )
     size: float | None = option(
         None,
-        "side of the black square of all tags that are not in --tags; without a size "
-        "there are no poses",
+        "side of the black square of all tags that are not in --tags; needed for poses",
         type=tag_size,
         metavar="METRES",
     )
     model: str = option(
         "",
-        "the network that finds objects (default: our own, for helipads, posts and "
-        "vehicles, if the extra detect is installed); none: find only tags",
+        "the detection network (default: our own, for helipads, posts and vehicles, if the extra"
+        " detect is installed); none: detect only tags",
         metavar="FILE.onnx|none",
     )
     calibration: str = option(
         "",
-        "the camera's calibration, in ROS's format; without one there are no poses",
+        "the camera's calibration, in ROS's format; needed for poses",
         metavar="FILE.yaml",
     )
 
@@ -58,12 +57,12 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     """Options of ``landmarks``."""
 
     input: str = argument(
-        "a picture, a folder of pictures, a video, a recording (with images, or with tags that"
-        f" were found before), or a simulated robot: {OURS}",
+        "a picture, a folder of pictures, a video, a recording (with images or recorded tags),"
+        f" or a simulated robot: {OURS}",
         metavar="SRC",
     )
     mission: str | None = mission_option("the robot's own")
-    topic: str = option("", "of a recording: the images, or the tags that were found before")
+    topic: str = option("", "topic of a recording: images, or recorded tags")
     map: Path | None = option(None, "write the landmarks to this .yaml file", metavar="OUT")
     survey: str = option(
         "",

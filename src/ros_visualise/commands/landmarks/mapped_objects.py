@@ -1,4 +1,4 @@
-"""Things without corners in a map that was smoothed: localized once more, from its views."""
+"""Objects found by the network in a smoothed map: localized once more, from its views."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
 
 _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
-"""What is still wrong with a view of a smoothed map, and for how long."""
+"""Errors that remain in the views of a smoothed map, and their time constant."""
 
 
 def objects_again(
     made: TagMap, gathered: MappingData, frame_id: str, params: LocalizerParams
 ) -> list[LandmarkTrack]:
-    """All that is no tag, by the localizer and what was found, the camera being where it was.
+    """The localizer's landmarks that are not tags, with corrected poses of the camera.
 
     Args:
-        made: the map, which tells how wrong the frames were.
-        gathered: what was found, and the frames.
-        frame_id: of the map.
-        params: of the localizer.
+        made: the map, which corrects the frames.
+        gathered: detections and frames.
+        frame_id: the map's frame.
+        params: the localizer's parameters.
     """
     params = replace(
         params,
@@ -51,9 +51,9 @@ def objects_again(
     localizer = LandmarkLocalizer(params)
     frames, answer, last_ns = FrameTree(), None, 0
     for message in _objects(gathered):
-        told = _where(made, gathered, frame_id, message, params.ground_frame)
-        if told:
-            frames.add(Transforms(told), static=False)
+        poses = _poses(made, gathered, frame_id, message, params.ground_frame)
+        if poses:
+            frames.add(Transforms(poses), static=False)
             answer = localizer.step(params, objects=message, frames=frames)
             last_ns = message.header.stamp_ns
     seen = localizer.report()["seen"]
@@ -63,17 +63,17 @@ def objects_again(
 
 
 def _objects(gathered: MappingData) -> Iterator[Detections]:
-    """Images with things that are no tags, in order of time."""
+    """Detections of objects that are not tags, in order of time."""
     for message in sorted(gathered.messages, key=lambda one: one.header.stamp_ns):
         rest = tuple(one for one in message.detections if not is_tag(one))
         if rest:
             yield replace(message, detections=rest)
 
 
-def _where(
+def _poses(
     made: TagMap, gathered: MappingData, frame_id: str, message: Detections, ground: str
 ) -> tuple[TransformStamped, ...]:
-    """Where the camera was, and the ground's frame if it is another; nothing if nobody knows."""
+    """Poses of the camera, and of the ground's frame if it is another; empty if unknown."""
     header = message.header
     T = gathered.place(frame_id, message)
     if T is None:

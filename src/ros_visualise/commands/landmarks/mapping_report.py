@@ -17,7 +17,7 @@ from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UN
 _WORST = 3  # views, and tags, that are named
 
 
-def report_lines(made: TagMap, left_out: Mapping[str, int]) -> list[str]:
+def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     """Report for people."""
     found = made.smoothed
     refused = int((~found.inliers).sum())
@@ -59,7 +59,7 @@ def report_lines(made: TagMap, left_out: Mapping[str, int]) -> list[str]:
         for one in _views(made)
         if one["refused"] * 2 > one["sightings"] > 1
     ][:_WORST]
-    lines += [f"skipped: {number} {reason}" for reason, number in left_out.items()]
+    lines += [f"skipped: {number} {reason}" for reason, number in unused.items()]
     return lines
 
 
@@ -80,7 +80,7 @@ def _outliers(made: TagMap) -> list[str]:
     return lines
 
 
-def report_values(made: TagMap, left_out: Mapping[str, int]) -> dict[str, Any]:
+def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
     """Report for programs."""
     found = made.smoothed
     tags = np.array([one.tag for one in found.problem.sightings])
@@ -120,7 +120,7 @@ def report_values(made: TagMap, left_out: Mapping[str, int]) -> dict[str, Any]:
             }
             for one in made.mountings
         ],
-        "left_out": dict(left_out),
+        "left_out": dict(unused),
     }
 
 

@@ -1,4 +1,4 @@
-"""What was found in each image, gathered while a graph runs, and as JSON."""
+"""The detections in each image, gathered while a graph runs, and as JSON."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Packet
 
-_NO_RANGE = 1e5  # m^2: with so large a variance, a position is nothing but a direction
+_NO_RANGE = 1e5  # m^2: with so large a variance, a position is only a direction
 
 
 @dataclass(eq=False)
-class Sighting:
-    """One image, or what was recorded of one: its time, its size, and all that was found in it."""
+class ImageDetections:
+    """One image, or recorded detections of one: its time, its size, and all detections in it."""
 
     stamp_ns: int
     size: tuple[int, int] | None = None
@@ -30,17 +30,17 @@ class Sighting:
 
     @property
     def names(self) -> set[str]:
-        """The classes of what was found."""
+        """The detected classes."""
         return {one.class_id for _, one in self.found}
 
 
-class Sightings:
-    """Listens to the images and the detections of a graph, and to the landmarks made of them.
+class DetectionLog:
+    """Gathers the images and the detections of a graph, and the landmarks made of them.
 
     Args:
         images: the topics of images, or of recorded detections, that come from the source.
-        found: the topics of detections to be told of.
-        landmarks: the topic of landmarks in a map; empty: there is none.
+        found: the topics of detections.
+        landmarks: the topic of landmarks in a map; empty: none.
     """
 
     def __init__(self, images: list[str], found: list[str], landmarks: str) -> None:
@@ -50,24 +50,24 @@ class Sightings:
         }
         if landmarks:
             self._takers[landmarks] = self._keep_map
-        self._by_number: dict[int, Sighting] = {}
+        self._by_number: dict[int, ImageDetections] = {}
         self._lock = threading.Lock()
         self.map: Detections3D | None = None
 
     @property
-    def topics(self) -> Mapping[str, _Listener]:
-        """Topic -> who is to listen to it."""
-        return {topic: _Listener(take) for topic, take in self._takers.items()}
+    def listeners(self) -> Mapping[str, MessageListener]:
+        """Topic -> its listener."""
+        return {topic: MessageListener(take) for topic, take in self._takers.items()}
 
     @property
-    def images(self) -> list[Sighting]:
-        """In the order in which they came."""
+    def images(self) -> list[ImageDetections]:
+        """All images, in their order."""
         with self._lock:
             return [self._by_number[number] for number in sorted(self._by_number)]
 
     @property
     def seen(self) -> Counter[str]:
-        """Name -> in how many images it was found."""
+        """Name -> number of images in which it was detected."""
         return Counter(name for image in self.images for name in sorted(image.names))
 
     def _add_image(self, number: int, message: Image | Detections) -> None:
@@ -87,18 +87,18 @@ class Sightings:
     def _keep_map(self, _: int, message: Detections3D) -> None:
         self.map = message
 
-    def _at(self, number: int, message: Image | Detections) -> Sighting:
-        return self._by_number.setdefault(number, Sighting(message.header.stamp_ns))
+    def _at(self, number: int, message: Image | Detections) -> ImageDetections:
+        return self._by_number.setdefault(number, ImageDetections(message.header.stamp_ns))
 
 
-class _Listener:
-    """Hands the messages of a topic on, with the number of what the source gave for them."""
+class MessageListener:
+    """Passes the messages of a topic on, with their numbers; nodes report damaged ones."""
 
     def __init__(self, take: Callable[[int, Any], None]) -> None:
         self._take = take
 
     def put(self, packet: Packet) -> None:
-        """Take a packet; what is damaged is told of by the nodes that need it."""
+        """Take a packet."""
         if packet.message is None:
             return
         try:
@@ -110,8 +110,8 @@ class _Listener:
         """Nothing more comes."""
 
 
-def listen(graph: Graph, detectors: tuple[str, ...], localizer: str) -> Sightings:
-    """For the detections of these nodes, what they are made from, and the map of the localizer."""
+def listen(graph: Graph, detectors: tuple[str, ...], localizer: str) -> DetectionLog:
+    """A log of the detections of these nodes, of their inputs, and of the localizer's map."""
     nodes = {node.name: node for node in graph.nodes}
     found = [
         topic
@@ -123,11 +123,11 @@ def listen(graph: Graph, detectors: tuple[str, ...], localizer: str) -> Sighting
     taken = [topic for name in detectors if name in nodes for topic in nodes[name].inputs.values()]
     made = nodes[localizer].topics if localizer in nodes else {}
     maps = [topic for topic, one in made.items() if one.type is Detections3D]
-    return Sightings(list(dict.fromkeys(taken)), found, next(iter(maps), ""))
+    return DetectionLog(list(dict.fromkeys(taken)), found, next(iter(maps), ""))
 
 
-def image_json(image: Sighting, path: str | None) -> dict[str, Any]:
-    """What was found in one image."""
+def image_json(image: ImageDetections, path: str | None) -> dict[str, Any]:
+    """All detections in one image."""
     width, height = image.size or (None, None)
     return {
         "path": path,
@@ -138,26 +138,26 @@ def image_json(image: Sighting, path: str | None) -> dict[str, Any]:
     }
 
 
-def landmarks_json(sightings: Sightings, sighted: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Each landmark once: with its pose where it is in the map, else as often as it was seen.
+def landmarks_json(log: DetectionLog, sighted: Mapping[str, int]) -> list[dict[str, Any]]:
+    """Each landmark once: those of the map with their poses, then the others.
 
     Args:
-        sightings: what was found.
-        sighted: how often each landmark of the map was seen, by name.
+        log: all detections.
+        sighted: number of sightings of each landmark of the map, by name.
     """
-    seen = sightings.seen
-    placed = [] if sightings.map is None else list(sightings.map.detections)
+    seen = log.seen
+    placed = [] if log.map is None else list(log.map.detections)
     found = [
         {
             "name": one.id or one.class_id,
-            "frame_id": sightings.map.header.frame_id,  # type: ignore[union-attr]
+            "frame_id": log.map.header.frame_id,  # type: ignore[union-attr]
             "pose": pose_json(one.hypotheses[0]) if one.hypotheses else None,
             "seen": sighted.get(one.id, seen.get(one.class_id, 0)),
         }
         for one in placed
     ]
     mapped = {one.class_id for one in placed}
-    frames = {one.class_id: frame for image in sightings.images for frame, one in image.found}
+    frames = {one.class_id: frame for image in log.images for frame, one in image.found}
     for name in sorted(seen.keys() - mapped):
         found.append({"name": name, "frame_id": frames[name], "pose": None, "seen": seen[name]})
     return found
@@ -186,12 +186,12 @@ def _box(one: Detection) -> list[float] | None:
 
 
 def _finite(values: Any) -> list[float] | None:
-    """JSON has no NaN."""
+    """A list for JSON, which has no NaN."""
     return values.tolist() if np.isfinite(values).all() else None
 
 
 def pose_json(one: Hypothesis) -> dict[str, Any] | None:
-    """A hypothesis's pose; None where it has none, or nothing but a direction."""
+    """A hypothesis's pose; None if unknown, or a direction only."""
     known = one.covariance.any() or one.position_xyz.any()
     if not known or np.linalg.eigvalsh(one.covariance[:3, :3])[-1] >= _NO_RANGE:
         return None

@@ -9,8 +9,14 @@ import numpy as np
 
 from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.commands.landmarks.graph import landmark_graph
-from ros_visualise.commands.landmarks.mapping import Mapped, Mapper
-from ros_visualise.commands.landmarks.sightings import Sightings, image_json, landmarks_json, listen
+from ros_visualise.commands.landmarks.mapping import LandmarkMapper, MappedLandmarks
+from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
+from ros_visualise.commands.landmarks.sightings import (
+    DetectionLog,
+    image_json,
+    landmarks_json,
+    listen,
+)
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import answer, answer_json, counted, say, shown
 from ros_visualise.core.signals import STOPPED, Wish, noticed
@@ -41,11 +47,10 @@ def find_landmarks(options: LandmarksOptions) -> int:
     )
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     found = listen(graph, DETECTORS, LOCALIZER)
-    for topic, listener in found.topics.items():
-        runtime.topic(topic).connect(listener)
-    mapper = Mapper(graph, options.survey) if options.map is not None else None
-    for topic, taker in (mapper.listeners if mapper else {}).items():
-        runtime.topic(topic).connect(taker)
+    mapper = LandmarkMapper(graph, options.survey) if options.map is not None else None
+    for listeners in (found.listeners, mapper.listeners if mapper else {}):
+        for topic, listener in listeners.items():
+            runtime.topic(topic).connect(listener)
     with noticed() as wish:
         with in_time(wish, lambda: runtime.steps):
             stopped = _run(runtime, wish)
@@ -54,7 +59,7 @@ def find_landmarks(options: LandmarksOptions) -> int:
         if mapper:
             _save_map(runtime, mapped, found, options, stopped)
         report = runtime.report()
-        _tell(graph, found, mapped, report, options)
+        _print(graph, found, mapped, report, options)
         for node in report.nodes.values():
             for note in node.unread:
                 say(f"ros-visualise: {options.input}: {note}")
@@ -62,7 +67,7 @@ def find_landmarks(options: LandmarksOptions) -> int:
 
 
 def _check(options: LandmarksOptions) -> None:
-    """Refuse at once what could not be written at the end.
+    """Reject at once a map that could not be written at the end.
 
     Raises:
         UsageError: the map cannot be written there, or there is a survey and no map.
@@ -72,13 +77,11 @@ def _check(options: LandmarksOptions) -> None:
         check_targets([options.map], options.input)
         TargetFile.check(options.map, options.overwrite)
     elif options.survey:
-        raise UsageError(
-            f"--survey {options.survey}: is for a map: add --map OUT.yaml, or leave it out"
-        )
+        raise UsageError(f"--survey {options.survey}: requires --map OUT.yaml")
 
 
 def _run(runtime: LocalRuntime, wish: Wish) -> bool:
-    """Until the end; whether somebody asked for it before."""
+    """Run to the end; True if it was asked for before."""
     try:
         runtime.start()
         while not runtime.wait(_SPIN_S):
@@ -91,12 +94,12 @@ def _run(runtime: LocalRuntime, wish: Wish) -> bool:
 
 def _save_map(
     runtime: LocalRuntime,
-    mapped: Mapped | None,
-    found: Sightings,
+    mapped: MappedLandmarks | None,
+    found: DetectionLog,
     options: LandmarksOptions,
     stopped: bool,
 ) -> None:
-    """Write the map; of a run that was stopped, as far as there is one."""
+    """Write the map; that of a stopped run as far as it goes."""
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
         found.map = LandmarkMessages().detections(mapped.landmarks, header)
@@ -106,22 +109,22 @@ def _save_map(
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:
-        say(f"ros-visualise: {options.map}: not written, as no landmark has a place in the map yet")
+        say(f"ros-visualise: {options.map}: not written: no landmarks in the map yet")
         return
     if is_empty:
         raise RosVisualiseError(
-            f"{options.map}: not written, as no landmark has a place in the map; give the tags'"
-            " size by --size or --tags, and the camera's calibration"
+            f"{options.map}: not written: no landmarks in the map; give the tags' size by --size"
+            " or --tags, and the camera's calibration"
         )
     runtime.act(LOCALIZER, "save_map")
     if stopped:
-        say(f"ros-visualise: {options.map}: has the landmarks as they were found, not smoothed")
+        say(f"ros-visualise: {options.map}: holds the landmarks without smoothing")
 
 
-def _tell(
+def _print(
     graph: Graph,
-    found: Sightings,
-    mapped: Mapped | None,
+    found: DetectionLog,
+    mapped: MappedLandmarks | None,
     report: RunReport,
     options: LandmarksOptions,
 ) -> None:
@@ -133,7 +136,7 @@ def _tell(
     landmarks = landmarks_json(found, seen)
     if options.json:
         values: dict[str, Any] = {"images": images, "landmarks": landmarks}
-        values |= {"smoothing": mapped.values()} if mapped else {}
+        values |= {"smoothing": report_values(mapped.map, mapped.unused)} if mapped else {}
         answer_json(values, allow_nan=False)
         return
     if paths and not mapped:
@@ -142,11 +145,11 @@ def _tell(
         heads = ("landmark", "seen", "position, metres", "+-", "frame")
         rows = [heads, *((*_named(one), *_placed(one)) for one in landmarks)]
     total = f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}"
-    answer([*_table(rows, total), *(mapped.lines() if mapped else [])])
+    answer([*_table(rows, total), *(report_lines(mapped.map, mapped.unused) if mapped else [])])
 
 
 def _paths(graph: Graph) -> dict[int, str]:
-    """Stamp -> file, of pictures."""
+    """Timestamp -> file, for pictures."""
     assert graph.source is not None
     if graph.source.name != "pictures":
         return {}
@@ -156,7 +159,7 @@ def _paths(graph: Graph) -> dict[int, str]:
 
 
 def _of_pictures(images: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Each thing in each picture; of several pictures their names come first."""
+    """Each landmark in each picture; for several pictures, after the picture's name."""
     rows: list[tuple[str, ...]] = [("picture", "landmark", "position, metres", "+-", "frame")]
     for image in images:
         name = shown(os.path.basename(image["path"]))
@@ -173,7 +176,7 @@ def _placed(one: dict[str, Any]) -> tuple[str, str, str]:
 
 
 def _table(rows: list[tuple[str, ...]], total: str) -> list[str]:
-    """Lines with the columns below one another, the first row being their heads."""
+    """Lines in columns; the first row holds the heads."""
     if len(rows) == 1:
         return [f"no landmarks in {total.partition(' in ')[2]}"]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -185,7 +188,7 @@ def _table(rows: list[tuple[str, ...]], total: str) -> list[str]:
 
 
 def _place(pose: dict[str, Any] | None) -> tuple[str, str]:
-    """A position, and the largest of its standard deviations where they are known."""
+    """A position, and the largest of its standard deviations, if known."""
     if pose is None:
         return "-", "-"
     variance = np.linalg.eigvalsh(np.reshape(pose["covariance"], (6, 6))[:3, :3])[-1]
