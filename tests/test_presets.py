@@ -62,7 +62,7 @@ def test_the_command_line_takes_one_and_settings_go_before_it(monkeypatch, capsy
 
 
 def test_what_has_no_images_has_no_presets():
-    with pytest.raises(UsageError, match="no images"):
+    with pytest.raises(UsageError, match="needs images"):
         preset("soft", Graph(None, ()))
 
 

@@ -1,4 +1,4 @@
-"""Where processes begin; Ctrl-C ends them from the first line on, also during imports."""
+"""Entry points of all processes; Ctrl-C ends them from the first line on, also during imports."""
 
 import _signal  # not signal, whose own imports could be interrupted
 

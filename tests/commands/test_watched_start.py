@@ -28,16 +28,16 @@ class Seen:
 @pytest.mark.parametrize("spins", [0, 3])
 def test_it_begins_when_somebody_looks(spins):
     view = Seen(spins)
-    play._await_somebody(view, SimpleNamespace(asked=False))
+    play._await_browser(view, SimpleNamespace(asked=False))
     assert view.left == 0
 
 
 def test_it_waits_for_nobody_who_is_told_to_end_or_does_not_come(monkeypatch):
     view = Seen(5)
-    play._await_somebody(view, SimpleNamespace(asked=True))
+    play._await_browser(view, SimpleNamespace(asked=True))
     assert view.left == 5
     monkeypatch.setattr(play, "_PATIENCE_S", 0.0)
-    play._await_somebody(view, SimpleNamespace(asked=False))
+    play._await_browser(view, SimpleNamespace(asked=False))
     assert view.left == 5
 
 

@@ -1,4 +1,4 @@
-"""How graphs are built: the nodes that find landmarks, beside the others."""
+"""Builder of graphs: the nodes that find landmarks, beside the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How graphs are built: a source, the nodes that its images pass, and the path of its robot."""
+"""Builder of graphs: a source, the nodes that its images pass, and the path of its robot."""
 
 from __future__ import annotations
 

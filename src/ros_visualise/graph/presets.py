@@ -11,7 +11,7 @@ from ros_visualise.graph import Graph
 Settings = Mapping[str, Mapping[str, Any]]
 """Node -> parameter -> value."""
 
-_PLAIN: Settings = {
+_DEFAULT: Settings = {
     "filters": {"gray": True, "threshold_mode": "truncate", "threshold": 255},
     "edge_detector": {"method": "canny", "low": 100, "high": 200, "auto": False, "sigma": 0.0},
 }
@@ -24,32 +24,36 @@ _DIFFERENCES: Mapping[str, Settings] = {
     "gradient": {"edge_detector": {"method": "sobel", "low": 0, "high": 400}},
     "black and white": {"filters": {"threshold_mode": "otsu"}},
 }
-"""From `_PLAIN`. The seed is the package that this one grows out of."""
+"""Preset -> its differences from the default; the seed is the package that this one grew from."""
 
 NAMES = tuple(_DIFFERENCES)
-"""Of all presets."""
+"""All presets."""
 
 
 def preset(name: str, graph: Graph) -> Settings:
-    """What a preset sets of the nodes that are in a graph.
+    """The parameters that a preset sets in a graph.
 
     Raises:
-        UsageError: there is no such preset, or nothing that it sets.
+        UsageError: unknown preset, or a graph without its nodes.
     """
     if name not in _DIFFERENCES:
         raise UsageError(f"no preset {name!r}{did_you_mean(name, NAMES)}")
-    there = {member.name for member in graph.members} & _PLAIN.keys()
-    if not there:
-        raise UsageError(f"preset {name}: there are no images here that it would change")
-    changes = _DIFFERENCES[name]
-    return {node: {**_PLAIN[node], **changes.get(node, {})} for node in _PLAIN if node in there}
+    nodes = {member.name for member in graph.members}
+    found = {
+        node: {**values, **_DIFFERENCES[name].get(node, {})}
+        for node, values in _DEFAULT.items()
+        if node in nodes
+    }
+    if not found:
+        raise UsageError(f"preset {name}: needs images, which this source lacks")
+    return found
 
 
 def chosen(graph: Graph, current: Mapping[str, Any]) -> str:
-    """The preset that the present values make; empty where they are somebody's own.
+    """The preset that the current parameters are; empty if they are custom.
 
     Args:
-        graph: what runs.
+        graph: the running graph.
         current: the parameters of its nodes, by the nodes' names.
     """
     for name in NAMES:
@@ -60,6 +64,6 @@ def chosen(graph: Graph, current: Mapping[str, Any]) -> str:
 
 
 def _has(params: Any, values: Mapping[str, Any]) -> bool:
-    # of a node elsewhere that has not told of any yet, or that is only called so, there are none
+    # a remote node may have published no parameters yet, or other ones
     found = {name: getattr(params, name, None) for name in values}
     return all(getattr(value, "value", value) == values[name] for name, value in found.items())

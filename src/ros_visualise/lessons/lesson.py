@@ -1,4 +1,4 @@
-"""What a lesson is, and what its steps pass on."""
+"""A lesson, and the data between its steps."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ W = TypeVar("W")
 
 TAKES = {"image": Image}
 GIVES = {"image": Image, "text": Text}
-"""What most steps take and give: what is seen, and a text about it."""
+"""Inputs and outputs of most steps: a picture, and a text about it."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """A node of a lesson, and whose image it takes: of the step before it, if it does not say."""
+    """A node of a lesson, and the step whose image it takes: by default the one before it."""
 
     node: Any
     after: str = ""
 
     @property
     def declared(self) -> NodeType:
-        """What the node declares."""
+        """The node's declaration."""
         declared: NodeType = self.node.declared
         return declared
 
@@ -45,15 +45,15 @@ class Lesson:
 
     Attributes:
         name: its name on the command line.
-        about: a sentence that tells what one sees.
+        about: a sentence about it.
         intro: the text about its picture; empty where the steps take a stream.
         steps: its nodes; they follow the node ``picture``, which gives them the picture.
-        sample: the source that is at hand where a person names none, and its parameters.
-        streams: its steps take the messages of a source as they come, not a picture.
-        plays: it is to be seen in motion, so it does not begin paused.
-        export_s: so many seconds are looked at before it is written down; 0: one picture. Of a
-            recording whose messages are taken as they come it is all.
-        in_time: before it is written down it is played as fast as it was recorded, not faster.
+        sample: the default source, and its parameters.
+        streams: its steps take the messages of a source, not a picture.
+        plays: it does not begin paused.
+        export_s: duration that is played before it is written down, seconds; 0 is one picture. A
+            recording whose messages are taken is played to its end.
+        in_time: before it is written down it is played at the recorded speed, not faster.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Lesson:
 
 
 class FigureImage(Deferred):
-    """The pixels of a figure, which can be had as lines too."""
+    """The pixels of a figure, which has its lines too."""
 
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
@@ -77,7 +77,7 @@ class FigureImage(Deferred):
 
 @dataclass(frozen=True, eq=False)
 class StepResult(Image):
-    """The image of a step, and what it was computed from, for the steps after it."""
+    """The image of a step, with data for the steps after it."""
 
     work: Any = None
 
@@ -85,13 +85,13 @@ class StepResult(Image):
 def show(
     image: Image, seen: Pixels | Figure, text: str, work: Any = None, **filled: Any
 ) -> dict[str, Message]:
-    """What a step answers.
+    """The outputs of a step.
 
     Args:
-        image: what it was given.
+        image: its input.
         seen: gray or BGR of 8 bits, or a figure.
-        text: about it; the numbers of this run take the places of ``{names}``.
-        work: what the next step needs; none: what this one was given.
+        text: about it, with ``{names}`` for the numbers of this run.
+        work: data for the next step; None: that of the input.
         filled: name -> number.
     """
     passed = getattr(image, "work", None) if work is None else work
@@ -101,7 +101,7 @@ def show(
 def show_at(
     header: Header, seen: Pixels | Figure, text: str, work: Any = None, **filled: Any
 ) -> dict[str, Message]:
-    """The same of a step that is given no image, but something else with a header."""
+    """The outputs of a step whose input is not an image."""
     data = FigureImage(seen) if isinstance(seen, Figure) else seen
     encoding = "mono8" if len(data.shape) == 2 else "bgr8"
     shown = StepResult(data, encoding, header, work=work)
@@ -109,12 +109,12 @@ def show_at(
 
 
 def fill(text: str, numbers: Mapping[str, Any]) -> str:
-    """A text with numbers in the places of ``{names}``."""
+    """A text with numbers for its ``{names}``."""
     return dedent(text).format(**numbers)
 
 
 def work_of(image: Image, kind: type[W]) -> W:
-    """What the step before has computed.
+    """The result of the step before.
 
     Raises:
         UnsupportedImage: the image is not from that step.

@@ -1,1 +1,1 @@
-"""What commands share: groups of options, playing, and work that Ctrl-C need not wait for."""
+"""The start of a run: options, playing, work that Ctrl-C interrupts, and ROS executables."""

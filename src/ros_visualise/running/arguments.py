@@ -88,7 +88,7 @@ def _add(group: Any, one: Field[Any], kind: Any) -> None:
 
 
 def _reading(kind: Any, default: Any) -> dict[str, Any]:
-    """How the values of a type are read."""
+    """Settings by which the values of a type are read."""
     kinds = {*getattr(kind, "__args__", [kind])}
     if bool in kinds:
         if type(None) in kinds:

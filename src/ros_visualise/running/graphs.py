@@ -32,7 +32,7 @@ _OF_RECORDINGS = ("tf_parent", "tf_child")
 
 @dataclass(frozen=True)
 class Selection:
-    """What a person selected to play.
+    """A source that a person selected to play.
 
     Attributes:
         name: a few words for the title of the page.
@@ -162,7 +162,7 @@ def _current_settings(runtime: LocalRuntime, graph: Graph) -> dict[str, dict[str
 
 
 def _with_nodes(graph: Graph, texts: Sequence[str]) -> Graph:
-    """The graph with nodes of one's own: by default after filters, else after the source."""
+    """The graph with more nodes: by default after filters, else after the source."""
     names = [member.name for member in graph.members]
     last = "filters" if "filters" in names else names[0]
     for text in texts:

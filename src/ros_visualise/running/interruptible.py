@@ -6,10 +6,11 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import OpenError
@@ -23,24 +24,43 @@ _PATIENCE_S = 3.0
 _GRACE_S = 1.0
 
 
+def begin(make: Callable[[], T]) -> Future[T]:
+    """Call ``make`` on a thread of its own."""
+    work: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            work.set_result(make())
+        except BaseException as error:
+            work.set_exception(error)
+
+    supervision.start("work", run)
+    return work
+
+
+def is_done(work: Future[T], timeout_s: float = _SPIN_S) -> bool:
+    """True if it is done, after this time at most."""
+    return bool(wait([work], timeout_s).done)
+
+
 def interruptible(make: Callable[[], T]) -> T:
-    """What ``make`` returns, made on a thread, so that Ctrl-C need not wait for it."""
-    work = _Work(make)
-    while not work.is_done(_SPIN_S):
+    """The result of ``make``, called on a thread, so that Ctrl-C need not wait for it."""
+    work = begin(make)
+    while not is_done(work):
         pass
-    return work.result
+    return work.result()
 
 
 def in_a_second(wish: Wish, make: Callable[[], T]) -> T | None:
-    """What ``make`` returns; None where it takes a second more when somebody asks for the end."""
-    work = _Work(make)
+    """The result of ``make``; None if it takes a second more after a stop request."""
+    work = begin(make)
     since_s = None
-    while not work.is_done(_SPIN_S):
+    while not is_done(work):
         now_s = time.monotonic()
         since_s = now_s if since_s is None and wish.asked else since_s
         if since_s is not None and now_s - since_s > _GRACE_S:
             return None
-    return work.result
+    return work.result()
 
 
 def opened_within(
@@ -50,83 +70,45 @@ def opened_within(
     make: Callable[[], T],
     close: Callable[[T], object],
 ) -> T | None:
-    """What ``make`` opens; None where somebody asks for the end meanwhile.
+    """The result of ``make``; None after a stop request.
 
     Args:
-        path: what is opened.
+        path: the file that is opened.
         limit_s: how long it may take.
-        wish: for the end.
+        wish: a stop request.
         make: opens it, on a thread that is left alone when it is not awaited any longer.
-        close: called with what comes too late.
+        close: called with a result that comes too late.
 
     Raises:
         OpenError: it takes longer.
     """
-    work = _Work(make)
+    work = begin(make)
     end_s = time.monotonic() + limit_s
-    while not work.is_done(_SPIN_S):
+    while not is_done(work):
+        is_late = time.monotonic() > end_s
+        if wish.asked or is_late:
+            work.add_done_callback(partial(_close_result, close))
         if wish.asked:
-            work.leave(close)
             return None
-        if time.monotonic() > end_s:
-            work.leave(close)
+        if is_late:
             raise OpenError(f"{path}: not open after {limit_s:g} s; open it on the command line")
-    return work.result
+    return work.result()
 
 
-class _Work(Generic[T]):
-    """Something that is made on a thread."""
-
-    def __init__(self, make: Callable[[], T]) -> None:
-        self._make = make
-        self._close: Callable[[T], object] | None = None
-        self._handing = threading.Lock()
-        self._results: list[T] = []
-        self._errors: list[BaseException] = []
-        self._thread = supervision.start("work", self._work)
-
-    def is_done(self, timeout_s: float) -> bool:
-        """Whether it is, after so long at most."""
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
-
-    @property
-    def result(self) -> T:
-        """What was made, once it is; raises what that raised."""
-        if self._errors:
-            raise self._errors[0]
-        return self._results[0]
-
-    def leave(self, close: Callable[[T], object]) -> None:
-        """Await it no longer: what was or will be made is closed."""
-        with self._handing:
-            self._close = close
-        for result in self._results:
-            close(result)
-
-    def _work(self) -> None:
-        try:
-            result = self._make()
-        except BaseException as error:
-            self._errors.append(error)
-            return
-        with self._handing:
-            close = self._close
-            if close is None:
-                self._results.append(result)
-        if close is not None:
-            close(result)
+def _close_result(close: Callable[[T], object], work: Future[T]) -> None:
+    if work.exception() is None:
+        close(work.result())
 
 
 @contextmanager
 def in_time(wish: Wish, steps: Callable[[], int | None]) -> Iterator[None]:
-    """Within this, a wish for the end is not held up by one message.
+    """Within this, one message cannot delay the end after a stop request.
 
-    When no step is done for three seconds the process is left as it stands, as if it were killed.
+    When no step is done for three seconds the process is ended as if it were killed.
 
     Args:
-        wish: for the end.
-        steps: how many messages were worked on; None while files are closed, which may take time.
+        wish: a stop request.
+        steps: number of messages processed; None while files are closed, which may take time.
     """
     over = threading.Event()
     supervision.start("end", partial(_leave_if_stuck, wish, steps, over), again_s=_SPIN_S)
@@ -143,5 +125,5 @@ def _leave_if_stuck(wish: Wish, steps: Callable[[], int | None], over: threading
         if now is None or now != done or not wish.asked:
             done, since_s = now, now_s
         elif now_s - since_s > _PATIENCE_S:
-            say("ros-visualise: ended in the middle of a message that takes long, as if killed")
+            say(f"ros-visualise: forced exit: a message did not finish within {_PATIENCE_S:g} s")
             os._exit(STOPPED)

@@ -25,7 +25,7 @@ from ros_visualise.simulation.worlds import OURS
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryOptions:
-    """How much memory an input may take."""
+    """Memory that an input may take."""
 
     max_memory: int = option(
         DEFAULT_MEMORY,
@@ -38,13 +38,13 @@ class MemoryOptions:
 def mission_option(otherwise: str) -> Any:
     """An option ``--mission``; ``otherwise`` says what happens without it."""
     shapes = "square, figure_of_eight, lawn_mower, default or a YAML file"
-    help = f"what the robot is to do: {shapes} (default: {otherwise})"
+    help = f"mission of the robot: {shapes} (default: {otherwise})"
     return option(None, help, metavar="SHAPE|FILE")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
-    """Where a simulated robot is, and what it does."""
+    """A simulated robot's world and mission."""
 
     world: str | None = option(None, f"{OURS}, or one of another package (default: field)")
     seed: int | None = option(None, "seed of all random errors (default: 0)", type=seed)
@@ -52,14 +52,14 @@ class WorldOptions:
 
     @property
     def scenario(self) -> dict[str, str | int]:
-        """Those that are given, by the parameters of a robot."""
+        """The given ones, by the robot's parameters."""
         given = {"world": self.world, "mission": self.mission, "seed": self.seed}
         return {name: value for name, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewingOptions:
-    """How a run is shown."""
+    """The view of a run."""
 
     GROUP = "viewing"
 
@@ -71,7 +71,7 @@ class ViewingOptions:
     host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
     port: int = option(8080, "port of the page (default: %(default)s)", type=port)
     token: bool = option(
-        True, "let everybody who reaches the page use it (default: its address holds a token)"
+        True, "let everyone who reaches the page use it (default: its address holds a token)"
     )
     open: bool | None = option(
         None, "open the page in a browser (default: from a terminal on a desktop)"
@@ -104,7 +104,7 @@ class PartOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PaceOptions(PartOptions):
-    """How fast the source is played, and which part of it."""
+    """The speed at which the source is played, and the part of it."""
 
     GROUP = "playing"
 

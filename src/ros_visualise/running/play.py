@@ -38,7 +38,7 @@ _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def play(selection: Selection, options: PlayingOptions) -> int:
-    """Play a source until it ends or a person ends it; 1 if something was lost."""
+    """Play a source until it ends or a person stops it; 1 if data was lost."""
     split = _split(options)
     targets = [one for target in options.record for one in _files(parse_target(target)[0], split)]
     check_targets(targets, selection.path or None)
@@ -73,14 +73,14 @@ def _split(options: OutputOptions) -> Split | None:
 
 
 def _files(path: Path, split: Split | None) -> list[Path]:
-    """What a recording writes to: of a series of files the first one, and those that are there."""
+    """The files of a recording: of a series the first one, and existing ones."""
     if split is None or not path.suffix:
         return [path]
     return list({0: part_path(path, 0), **existing_parts(path)}.values())
 
 
 def _shelf(path: str, folder: Path) -> Shelf:
-    """What can be opened instead: what is beside the file, or else in the current folder."""
+    """Files to open instead: those beside the file, or else in the current folder."""
     given = Path(path)
     is_file = os.path.exists(given) and given.name != ""
     return Shelf(given.parent if is_file else Path(), folder, given if is_file else None)
@@ -113,10 +113,10 @@ def _open(options: PlayingOptions, graph: Graph, view: View) -> LocalRuntime:
 
 
 class _Played:
-    """What is played, and how it went, also with what was played before.
+    """The run that is played, with the reports of those before it.
 
     Attributes:
-        lost: something was.
+        lost: data was lost.
     """
 
     def __init__(
@@ -129,20 +129,20 @@ class _Played:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has ended, or all recordings that were asked for have failed."""
+        """True if it has ended, or all its recordings have failed."""
         failed = [one.error is not None for one in self.recordings]
         return self.runtime.wait(0) or bool(failed and all(failed))
 
     def report(self) -> RunReport:
-        """Of what was stopped: its summary is said."""
+        """The report of a run that was stopped; prints its summary."""
         report = self.runtime.report()
-        _say_summary(report)
+        _print_summary(report)
         self.lost |= self.runtime.failed or report.is_incomplete
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
     def follow(self, path: Path, view: View, wish: Wish) -> bool:
-        """Open another file in its place; one that cannot be opened is said."""
+        """Open another file in its place; True if that worked, else it is logged."""
         opening = partial(self._open_next, path, view)
         try:
             opened = opened_within(path, _OPEN_S, wish, opening, lambda late: late[-1].stop())
@@ -163,14 +163,14 @@ class _Played:
 
 
 def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
-    """Until the end, with all recordings closed; whether somebody asked for it before."""
+    """Play to the end, and close all recordings; True if it was stopped before."""
     try:
         options, runtime = played.options, played.runtime
         split = _split(options)
         played.recordings = _start_recordings(runtime, options.record, options.overwrite, split)
-        view.open(runtime)  # before anything that holds can have passed
+        view.open(runtime)  # before latched messages can have passed
         if not runtime.graph.live:
-            _await_somebody(view, wish)
+            _await_browser(view, wish)
         runtime.start()
         while not (played.is_over or view.closed):
             if wish.asked:
@@ -187,15 +187,15 @@ def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
         played.runtime.stop()
 
 
-def _await_somebody(view: View, wish: Wish) -> None:
-    """So that nobody misses the beginning; who comes later than that can go back to it."""
+def _await_browser(view: View, wish: Wish) -> None:
+    """Wait for the first browser, for a few seconds, so that it shows the beginning."""
     end_s = time.monotonic() + _PATIENCE_S
     while view.awaited and not wish.asked and time.monotonic() < end_s:
         view.spin(_SPIN_S)
 
 
 def has_desktop(environment: Mapping[str, str]) -> bool:
-    """Whether a person at a terminal sees the screen of this machine."""
+    """True if a person at a terminal sees the screen of this machine."""
     has_screen = sys.platform in ("darwin", "win32") or any(map(environment.get, _SCREENS))
     return bool(has_screen and sys.stderr.isatty() and not environment.get("SSH_CONNECTION"))
 
@@ -203,7 +203,7 @@ def has_desktop(environment: Mapping[str, str]) -> bool:
 def _start_recordings(
     runtime: LocalRuntime, targets: Sequence[str], overwrite: bool, split: Split | None
 ) -> list[RecorderThread]:
-    """All of them, or none."""
+    """Start all recordings, or none."""
     recordings: list[RecorderThread] = []
     try:
         for target in targets:
@@ -217,7 +217,7 @@ def _start_recordings(
     return recordings
 
 
-def _say_summary(report: RunReport) -> None:
+def _print_summary(report: RunReport) -> None:
     for name, topic in report.topics.items():
         rates = f"{topic.hz or 0:g} Hz by the stamps, {topic.wall_hz or 0:g} per second"
         say(f"{name}: {counted(topic.messages, 'message')}, {rates}")
@@ -227,7 +227,7 @@ def _say_summary(report: RunReport) -> None:
             say(f"{name}: {count}{of} dropped ({'queue full' if reason == 'queue' else reason})")
     for name, recording in report.recordings.items():
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
-        dropped += f" ({recording.refused} refused)" if recording.refused else ""
+        dropped += f" ({recording.refused} rejected)" if recording.refused else ""
         messages = counted(recording.messages, "message")
         files = f" in {recording.files} files" if recording.files > 1 else ""
         say(f"{name}: {messages} recorded{files}{dropped}")

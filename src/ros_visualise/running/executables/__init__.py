@@ -1,7 +1,7 @@
 """The ROS executables, one for each node and source of this package and a few more.
 
 ``CMakeLists.txt`` asks for their names by ``python -m ros_visualise.running.executables``, and
-writes a script for each. That needs nothing but Python: what pip brings may not be installed yet.
+writes a script for each. That needs only Python: packages of pip may not be installed yet.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _CODE = """from ros_visualise.__main__ import run_executable
 
 run_executable("{}")
 """
-"""What the scripts say, after the line that names their interpreter."""
+"""The scripts, after the line that names their interpreter."""
 
 
 def names() -> list[str]:
@@ -35,9 +35,9 @@ def command_of(name: str) -> list[str]:
 
 
 def run(name: str) -> None:
-    """Run the executable of this name on the graph of a ROS, and leave with its exit status.
+    """Run the executable of this name on a ROS graph, and exit with its status.
 
-    It is the ROS of the workspace that was sourced: that sets ``ROS_VERSION``.
+    The sourced workspace sets ``ROS_VERSION``.
     """
     try:
         check_installation()

@@ -13,6 +13,7 @@ from ros_visualise.core.supervision import status_of
 from ros_visualise.graph import IMAGE_NODES
 from ros_visualise.graph.pipelines import alone, build
 from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
+from ros_visualise.running.executables.execution import offer_saving, run_graph
 from ros_visualise.running.executables.managed import run_managed
 from ros_visualise.running.executables.options import (
     OPTIONS,
@@ -22,7 +23,6 @@ from ros_visualise.running.executables.options import (
     switch,
 )
 from ros_visualise.running.executables.player import run_player
-from ros_visualise.running.executables.running import offer_saving, run_graph
 from ros_visualise.runtime.middleware import Host, Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
@@ -93,7 +93,7 @@ def _run_pipeline(host: Host, transport: Transport) -> int:
 
 
 def _run_viewer(host: Host, transport: Transport) -> int:
-    """Show what nodes elsewhere on the graph publish, and their parameters."""
+    """Show the topics and parameters of other nodes on the graph."""
     name, options = choose_view(host, "web")
     runtime = RemoteRuntime(transport, choose_image_transport(host))
     parameters = partial(live_parameters, runtime)

@@ -1,4 +1,4 @@
-"""A graph whose states another node drives, as managers of ROS 2's managed nodes do."""
+"""A graph whose states a lifecycle manager of ROS 2 sets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from queue import Empty, SimpleQueue
 
 from ros_visualise.core.errors import Unreachable
 from ros_visualise.graph import Graph
-from ros_visualise.running.executables.running import Run, announce_time, publish_time, running
+from ros_visualise.running.executables.execution import Run, announce_time, publish_time, running
 from ros_visualise.runtime.middleware import Host, Transport
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ class ManagedGraph:
         running: opens the graph.
 
     Attributes:
-        failed: something was lost since the start.
+        failed: data was lost since the start.
     """
 
     def __init__(self, running: Callable[[], AbstractContextManager[Run]]) -> None:
@@ -68,7 +68,7 @@ class ManagedGraph:
 
     @property
     def is_over(self) -> bool:
-        """Whether what is configured has come to its end."""
+        """True if the configured graph has ended."""
         return self._run is not None and self._run.is_over
 
     def configure(self) -> None:
@@ -76,11 +76,11 @@ class ManagedGraph:
         self._ask(self._configure)
 
     def activate(self) -> None:
-        """Let it take and publish messages."""
+        """Process and publish messages."""
         self._ask(lambda: self._configured.process.activate())
 
     def deactivate(self) -> None:
-        """Let it take and publish none."""
+        """Stop processing and publishing messages."""
         self._ask(lambda: self._configured.process.deactivate())
 
     def cleanup(self) -> None:
@@ -88,7 +88,7 @@ class ManagedGraph:
         self._ask(self._cleanup)
 
     def follow(self, timeout_s: float) -> None:
-        """Do what was asked for, and what has to be done now and then."""
+        """Serve a request, and spin the graph."""
         is_at_rest = not self._do_next(0 if self._run else timeout_s)
         if self._run is not None:
             self._run.spin(timeout_s)
@@ -97,7 +97,7 @@ class ManagedGraph:
             self._has_remains = False
 
     def close(self) -> None:
-        """Close the graph; what is asked for from now on is refused."""
+        """Close the graph, and reject further requests."""
         with self._asking:
             self._is_closed = True
         while self._do_next(0):
@@ -111,7 +111,7 @@ class ManagedGraph:
         return self._run
 
     def _ask(self, work: Callable[[], None]) -> None:
-        """Have something done by the thread of `follow`, and wait for it."""
+        """Let the thread of `follow` do something, and wait for it."""
         done: Future[None] = Future()
         with self._asking:
             if self._is_closed:
@@ -120,7 +120,7 @@ class ManagedGraph:
         done.result()
 
     def _do_next(self, timeout_s: float) -> bool:
-        """Do the next thing that is asked for, if there is one within this time."""
+        """Serve the next request, if any within this time."""
         try:
             work, done = self._asked.get(timeout=timeout_s)
         except Empty:

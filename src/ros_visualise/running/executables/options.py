@@ -1,4 +1,4 @@
-"""The private parameters that executables read once, beside those that their nodes declare."""
+"""Private parameters of executables, beside those of their nodes; read once."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ OPTIONS = (
     *("image_transport", "jpeg_quality", "start", "duration", "stay"),
     *("clock", "max_memory", "params"),
 )
-"""Those that every executable reads."""
+"""Parameters that every executable reads."""
 
 
 def choose_memory(host: Host) -> None:
     """Set the limit that ``~max_memory`` gives.
 
     Raises:
-        UsageError: it is no amount of memory.
+        UsageError: not an amount of memory.
     """
     set_max_memory(parse_memory(str(host.option("max_memory", DEFAULT_MEMORY))))
 
 
 def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
-    """The name of the view that ``~view`` gives, and how it is opened; and where files may go.
+    """The name and the options of the view in ``~view``; sets the folder of files.
 
     Raises:
         UsageError: an option is of the wrong type.
@@ -52,10 +52,10 @@ def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
 
 
 def choose_image_transport(host: Host) -> bool:
-    """Whether images come compressed.
+    """True if images come compressed.
 
     Raises:
-        UsageError: ``~image_transport`` is none that there is.
+        UsageError: unknown ``~image_transport``.
     """
     transport = host.option("image_transport", "raw")
     if transport not in ("raw", "compressed"):
@@ -67,7 +67,7 @@ def choose_jpeg_quality(host: Host) -> int:
     """The quality of the JPEGs that are published, in percent.
 
     Raises:
-        UsageError: ``~jpeg_quality`` is none from 1 to 100.
+        UsageError: ``~jpeg_quality`` is not from 1 to 100.
     """
     quality = _number(host, "jpeg_quality", JPEG_QUALITY)
     if quality not in range(1, 101):
@@ -76,7 +76,7 @@ def choose_jpeg_quality(host: Host) -> int:
 
 
 def choose_params(host: Host) -> dict[str, Any]:
-    """What the file holds that ``~params`` names; see `ros_visualise.runtime.saving.of_node`.
+    """The contents of the file ``~params``; see `ros_visualise.runtime.saving.of_node`.
 
     Raises:
         OpenError: it cannot be read, or holds something else.
@@ -86,10 +86,10 @@ def choose_params(host: Host) -> dict[str, Any]:
 
 
 def seconds(host: Host, option: str) -> float:
-    """An option that is a time in seconds; 0 where it is not given.
+    """An option in seconds; 0 by default.
 
     Raises:
-        UsageError: it is no number.
+        UsageError: not a number.
     """
     return _number(host, option, 0.0)
 
@@ -98,7 +98,7 @@ def switch(host: Host, option: str, default: bool) -> bool:
     """An option that is true or false.
 
     Raises:
-        UsageError: it is neither.
+        UsageError: neither.
     """
     given = host.option(option, default)
     if not isinstance(given, bool):
@@ -107,7 +107,7 @@ def switch(host: Host, option: str, default: bool) -> bool:
 
 
 def named_in(host: Host, option: str, default: str) -> list[str]:
-    """What an option names, separated by spaces; nothing where it has its default."""
+    """The names in an option, separated by spaces; none by default."""
     named = str(host.option(option, default))
     return [] if named == default else named.split()
 

@@ -13,8 +13,13 @@ from ros_visualise.data import Image
 from ros_visualise.graph import Graph, place_source
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.player import player
+from ros_visualise.running.executables.execution import (
+    announce_time,
+    opened,
+    publish_time,
+    run_graph,
+)
 from ros_visualise.running.executables.options import OPTIONS, named_in
-from ros_visualise.running.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Host, Transport
 from ros_visualise.sources.opening import open_recording
@@ -25,7 +30,7 @@ from ros_visualise.sources.recordings.playing import PlayedTime, played_time
 log = logging.getLogger(__name__)
 
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg", "/parameter_events")
-"""What tells of the recorded graph, of whichever ROS, and would be taken for this one's."""
+"""Topics about the recorded ROS graph, which would be mistaken for this one's."""
 
 _LOOK_S = 0.1
 _PATIENCE_S = 20.0
@@ -47,28 +52,28 @@ def run_player(host: Host, transport: Transport) -> int:
     graph = Graph(place_source(declared, outputs), ())
     options = (*OPTIONS, "path", "topics", "image", "wait_for")
     awaited = named_in(host, "wait_for", "none")
-    if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
+    if "/image_raw" not in outputs.values():  # there are no images to wait for
         awaited = [topic for topic in awaited if topic.removeprefix("/") != "image_raw"]
     conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)), awaited)
     return run_graph(host, transport, graph, {"player": ""}, options, conduct)
 
 
 def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> str | None:
-    """The recorded images that are played as those of a camera, on image_raw."""
+    """The topic of recorded images that is played on image_raw."""
     images = [topic for topic, kind in declared.outputs.items() if kind is Image]
     if wanted in images:
         return wanted
     if wanted in ("none", "first"):
         return first_image(recording, images) if wanted == "first" else None
-    there = ", ".join(images) or "none in it"
-    raise UsageError(f"image={wanted}: no such topic of images; choose from {there}")
+    known = f"choose from {', '.join(images)}" if images else "none in the recording"
+    raise UsageError(f"image={wanted}: no such topic of images; {known}")
 
 
 @contextmanager
 def _conduct(
     played: PlayedTime, awaited: Sequence[str], host: Host, transport: Transport, process: Process
 ) -> Iterator[None]:
-    """Publish the recording's time, and begin when those who are to see it all are there."""
+    """Publish the recording's time, and wait for the subscribers of some topics."""
     with publish_time(
         host, transport, process, lambda playback: played.stamp_ns(playback.time_ns())
     ):

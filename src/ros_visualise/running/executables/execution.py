@@ -1,18 +1,16 @@
-"""Running a graph in a process of its own on a middleware's graph."""
+"""A run of a graph in a process of its own, on a middleware's graph."""
 
 from __future__ import annotations
 
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, wait
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ros_visualise.core import supervision
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.params import Parameters, update
 from ros_visualise.core.rate import Clock, WallClock
@@ -26,6 +24,7 @@ from ros_visualise.running.executables.options import (
     choose_view,
     seconds,
 )
+from ros_visualise.running.interruptible import begin, is_done
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Host, Transport
 from ros_visualise.runtime.playing import PlayingParams, playing_params
@@ -48,10 +47,7 @@ T = TypeVar("T")
 
 
 def announce_time(host: Host, transport: Transport) -> None:
-    """Be listed as publisher of ``/clock`` from now on, unless ``~clock`` is false.
-
-    What makes the time may open slowly; others are to know meanwhile that there will be one.
-    """
+    """Advertise ``/clock``, unless ``~clock`` is false, before a source that may open slowly."""
     if host.option("clock", True):
         transport.advertise("/clock", TopicType("rosgraph_msgs/msg/Clock"))
 
@@ -63,7 +59,7 @@ def publish_time(
     process: Process,
     now_ns: Callable[[Playback], int] = Playback.stamp_ns,
 ) -> Iterator[None]:
-    """Publish the time that a source makes, unless ``~clock`` is false."""
+    """Publish the time of a source that sets it, unless ``~clock`` is false."""
     playback = process.runtime.playback
     makes_time = process.runtime.graph.makes_time and host.option("clock", True)
     if playback is None or not makes_time:
@@ -116,14 +112,14 @@ class Run:
 
     @property
     def is_over(self) -> bool:
-        """Whether the graph, the view or this process has come to its end."""
+        """True if the graph, the view or this process has ended."""
         runtime = self.process.runtime
         if self._host.is_over() or self._view.closed:
             return True
         return runtime.wait(0) and (runtime.failed or not self._stays)
 
     def spin(self, timeout_s: float) -> None:
-        """Do for so long what has to be done now and then."""
+        """Serve the view and the graph for this time."""
         self._view.spin(timeout_s)
         self.process.follow()
 
@@ -139,7 +135,7 @@ def running(
     stays: bool,
     active: bool = True,
 ) -> Iterator[Run]:
-    """A graph with all that is around it, as `run_graph` has it, until the end of the block.
+    """A graph with its view and services, until the end of the block.
 
     Args:
         host, transport, graph, namespaces, options, conduct: as of `run_graph`.
@@ -173,7 +169,7 @@ def running(
 
 
 def _await_subscribers(host: Host, process: Process) -> None:
-    """Give subscribers that are on the graph already a while to connect."""
+    """Give existing subscribers time to connect."""
     end_s = time.monotonic() + _GATHER_S
     while not host.is_over() and (missing := process.unconnected()):
         if time.monotonic() > end_s:
@@ -183,21 +179,13 @@ def _await_subscribers(host: Host, process: Process) -> None:
 
 
 def opened(host: Host, open_it: Callable[[], T]) -> T:
-    """What a call gives that may take long, as a simulation does before it can begin.
+    """The result of a call that may take long, such as opening a simulation.
 
     Raises:
         KeyboardInterrupt: this process has to end meanwhile; the call is left alone.
     """
-    opening: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            opening.set_result(open_it())
-        except BaseException as error:
-            opening.set_exception(error)
-
-    supervision.start("opening", run)
-    while not wait([opening], _LOOK_S).done:
+    opening = begin(open_it)
+    while not is_done(opening):
         if host.is_over():
             raise KeyboardInterrupt
     return opening.result()
@@ -210,7 +198,7 @@ def _configured(
     namespaces: Mapping[str, str],
     options: Iterable[str],
 ) -> Graph:
-    """The graph with the parameters that launch files and command line gave to its nodes."""
+    """The graph with the parameters of launch files and of the command line."""
     graph = _extended(host, graph, namespaces)
     source = graph.source
     loaded = choose_params(host)
@@ -232,7 +220,7 @@ def _configured(
 
 
 def _without_none(values: Mapping[str, Any], defaults: object) -> dict[str, Any]:
-    """What was given, where a text that may be empty is not called ``none``, as launch files do."""
+    """The values, without ``none`` for a text that is empty by default, as in launch files."""
     return {
         name: value
         for name, value in values.items()
@@ -241,7 +229,7 @@ def _without_none(values: Mapping[str, Any], defaults: object) -> dict[str, Any]
 
 
 def _extended(host: Host, graph: Graph, namespaces: Mapping[str, str]) -> Graph:
-    """The graph with the parameters that its source has by one of them, such as its device."""
+    """The graph with the parameters that depend on one of them, such as the device."""
     source = graph.source
     if source is None or source.type.extend is None:
         return graph
@@ -252,7 +240,7 @@ def _extended(host: Host, graph: Graph, namespaces: Mapping[str, str]) -> Graph:
 
 
 def _playback(host: Host, transport: Transport, graph: Graph, stays: bool) -> Playback | None:
-    """How the source is played; while somebody looks or can command it, it stays at its end."""
+    """The playback of the source; with a view or with inputs, it stays at its end."""
     if graph.source is None:
         return None
     source, params = graph.source.type, graph.source.params
@@ -270,7 +258,7 @@ def _playback(host: Host, transport: Transport, graph: Graph, stays: bool) -> Pl
 
 
 def _clock(host: Host, transport: Transport, makes_time: bool) -> Clock:
-    """What drives a source: where it makes the graph's time, the time of day; else that time."""
+    """The clock of a source: wall time if the source sets the graph's time, else that time."""
     if makes_time and host.option("clock", True):
         return WallClock()
     clock = transport.clock()
@@ -282,7 +270,7 @@ def _clock(host: Host, transport: Transport, makes_time: bool) -> Clock:
 def offer_saving(
     transport: Transport, parameters: Callable[[], Mapping[str, Parameters[Any]]], folder: Path
 ) -> Handle:
-    """The service ``~save_parameters``, which answers with the file that it has written.
+    """The service ``~save_parameters``, which answers with the name of its file.
 
     Args:
         transport: what it is offered on.
@@ -293,7 +281,7 @@ def offer_saving(
 
 
 def _open_view(name: str, options: ViewOptions) -> View:
-    """What ``~view`` asks for; without a screen for it the node runs all the same."""
+    """The view of ``~view``; none if it cannot be opened, as without a screen."""
     try:
         return open_view(name, options)
     except OpenError as error:
