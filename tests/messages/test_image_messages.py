@@ -108,7 +108,7 @@ def test_an_image_without_pixels_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["", "theora", "mono32", "8UC5", "16FC1", "32UC1", "16UC", "nv16"])
 def test_an_unknown_encoding_is_refused_by_name(name: str) -> None:
-    with pytest.raises(ValueError, match=rf"'{name}'; known are mono8, mono16, .*32FC1.*nv12"):
+    with pytest.raises(ValueError, match=rf"'{name}'; supported: mono8, mono16, .*32FC1.*nv12"):
         from_message(message(name, 1, 2, 4, bytes(4)), Image)
 
 
@@ -242,7 +242,7 @@ def test_16_bit_at_an_odd_address_is_as_any_other() -> None:
 @pytest.mark.parametrize("stamp_ns", [-1, -(10**9), 2**31 * 10**9, 2**63])
 def test_stamps_that_ros_cannot_hold_are_refused(stamp_ns: int) -> None:
     image = replace(random_image("mono8"), header=Header(stamp_ns))
-    with pytest.raises(ValueError, match="from 1970 to 2038"):
+    with pytest.raises(ValueError, match="within 1970-2038"):
         to_message(image, ROS1.types)
 
 

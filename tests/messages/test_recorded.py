@@ -70,7 +70,7 @@ def test_compressed_depth_is_an_image():
 @BOTH
 def test_damaged_messages_are_refused_in_one_line(types):
     cut = recorded(IMU, types, cut=40)
-    with pytest.raises(DamagedMessage, match="40 bytes are no sensor_msgs/msg/Imu"):
+    with pytest.raises(DamagedMessage, match="cannot decode 40 bytes as sensor_msgs/msg/Imu"):
         _ = cut.content
     picture = recorded(CompressedImage(np.zeros(9, np.uint8), "jpeg", HEADER), types)
     with pytest.raises(DamagedMessage, match=r"CompressedImage: .* its 9 bytes are broken"):
@@ -82,14 +82,14 @@ def test_damaged_messages_are_refused_in_one_line(types):
 def test_of_hardly_any_bytes_the_header_is_when_they_were_recorded(types, size):
     cut = recorded(IMU, types, cut=size)
     assert cut.header == Header(77)
-    with pytest.raises(DamagedMessage, match=f"{size} bytes are no sensor_msgs/msg/Imu"):
+    with pytest.raises(DamagedMessage, match=f"cannot decode {size} bytes as sensor_msgs/msg/Imu"):
         _ = cut.content
 
 
 def test_a_type_with_fields_of_its_own_is_said_to_have_them():
     own = Definitions("cdr")
     own.define("nav_msgs/msg/Odometry", "float64 px\nfloat64 py")
-    with pytest.raises(DamagedMessage, match="Odometry: the recording defines it with other"):
+    with pytest.raises(DamagedMessage, match="Odometry: differs from the standard definition"):
         _ = Recorded("nav_msgs/msg/Odometry", b"\0\1\0\0" + bytes(16), own, 5).content
 
 

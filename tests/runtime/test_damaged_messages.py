@@ -17,7 +17,7 @@ def test_a_node_names_the_topic_of_what_is_damaged(caplog):
     runner = NodeRunner(graph.nodes[0], Parameters(graph.nodes[0].params))
     assert runner.step(Packet(0, BROKEN, 0, "image")) == {}
     assert runner.report().dropped == {"damaged": 1}
-    assert "fps_control: /image_raw: 3 bytes are no sensor_msgs/msg/Image" in caplog.text
+    assert "fps_control: /image_raw: cannot decode 3 bytes as sensor_msgs/msg/Image" in caplog.text
 
 
 def test_who_looks_on_is_told_the_topic_of_what_is_damaged(caplog):
@@ -25,4 +25,4 @@ def test_who_looks_on_is_told_the_topic_of_what_is_damaged(caplog):
     subscription = runtime.subscribe("/image_raw")
     runtime.publish("/image_raw", BROKEN)
     assert subscription.take(0) is None
-    assert "/image_raw: 3 bytes are no sensor_msgs/msg/Image" in caplog.text
+    assert "/image_raw: cannot decode 3 bytes as sensor_msgs/msg/Image" in caplog.text

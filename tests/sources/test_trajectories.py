@@ -124,7 +124,9 @@ def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
     found = read_trajectory(Memory(pose=[pose(1, 0), damaged, damaged, pose(2, 1)]))
     assert x_of(found) == [1, 2]
     assert found.left_out == {"damaged": 2}
-    assert caplog.messages == ["/pose: 3 bytes are no geometry_msgs/msg/PoseStamped (said once)"]
+    assert caplog.messages == [
+        "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped (said once)"
+    ]
 
 
 def test_poses_are_put_in_the_order_of_their_stamps():

@@ -15,7 +15,7 @@ from ros_visualise.data.header import Header
 
 @dataclass(frozen=True, eq=False)
 class CameraInfo(Message):
-    """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
+    """A pinhole camera's calibration, as in sensor_msgs/CameraInfo.
 
     ``K`` is 3x3, ``R`` 3x3 and ``P`` 3x4, row-major and in pixels, origin at the centre of the
     top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``. The calibration
@@ -41,12 +41,11 @@ class CameraInfo(Message):
 
     @classmethod
     def uncalibrated(cls, height: int, width: int) -> CameraInfo:
-        """What ROS says of a camera that nobody has calibrated: its size, and ``K`` all zero."""
+        """The calibration of an uncalibrated camera: its size, and ``K`` all zero."""
         zero = np.zeros((3, 4))
         return cls(height, width, K=zero[:, :3], D=np.zeros(0), P=zero, distortion_model="")
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a sensor_msgs/msg/CameraInfo."""
         matrices = {"d": self.D, "k": self.K, "r": self.R, "p": self.projection}
         whole_image = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         return {
@@ -62,10 +61,10 @@ class CameraInfo(Message):
 
     @classmethod
     def read(cls, message: Any) -> CameraInfo:
-        """The calibration in a sensor_msgs/msg/CameraInfo, of the images that come with it.
+        """The calibration of the images, read from a sensor_msgs/msg/CameraInfo.
 
-        ROS tells that of the whole sensor, with its binning and its region of interest beside it:
-        here they are in the size, K and P.
+        ROS has that of the whole sensor, and its binning and region of interest; here the size, K
+        and P account for these.
         """
 
         def matrix(name: str, *shape: int) -> Any:
@@ -85,9 +84,9 @@ class CameraInfo(Message):
 
 
 def _binned_region(message: Any) -> tuple[int, int, npt.NDArray[np.float64]]:
-    """Width and height of a camera's images, and where pixels of its sensor are in them, 3x3.
+    """Width and height of images, and the 3x3 matrix from pixels of the sensor to theirs.
 
-    Source: image_geometry, PinholeCameraModel, which moves no pixel by the half of a bin.
+    Source: image_geometry, PinholeCameraModel, which shifts no pixel by half a bin.
     """
     roi = message.roi
     is_part = roi.width and roi.height

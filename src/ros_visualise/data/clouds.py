@@ -47,10 +47,10 @@ class PointCloud(Message):
         return np.stack(columns, axis=1).astype(np.float32, copy=False)
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a sensor_msgs/msg/PointCloud2, with the points as they lie in memory.
+        """Fields of the ROS message; points are not copied if possible.
 
         Raises:
-            ValueError: the points have a field that the message cannot hold.
+            ValueError: the points have a field that the message cannot store.
         """
         points = np.ascontiguousarray(self.points)
         order = _byte_order(points.dtype)
@@ -72,12 +72,10 @@ class PointCloud(Message):
 
     @classmethod
     def read(cls, message: Any) -> PointCloud:
-        """The points in a sensor_msgs/msg/PointCloud2, which stay where they are.
-
-        Rows make an image of points where there are several.
+        """The points in a ROS message, not copied; several rows make an image of points.
 
         Raises:
-            ValueError: its sizes, its fields or its bytes contradict one another.
+            ValueError: contradictory sizes, fields or bytes.
         """
         height, width = int(message.height), int(message.width)
         dtype = _read_layout(message, is_empty=not height * width)

@@ -1,4 +1,4 @@
-"""How nodes say that they are doing."""
+"""Diagnostics: the states of nodes and devices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 
 class Level(IntEnum):
-    """How bad it is, as diagnostic_msgs/DiagnosticStatus numbers it."""
+    """Severity, as numbered by diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -34,7 +34,7 @@ class DiagnosticStatus:
     values: Mapping[str, str] = field(default_factory=dict)
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a diagnostic_msgs/msg/DiagnosticStatus."""
+        """The fields of the ROS message."""
         values = [
             Fields("diagnostic_msgs/msg/KeyValue", {"key": key, "value": value})
             for key, value in self.values.items()
@@ -49,10 +49,10 @@ class DiagnosticStatus:
 
     @classmethod
     def read(cls, message: Any) -> DiagnosticStatus:
-        """The state in a diagnostic_msgs/msg/DiagnosticStatus.
+        """The state in a ROS message.
 
         Raises:
-            ValueError: there is no such level.
+            ValueError: unknown level.
         """
         level = message.level[0] if isinstance(message.level, bytes) else message.level
         values = {str(value.key): str(value.value) for value in message.values}

@@ -1,4 +1,4 @@
-"""Encodings of pixels, and pixels that are made later."""
+"""Encodings of pixels, and pixels that are computed on demand."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ MEASUREMENTS: dict[str, tuple[str, int]] = {
         for channels in (1, 2, 3, 4)
     },
 }
-"""Numbers that are neither gray nor colours, as `ENCODINGS`.
+"""Measurements in place of gray or colours, as in `ENCODINGS`.
 
-Depth is ``32FC1`` in metres, NaN where there is none, or ``16UC1`` in millimetres, there 0 (REP
-118); ``mono16`` has the same bytes and is gray.
+Depth is ``32FC1`` in metres, NaN if unknown, or ``16UC1`` in millimetres, 0 if unknown (REP 118);
+``mono16`` has the same bytes and is gray.
 """
 
 
 class Deferred:
-    """Pixels that are made when somebody first asks for them, once, whichever thread asks.
+    """Pixels that are computed once, on first access from any thread.
 
     Args:
         shape: (height, width) or (height, width, channels) of the array that ``make`` returns.
@@ -76,6 +76,6 @@ class Deferred:
             with self._lock:
                 if self._make is not None:
                     self._pixels = read_only(self._make())
-                    self._make = None  # lets go of what it was made from
+                    self._make = None  # frees its inputs
         assert self._pixels is not None
         return self._pixels

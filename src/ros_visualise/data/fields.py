@@ -1,7 +1,7 @@
-"""Making and reading messages whose classes the caller brings.
+"""Building and reading ROS messages of classes that the caller provides.
 
-The table holds the ROS 2 names of the fields in lower case; what a version of a message names
-differently (``K`` and ``k``, ``secs`` and ``sec``) or lacks is found out here.
+Fields have their ROS 2 names in lower case; other names of a version (``K`` and ``k``, ``secs`` and
+``sec``) and missing fields are handled here.
 """
 
 from __future__ import annotations
@@ -65,14 +65,14 @@ def build(value: Any, types: Types) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """No bytes as genpy's classes take them inside another message."""
+    """Empty bytes in the form that genpy's classes need inside another message."""
     is_bytes = isinstance(value, np.ndarray) and value.dtype == np.uint8
     return b"" if is_bytes and not value.size else value
 
 
 def _has(types: Types, type_name: str) -> bool:
     try:
-        return bool(types[type_name])  # some make a class when it is first asked for
+        return bool(types[type_name])  # some make classes on demand
     except KeyError:
         return False
 
@@ -135,7 +135,7 @@ def duration(length_ns: int) -> Fields:
     """
     sec, nanosec = divmod(length_ns, _NS)
     if not -_SECONDS <= sec < _SECONDS:
-        raise ValueError(f"a duration of {sec} s: ROS holds 68 years at most")
+        raise ValueError(f"a duration of {sec} s: ROS can store 68 years at most")
     return Fields("builtin_interfaces/msg/Duration", {"sec": sec, "nanosec": nanosec})
 
 
@@ -148,7 +148,7 @@ def times(stamps_ns: npt.NDArray[np.int64]) -> Columns:
 
 
 def check_times(stamps_ns: npt.NDArray[np.int64]) -> None:
-    """Refuse many times as `time` refuses one."""
+    """Check many times; raises as `time`."""
     sec = stamps_ns // _NS
     for wrong in sec[(sec < 0) | (sec >= _SECONDS)]:
         raise _no_time(wrong)
@@ -166,9 +166,9 @@ def header(header: Header) -> Fields:
 
 
 def read_header(header: Any) -> Header:
-    """Our header for a message's."""
+    """Our header for one of a ROS message."""
     return Header(read_time(header.stamp), str(header.frame_id))
 
 
 def _no_time(sec: int) -> ValueError:
-    return ValueError(f"a stamp of {sec} s: ROS holds times from 1970 to 2038 alone")
+    return ValueError(f"a stamp of {sec} s: the time must be within 1970-2038")

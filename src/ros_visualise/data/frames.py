@@ -12,7 +12,7 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 @dataclass(frozen=True, eq=False)
 class TransformStamped(TabledMessage):
-    """Where the frame ``child_frame_id`` is in the frame of the header: T_parent_child.
+    """Pose of the frame ``child_frame_id`` in the frame of the header: T_parent_child.
 
     ``translation_xyz`` (3,) in metres and ``quat_xyzw`` (4,) take points of the child frame to the
     frame of the header.
@@ -37,7 +37,7 @@ class TransformStamped(TabledMessage):
 
 @dataclass(frozen=True, eq=False)
 class Transforms(TabledMessage):
-    """Several transforms that were sent at once, as on ``/tf``."""
+    """Several transforms sent at once, as on ``/tf``."""
 
     type_name: ClassVar[str] = "tf2_msgs/msg/TFMessage"
     also_read: ClassVar[tuple[str, ...]] = ("tf/msg/tfMessage",)
@@ -50,10 +50,10 @@ class Transforms(TabledMessage):
 
     @property
     def header(self) -> Header:
-        """That of the first; of none, an empty one."""
+        """Header of the first transform; empty without any."""
         return self.transforms[0].header if self.transforms else Header()
 
 
 def is_static(topic: str) -> bool:
-    """Whether the transforms on a topic hold at all times, as tf2 names it."""
+    """True if the transforms on a topic hold at all times, by its name."""
     return topic.rstrip("/").endswith("tf_static")

@@ -27,13 +27,13 @@ _ALSO_CALLED = {
     "16UC3": "bgr16",
     "16UC4": "bgra16",
 }
-"""OpenCV's own names, which say nothing of colours -> what is taken for them; 16UC1 is depth."""
+"""OpenCV's names, without an order of colours -> the assumed encoding; 16UC1 is depth."""
 
 _YUV422 = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUYV"}
-"""What many cameras send -> the order of its bytes. They are read as bgr8."""
+"""Encodings of many cameras -> the order of their bytes. They are read as bgr8."""
 
 _PLANES = {"nv12": 1, "nv21": 1, "nv24": 4}
-"""All gray, then all colours -> bytes of colours for two of gray. They are read as bgr8 too."""
+"""Encodings with planes of gray and colours -> bytes of colours for two of gray; read as bgr8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Image(Message):
     is one of `ENCODINGS` or `MEASUREMENTS`.
 
     Raises:
-        ValueError: shape or type do not fit the encoding, or the calibration is none.
+        ValueError: shape or type do not fit the encoding, or the calibration is invalid.
     """
 
     type_name: ClassVar[str] = "sensor_msgs/msg/Image"
@@ -92,7 +92,6 @@ class Image(Message):
         return len(self.data.shape) == 3
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a sensor_msgs/msg/Image, with the pixels as they lie in memory."""
         pixels = np.ascontiguousarray(self.pixels)
         return {
             "header": header(self.header),
@@ -106,12 +105,11 @@ class Image(Message):
 
     @classmethod
     def read(cls, message: Any) -> Image:
-        """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be.
+        """The image in a sensor_msgs/msg/Image; its pixels are not copied if possible.
 
         Raises:
             TooLarge: nodes would take too much memory for it.
-            ValueError: it has no pixels, its sizes contradict one another, or nobody knows its
-                encoding.
+            ValueError: no pixels, contradictory sizes, or an unknown encoding.
         """
         if not (message.height and message.width):
             raise ValueError(f"an image of {message.width}x{message.height} pixels")
@@ -125,7 +123,7 @@ class Image(Message):
         known = ENCODINGS if encoding in ENCODINGS else MEASUREMENTS
         if encoding not in known:
             names = ", ".join((*ENCODINGS, *_ALSO_CALLED, *MEASUREMENTS, *_YUV422, *_PLANES))
-            raise ValueError(f"unknown image encoding {name!r}; known are {names}")
+            raise ValueError(f"unknown image encoding {name!r}; supported: {names}")
         return cls(_pixels(message, *known[encoding]), encoding, found)
 
 
@@ -156,7 +154,7 @@ def _pixels(message: Any, dtype: str, channels: int) -> Pixels:
 
 
 def _rows(message: Any, count: int, row: int) -> Pixels:
-    """The bytes of ``count`` rows (count, row), without what is beyond ``row`` bytes in each."""
+    """Bytes of ``count`` rows (count, row), without padding."""
     step = int(message.step)
     flat = np.frombuffer(message.data, np.uint8)
     if step < row or flat.size != step * count:

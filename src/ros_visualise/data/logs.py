@@ -1,4 +1,4 @@
-"""What the nodes of a graph log."""
+"""Lines of the log of a graph's nodes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _LEVELS = {
     8: logging.ERROR,
     16: logging.CRITICAL,
 }
-"""ROS 1's levels, as Python numbers them. ROS 2 numbers them as Python does."""
+"""Levels of ROS 1 -> those of Python, which ROS 2 has too."""
 
 
 @dataclass(frozen=True)
 class Log(Message, known=False):
-    """One line that a node has logged, as ROS 2 has it; ``level`` is one of Python's logging."""
+    """One line of a node's log, in ROS 2; ``level`` is one of Python's logging."""
 
     type_name: ClassVar[str] = "rcl_interfaces/msg/Log"
     plotted: ClassVar[bool] = False
@@ -33,33 +33,29 @@ class Log(Message, known=False):
     header: Header = Header()
 
     def fields(self) -> dict[str, Any]:
-        """The fields of an rcl_interfaces/msg/Log."""
-        return {"stamp": time(self.header.stamp_ns), "level": self.level, **self._said()}
+        return {"stamp": time(self.header.stamp_ns), "level": self.level, **self._text_fields()}
 
     @classmethod
     def read(cls, message: Any) -> Log:
-        """The line in an rcl_interfaces/msg/Log."""
         stamp = Header(read_time(message.stamp))
         return cls(str(message.name), int(message.level), str(message.msg), stamp)
 
-    def _said(self) -> dict[str, Any]:
+    def _text_fields(self) -> dict[str, Any]:
         said = {"name": self.node, "msg": self.text}
         return {**said, "file": "", "function": "", "line": 0}
 
 
 @dataclass(frozen=True)
 class Ros1Log(Log, known=False):
-    """The same as ROS 1 has it."""
+    """The same in ROS 1."""
 
     type_name: ClassVar[str] = "rosgraph_msgs/msg/Log"
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a rosgraph_msgs/msg/Log."""
         level = next(theirs for theirs, ours in _LEVELS.items() if ours >= self.level)
-        return {"header": header(self.header), "level": level, "topics": [], **self._said()}
+        return {"header": header(self.header), "level": level, "topics": [], **self._text_fields()}
 
     @classmethod
     def read(cls, message: Any) -> Ros1Log:
-        """The line in a rosgraph_msgs/msg/Log."""
         level = _LEVELS.get(int(message.level), logging.INFO)
         return cls(str(message.name), level, str(message.msg), read_header(message.header))

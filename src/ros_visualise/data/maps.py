@@ -17,12 +17,12 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid(Message):
-    """How likely the cells of a grid are occupied, or how much it costs to be in them.
+    """Occupancy probability, or cost, of the cells of a grid.
 
     ``cells`` (height, width) int8: 0 is free, 100 occupied, -1 unknown; squares of ``resolution``
     metres. Rows go along the y axis of the grid's own frame, columns along x; its origin, the outer
     corner of ``cells[0, 0]``, is at ``position_xyz`` (3,) metres and ``quat_xyzw`` (4,) in the
-    frame of the header. ``loaded_ns`` is when the map was loaded, in nanoseconds.
+    frame of the header. ``loaded_ns`` is the time of loading, nanoseconds.
     """
 
     type_name: ClassVar[str] = "nav_msgs/msg/OccupancyGrid"
@@ -72,10 +72,7 @@ class OccupancyGrid(Message):
 
 @dataclass(frozen=True, eq=False)
 class PolygonStamped(TabledMessage):
-    """Corners (N, 3) in metres in the frame of the header; the last one joins the first.
-
-    The outline of a robot on the ground is sent as such.
-    """
+    """Corners (N, 3) of a closed polygon, metres, such as the footprint of a robot."""
 
     type_name: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
     plotted: ClassVar[bool] = False

@@ -22,7 +22,7 @@ _NO_FILE = {"filename": "", "data": np.zeros(0, np.uint8)}
 
 
 class MarkerType(IntEnum):
-    """What a marker is; only ROS 2 has the last one."""
+    """Shape of a marker; only ROS 2 has the last one."""
 
     ARROW = 0
     CUBE = 1
@@ -40,7 +40,7 @@ class MarkerType(IntEnum):
 
 
 class MarkerAction(IntEnum):
-    """What is done with a marker; one that is there already is replaced."""
+    """Action of a marker; adding replaces an existing one."""
 
     ADD = 0
     DELETE = 2
@@ -52,13 +52,12 @@ class Marker(TabledMessage):
     """A shape at a pose in the frame of the header.
 
     ``type`` is one of `MarkerType`, ``action`` one of `MarkerAction`. ``scale_xyz`` (3,) are its
-    lengths in metres. ``color_rgba`` (4,) goes from 0 to 1; an alpha of 0 cannot be seen.
+    lengths in metres. ``color_rgba`` (4,) goes from 0 to 1; an alpha of 0 is invisible.
     ``points_xyz`` (N, 3) are in metres in the marker's own frame, and ``colors_rgba`` (N, 4) or
-    (0, 4) are theirs. ``ns`` and ``id`` together name it on its topic. It is there for
-    ``lifetime_ns``, 0 for as long as nobody deletes it. ``frame_locked``: it moves with its frame.
+    (0, 4) their colours. ``ns`` and ``id`` identify it on its topic. It expires after
+    ``lifetime_ns``, never for 0. ``frame_locked``: it moves with its frame.
 
-    ``mesh_resource`` names a file. Textures and meshes inside the message, as of ROS 2, are left
-    behind.
+    ``mesh_resource`` names a file. Textures and meshes inside the message (ROS 2) are ignored.
 
     Source: visualization_msgs/Marker; wiki.ros.org/rviz/DisplayTypes/Marker.
     """
@@ -100,7 +99,7 @@ class Marker(TabledMessage):
 
 @dataclass(frozen=True, eq=False)
 class MarkerArray(TabledMessage):
-    """Several markers that were sent at once."""
+    """Several markers sent at once."""
 
     type_name: ClassVar[str] = "visualization_msgs/msg/MarkerArray"
     plotted: ClassVar[bool] = False
@@ -112,7 +111,7 @@ class MarkerArray(TabledMessage):
 
     @property
     def header(self) -> Header:
-        """That of the first that is added, as what deletes others is in no frame; else of any."""
+        """Header of the first added marker, as deletions have no frame; else of the first."""
         added = (one for one in self.markers if one.action == MarkerAction.ADD)
         first = next(added, self.markers[0] if self.markers else None)
         return Header() if first is None else first.header

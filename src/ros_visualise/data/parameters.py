@@ -20,12 +20,12 @@ _FIELDS: dict[type, tuple[int, str]] = {
     float: (3, "double_value"),
     str: (4, "string_value"),
 }
-"""Type of a value -> its number in rcl_interfaces/msg/ParameterType, and where it is put."""
+"""Type of a value -> its number in rcl_interfaces/msg/ParameterType, and its field."""
 
 
 @dataclass(frozen=True)
 class ParameterEvent(Message):
-    """Parameters of one node at a time: ``new`` as it starts, ``changed`` when one is moved."""
+    """Parameters of one node: ``new`` when it starts, ``changed`` later."""
 
     type_name: ClassVar[str] = "rcl_interfaces/msg/ParameterEvent"
 
@@ -35,7 +35,6 @@ class ParameterEvent(Message):
     header: Header = Header()
 
     def fields(self) -> dict[str, Any]:
-        """The fields of the message."""
         return {
             "stamp": time(self.header.stamp_ns),
             "node": f"/{self.node}",
@@ -46,7 +45,6 @@ class ParameterEvent(Message):
 
     @classmethod
     def read(cls, message: Any) -> ParameterEvent:
-        """The event in a message."""
         return cls(
             node=str(message.node).removeprefix("/"),
             new={p.name: _read_value(p) for p in message.new_parameters},

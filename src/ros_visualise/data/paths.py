@@ -1,4 +1,4 @@
-"""Several poses: in order, and in none."""
+"""Several poses, ordered or not."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ORIENTATION = attrgetter("orientation.x", "orientation.y", "orientation.z", "or
 
 @dataclass(frozen=True, eq=False)
 class Path(Message):
-    """Poses in the frame of its header, in the order in which they were passed.
+    """Poses in the frame of its header, in the order of travel.
 
     ``stamps_ns`` (N,), ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
     """
@@ -48,7 +48,6 @@ class Path(Message):
         keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a nav_msgs/msg/Path, whose poses are all in its own frame."""
         count = len(self.stamps_ns)
         headers = {
             "seq": repeat(0, count),
@@ -66,7 +65,7 @@ class Path(Message):
 
     @classmethod
     def read(cls, message: Any) -> Path:
-        """The path in a nav_msgs/msg/Path; its poses are taken to be in its own frame."""
+        """The path in a ROS message; its poses are assumed to be in its own frame."""
         stamps_ns = np.array([read_time(one.header.stamp) for one in message.poses], np.int64)
         positions_xyz, quats_xyzw = _read_poses([one.pose for one in message.poses])
         return cls(stamps_ns, positions_xyz, quats_xyzw, read_header(message.header))
@@ -74,7 +73,7 @@ class Path(Message):
 
 @dataclass(frozen=True, eq=False)
 class PoseArray(Message):
-    """Poses in the frame of its header, in no order: where something may be.
+    """Poses in the frame of its header, unordered: possible poses of something.
 
     ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
     """
@@ -92,7 +91,6 @@ class PoseArray(Message):
         keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a geometry_msgs/msg/PoseArray."""
         return {
             "header": header(self.header),
             "poses": _write_poses(self.positions_xyz, self.quats_xyzw),
@@ -100,10 +98,7 @@ class PoseArray(Message):
 
     @classmethod
     def read(cls, message: Any) -> PoseArray:
-        """The poses in a geometry_msgs/msg/PoseArray, or in a nav2_msgs/msg/ParticleCloud.
-
-        The particles' weights are left behind.
-        """
+        """The poses in a PoseArray, or in a ParticleCloud without its weights."""
         weighted = "particles" in field_names(message.__class__)
         poses = [one.pose for one in message.particles] if weighted else message.poses
         return cls(*_read_poses(poses), read_header(message.header))

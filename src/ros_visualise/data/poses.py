@@ -1,4 +1,4 @@
-"""Where something is, and how it moves."""
+"""Poses and velocities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 @dataclass(frozen=True, eq=False)
 class PoseStamped(TabledMessage):
-    """Where something is in the frame of its header: position (3,) in metres, quaternion (4,)."""
+    """A pose in the frame of its header: position (3,) in metres, quaternion (4,)."""
 
     type_name: ClassVar[str] = "geometry_msgs/msg/PoseStamped"
     ros_fields: ClassVar[ros.RosFields] = {
@@ -59,7 +59,7 @@ class Odometry(TabledMessage):
 
 @dataclass(frozen=True, eq=False)
 class PoseWithCovarianceStamped(TabledMessage):
-    """A `PoseStamped` and how sure it is: covariance 6x6 in the order x, y, z, rotations."""
+    """A `PoseStamped` with its covariance, 6x6 in the order x, y, z, rotations."""
 
     type_name: ClassVar[str] = "geometry_msgs/msg/PoseWithCovarianceStamped"
     ros_fields: ClassVar[ros.RosFields] = {
@@ -90,9 +90,9 @@ class TwistStamped(TabledMessage):
 
 @dataclass(frozen=True, eq=False)
 class Twist(TabledMessage):
-    """Velocities asked for, as ``cmd_vel`` has them: (3,) in m/s and (3,) in rad/s.
+    """Commanded velocities, as on ``cmd_vel``: (3,) in m/s and (3,) in rad/s.
 
-    The message of ROS has no header; this one's is left behind on a ROS graph.
+    The ROS message has no header; this one's is not sent on a ROS graph.
     """
 
     type_name: ClassVar[str] = "geometry_msgs/msg/Twist"

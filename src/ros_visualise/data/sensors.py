@@ -1,4 +1,4 @@
-"""What sensors other than cameras measure."""
+"""Measurements of sensors other than cameras."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _SCAN_NUMBERS = (
 
 @dataclass(frozen=True, eq=False)
 class Imu(TabledMessage):
-    """Attitude, turn rates and accelerations in the frame of the header (REP 145).
+    """Attitude, angular velocities and accelerations in the frame of the header (REP 145).
 
     ``quat_xyzw`` (4,), ``angular_xyz`` (3,) in rad/s, ``linear_xyz`` (3,) in m/s^2, gravity
-    included: at rest +9.8 upwards. Covariances are 3x3; all zero means that it is not known, a
-    first element of -1 that the field is not measured at all.
+    included: at rest +9.8 upwards. Covariances are 3x3; all zero means unknown, a first
+    element of -1 that the field is not measured.
     """
 
     type_name: ClassVar[str] = "sensor_msgs/msg/Imu"
@@ -118,8 +118,8 @@ class FluidPressure(TabledMessage):
 class LaserScan(TabledMessage):
     """Distances in metres along rays in the x-y plane of the frame of the header (REP 117).
 
-    ``ranges`` (N,): ray number i points to ``angle_min + i * angle_increment`` radians; what lies
-    outside ``range_min`` to ``range_max`` is no measurement. ``intensities`` (N,), or empty.
+    ``ranges`` (N,): ray number i points to ``angle_min + i * angle_increment`` radians; values
+    outside ``range_min`` to ``range_max`` are no measurements. ``intensities`` (N,), or empty.
     """
 
     type_name: ClassVar[str] = "sensor_msgs/msg/LaserScan"
@@ -144,7 +144,7 @@ class LaserScan(TabledMessage):
 
 @dataclass(frozen=True)
 class TimeReference(TabledMessage):
-    """Another time, ``time_ns``, that goes with the stamp of the header; ``source`` names it."""
+    """Another clock's time, ``time_ns``, at the stamp of the header; ``source`` names the clock."""
 
     type_name: ClassVar[str] = "sensor_msgs/msg/TimeReference"
     ros_fields: ClassVar[ros.RosFields] = {

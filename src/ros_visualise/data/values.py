@@ -12,7 +12,7 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 @dataclass(frozen=True)
 class Number(TabledMessage):
-    """A number, as std_msgs/Float64; the header is left behind on a ROS graph."""
+    """A number, as std_msgs/Float64; the header is not sent on a ROS graph."""
 
     type_name: ClassVar[str] = "std_msgs/msg/Float64"
     has_header: ClassVar[bool] = False
@@ -26,7 +26,7 @@ class Number(TabledMessage):
 
 @dataclass(frozen=True)
 class Text(TabledMessage):
-    """A text, as std_msgs/String; the header is left behind on a ROS graph."""
+    """A text, as std_msgs/String; the header is not sent on a ROS graph."""
 
     type_name: ClassVar[str] = "std_msgs/msg/String"
     has_header: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Our data <-> ROS messages, where whoever calls brings the message classes.
+"""Our data <-> ROS messages, with message classes provided by the caller.
 
     message = to_message(image, typestore.types)
     image = from_message(message, Image)
@@ -29,18 +29,15 @@ def data_class(type_name: str) -> type[Message] | None:
 
 
 def to_message(data: Any, types: Types, header: Header | None = None) -> Any:
-    """The ROS message for ``data``.
-
-    The pixels of an image and the points of a cloud are passed on as they lie in memory, without
-    a copy.
+    """The ROS message for ``data``; pixels and points are not copied.
 
     Args:
         data: one of our messages.
         types: ROS type name -> class.
-        header: in place of its own.
+        header: a header in place of its own.
 
     Raises:
-        ValueError: it holds what the message cannot, such as a stamp before 1970.
+        ValueError: the message cannot store a value, such as a stamp before 1970.
     """
     if header is not None:
         data = replace(data, header=header)
@@ -50,9 +47,9 @@ def to_message(data: Any, types: Types, header: Header | None = None) -> Any:
 def from_message(message: Any, data_class: type[T]) -> T:
     """Our message for a ROS message of ``type_name(data_class)``.
 
-    Pixels and points are those of the message, which must not be changed any more.
+    Pixels and points are not copied: the message must not be changed any more.
 
     Raises:
-        ValueError: it contradicts itself, or holds what ``data_class`` cannot.
+        ValueError: it contradicts itself, or ``data_class`` cannot store a value.
     """
     return cast(T, data_class.read(message))

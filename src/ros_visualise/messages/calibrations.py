@@ -1,4 +1,4 @@
-"""Where the calibration that goes with an image is published and recorded, and how to get at it."""
+"""Topics of the calibrations of images, and access to these."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _CALIBRATED = (Image, CompressedImage, Detections)
 
 
 def info_topic(image_topic: str) -> str:
-    """Where the calibration of an image is published.
+    """The topic of an image's calibration.
 
-    ``/camera/image_raw`` has it beside itself, ``/camera/camera_info``, as all of ROS expects; an
-    image of another name is one of several in its namespace and has it below: ``/edges`` has
-    ``/edges/camera_info``, and ``/camera/image_rect`` its own, without distortion.
+    For ``/camera/image_raw`` it is ``/camera/camera_info`` beside it, as ROS expects. An image of
+    another name is one of several in its namespace, with its calibration below it:
+    ``/edges/camera_info`` for ``/edges``, and one without distortion for ``/camera/image_rect``.
     """
     base, _, name = image_topic.rpartition("/")
     is_raw = name.startswith("image") and not name.startswith("image_rect")
@@ -29,11 +29,11 @@ def info_topic(image_topic: str) -> str:
 
 
 def calibration_topic(topic: str, known: Mapping[str, TopicType]) -> str | None:
-    """Which of the known topics has the calibration of an image; None of what is none or has none.
+    """The known topic with the calibration of an image or of detections; None if missing.
 
-    It is the one of `info_topic`, else that of the image's namespace, which ``/cam/left`` may share
-    with others. A compressed image, ``/cam/image_raw/compressed``, has that of the image; what was
-    found in images has it where an image of that name would.
+    It is `info_topic`, else that of the namespace, which ``/cam/left`` may share with others. A
+    compressed image, ``/cam/image_raw/compressed``, has that of the image; detections have that of
+    an image of their name.
     """
     if topic not in known or data_class(known[topic].name) not in _CALIBRATED:
         return None
@@ -45,10 +45,10 @@ def calibration_topic(topic: str, known: Mapping[str, TopicType]) -> str | None:
 
 
 def calibration_of(message: Any) -> CameraInfo | None:
-    """The calibration that comes with an image, under its header; None where there is none.
+    """The calibration of an image, with its header; None if missing.
 
     Args:
-        message: an `Image`, or a `Recorded` one; it is not decoded.
+        message: an `Image`, or a `Recorded` one, which is not decoded.
     """
     info = _known_calibration(message) if isinstance(message, Recorded) else message.camera_info
     if not isinstance(info, CameraInfo) or not info.K.any():  # all zero: not calibrated

@@ -12,16 +12,54 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ros_visualise.core.errors import DamagedMessage, TooLarge
-from ros_visualise.messages.added_types import ADDED_TYPES
-from ros_visualise.messages.bounded import BoundedStore
-from ros_visualise.messages.expansion import check_expansion
+from ros_visualise.messages.bounded import BoundedStore, check_definition
 
 Encoding = Literal["ros1", "cdr"]
-"""How messages stand as bytes: as ROS 1 sends them, or as ROS 2 does (plain CDR)."""
+"""Encoding of messages: that of ROS 1, or plain CDR of ROS 2."""
 
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
 _HEADER = "std_msgs/msg/Header"
 
+_TF = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms"}
+
+_BOX_2D = "center\nfloat64 size_x\nfloat64 size_y"
+_BOX_3D = "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size"
+_RESULTS = "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
+_POSE = "geometry_msgs/PoseWithCovariance pose"
+
+_VISION = {
+    "vision_msgs/msg/VisionInfo": (
+        "std_msgs/Header header\nstring method\nstring database_location\nint32 database_version"
+    ),
+    "vision_msgs/msg/BoundingBox3D": _BOX_3D,
+    "vision_msgs/msg/Detection2DArray": "std_msgs/Header header\nDetection2D[] detections",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
+}
+
+_VISION_1 = {
+    "vision_msgs/msg/ObjectHypothesis": "int64 id\nfloat64 score",
+    "vision_msgs/msg/ObjectHypothesisWithPose": f"int64 id\nfloat64 score\n{_POSE}",
+    "vision_msgs/msg/BoundingBox2D": f"geometry_msgs/Pose2D {_BOX_2D}",
+    "vision_msgs/msg/Detection2D": f"{_RESULTS}BoundingBox2D bbox\nsensor_msgs/Image source_img",
+    "vision_msgs/msg/Detection3D": (
+        f"{_RESULTS}BoundingBox3D bbox\nsensor_msgs/PointCloud2 source_cloud"
+    ),
+}
+"""vision_msgs 0.0.2, for ROS 1."""
+
+_VISION_2 = {
+    "vision_msgs/msg/Point2D": "float64 x\nfloat64 y",
+    "vision_msgs/msg/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
+    "vision_msgs/msg/ObjectHypothesisWithPose": f"ObjectHypothesis hypothesis\n{_POSE}",
+    "vision_msgs/msg/BoundingBox2D": f"vision_msgs/Pose2D {_BOX_2D}",
+    "vision_msgs/msg/Detection2D": f"{_RESULTS}BoundingBox2D bbox\nstring id",
+    "vision_msgs/msg/Detection3D": f"{_RESULTS}BoundingBox3D bbox\nstring id",
+}
+"""vision_msgs 4, for ROS 2 from Humble on."""
+
+_ADDED_TYPES = {"ros1": {**_TF, **_VISION_1, **_VISION}, "cdr": {**_VISION_2, **_VISION}}
+"""Types that the library does not know by itself: encoding -> type name -> definition."""
 
 _LONGEST = 256 << 10  # the library parses 100 KiB in a second; the longest real ones have that
 _COMMENT = re.compile(r"\s*#")
@@ -33,9 +71,9 @@ def parse(text: str, type_name: str) -> dict[str, Any]:
     """The types of a definition, as a typestore's ``fielddefs`` has them.
 
     Raises:
-        Exception: the text is no definition; the library's parser raises what it happens to meet.
+        Exception: not a valid definition; the library's parser raises various exceptions.
     """
-    # the library takes long for comments, and knows neither bounds nor emptiness of constants
+    # the library is slow with comments, and rejects bounded or empty constants
     lines = [line for line in text.split("\n") if line.strip() and not _COMMENT.match(line)]
     text = _EMPTY.sub(r'\1 ""', _BOUND.sub(r"\1", "\n".join(lines) + "\n"))
     check_length(text)
@@ -43,25 +81,25 @@ def parse(text: str, type_name: str) -> dict[str, Any]:
 
 
 def check_length(text: str) -> None:
-    """Look at a definition before it is parsed.
+    """Check the length of a definition before it is parsed.
 
     Raises:
-        TooLarge: that would take long.
+        TooLarge: parsing would take long.
     """
     if len(text) > _LONGEST:
         raise TooLarge(f"its definition is longer than {_LONGEST >> 10} KiB")
 
 
 def parts_of(fields: Iterable[tuple[str, Any]]) -> set[str]:
-    """The types that fields are of, as a typestore's ``fielddefs`` has the fields."""
+    """Types of fields, which are given as in a typestore's ``fielddefs``."""
     flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
     return {name for kind, name in flat if kind == Nodetype.NAME}
 
 
 class Definitions:
-    """The types of ROS 1 or ROS 2 and those that a recording defines itself.
+    """The types of ROS 1 or ROS 2 and those that a recording defines; thread-safe.
 
-    Types are written ``package/msg/Name``. All of it may be called from any thread.
+    Types are written ``package/msg/Name``.
     """
 
     def __init__(self, encoding: Encoding) -> None:
@@ -73,7 +111,7 @@ class Definitions:
 
     @property
     def _store(self) -> BoundedStore:
-        """Made when it is needed, which takes a fifth of a second."""
+        """Created when it is needed, which takes a fifth of a second."""
         if self._made is None:
             with self._lock:
                 self._made = self._made or _make_store(self.encoding)
@@ -86,35 +124,35 @@ class Definitions:
 
     @property
     def store(self) -> Typestore:
-        """What the library that reads and writes messages knows of the types."""
+        """The typestore of the library."""
         return self._store
 
     def define(self, type_name: str, text: str) -> None:
-        """Add a type from its definition, with those that it is made of; they win over ROS's own.
+        """Add a type and its parts from a definition; they take precedence over those of ROS.
 
         Raises:
-            DamagedMessage: the text is no definition.
+            DamagedMessage: not a valid definition.
         """
         with self._lock:
             if self._given.get(type_name) == text:
                 return
             try:
                 found = parse(text, type_name)
-                check_expansion(type_name, {**self._store.fielddefs, **found})
+                check_definition(type_name, {**self._store.fielddefs, **found})
                 changed = {n: t for n, t in found.items() if self._store.fielddefs.get(n) != t}
                 for name in changed:
                     self._store.fielddefs.pop(name, None)
                 self._store.register(changed)
-                self._store.forget()  # readers of the types as they were before
+                self._store.forget()
             except TooLarge as error:
                 raise DamagedMessage(f"{type_name}: {error}") from error
-            except Exception as error:  # the library's parser raises what it happens to meet
+            except Exception as error:  # the library's parser raises various exceptions
                 raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
             self._given[type_name] = text
             self._starts_with_header.clear()
 
     def knows(self, type_name: str) -> bool:
-        """Whether messages of that type can be read."""
+        """True if messages of that type can be read."""
         return type_name in self._store.fielddefs
 
     def read(self, type_name: str, data: bytes | memoryview) -> Any:
@@ -129,7 +167,7 @@ class Definitions:
             return read(data, type_name)
         except TooLarge as error:
             raise DamagedMessage(f"{type_name}: {error}") from error
-        except Exception as error:  # the library's readers raise what they happen to meet
+        except Exception as error:  # the library's readers raise various exceptions
             raise DamagedMessage(self._why(type_name, len(data))) from error
 
     def write(self, type_name: str, message: Any) -> memoryview:
@@ -139,7 +177,7 @@ class Definitions:
         return write(message, type_name)
 
     def text(self, type_name: str) -> str:
-        """A type's whole definition: as it was given, else as ROS has it."""
+        """Whole definition of a type: that of the recording, else that of ROS."""
         if type_name in self._given:
             return self._given[type_name]
         text, _ = self._store.generate_msgdef(type_name, ros_version=self._version)
@@ -152,7 +190,7 @@ class Definitions:
         return self._store.generate_msgdef(type_name, ros_version=1)[1]
 
     def starts_with_header(self, type_name: str) -> bool:
-        """Whether messages of that type begin with a std_msgs/Header."""
+        """True if messages of that type begin with a std_msgs/Header."""
         if type_name not in self._starts_with_header:
             self._starts_with_header[type_name] = self._looks_headed(type_name)
         return self._starts_with_header[type_name]
@@ -167,25 +205,25 @@ class Definitions:
 
     def _why(self, type_name: str, size: int) -> str:
         if not self.knows(type_name):
-            return f"{type_name}: an unknown type, and the recording does not define it"
-        return f"{size} bytes are no {type_name}"
+            return f"{type_name}: unknown type, not defined in the recording"
+        return f"cannot decode {size} bytes as {type_name}"
 
 
 def _make_store(encoding: Encoding) -> BoundedStore:
     store = BoundedStore(get_typestore(_STORES[encoding]))
     added = {}
-    for name, text in ADDED_TYPES[encoding].items():
+    for name, text in _ADDED_TYPES[encoding].items():
         added.update(get_types_from_msg(text, name))
     store.register(added)
     return store
 
 
 class Undecoded(Definitions):
-    """What a recording says of one type that cannot be read: its messages can be copied with it.
+    """One type of a recording that cannot be decoded: its messages can only be copied with it.
 
     Args:
-        text, digest: as the recording has them.
-        why: it cannot be read.
+        text, digest: its definition and hash in the recording.
+        why: the reason.
     """
 
     def __init__(self, encoding: Encoding, text: str, digest: str, why: str) -> None:
@@ -193,21 +231,16 @@ class Undecoded(Definitions):
         self._text, self._digest, self._reason = text, digest, why
 
     def knows(self, type_name: str) -> bool:
-        """As `Definitions.knows`: no."""
         return False
 
     def read(self, type_name: str, data: bytes | memoryview) -> Any:
-        """As `Definitions.read`."""
         raise DamagedMessage(self._reason)
 
     def text(self, type_name: str) -> str:
-        """As it was given."""
         return self._text
 
     def digest(self, type_name: str) -> str:
-        """As it was given."""
         return self._digest
 
     def starts_with_header(self, type_name: str) -> bool:
-        """As `Definitions.starts_with_header`: nobody knows."""
         return False

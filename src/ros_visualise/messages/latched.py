@@ -1,4 +1,4 @@
-"""What was said last, for whoever begins to read in the middle: static frames, maps and others."""
+"""Messages that still hold later: static frames, latched topics, calibrations, parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ALWAYS = (CameraInfo.type_name, ParameterEvent.type_name)
 
 
 def says(topic: str, message: Any) -> list[tuple[str, ...]]:
-    """What a message replaces: what was said on its topic before or, of transforms, of a frame."""
+    """Keys of the messages that a message replaces: its topic, for transforms also the frames."""
     return _says(topic, _content(message))
 
 
@@ -26,7 +26,7 @@ def _says(topic: str, said: Any) -> list[tuple[str, ...]]:
 
 
 def _content(message: Any) -> Any:
-    """What was said; None if it cannot be read."""
+    """The decoded message; None if it is damaged."""
     try:
         return content(message)
     except DamagedMessage:

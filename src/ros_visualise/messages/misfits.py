@@ -1,4 +1,4 @@
-"""Why a message cannot be written: the first of its values that its ROS type cannot hold."""
+"""The reason why a message cannot be written: the first value that its ROS type cannot store."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rosbags.typesys.store import Typestore
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Message
 from ros_visualise.messages import to_message
-from ros_visualise.messages.expansion import FILLER
+from ros_visualise.messages.bounded import FILLER
 
 _FLOATS = {"float32": "<f", "float64": "<d"}
 _INTEGERS = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 
 
 def refused(message: Any, error: Exception, store: Typestore) -> DamagedMessage:
-    """The error for a message that cannot be written, whatever the library raised.
+    """The error for a message that cannot be written, for any exception of the library.
 
     Args:
-        message: what was to be one of `ros_visualise.data`.
-        error: what was raised.
-        store: knows the types.
+        message: should be one of `ros_visualise.data`.
+        error: the exception.
+        store: the types.
     """
     if isinstance(error, DamagedMessage):
         return error
@@ -37,7 +37,7 @@ def refused(message: Any, error: Exception, store: Typestore) -> DamagedMessage:
 
 
 def _find(message: Message, store: Typestore) -> str | None:
-    """What cannot be held, by the field's name; None where that is unknown."""
+    """The invalid value, by the name of its field; None if unknown."""
     try:
         built = to_message(message, store.types)
         found = next(_misfits(store, message.type_name, built, ""), None)
@@ -65,7 +65,7 @@ def _misfit(store: Typestore, kind: Any, value: Any, place: str) -> Iterator[str
 
 
 def _holds(base: str, value: Any) -> bool:
-    """Whether a value can be written as one of ROS's own types."""
+    """True if a value can be written as one of ROS's own types."""
     try:
         if base == "string":
             return isinstance(value, str) and bool(value.encode() or True)

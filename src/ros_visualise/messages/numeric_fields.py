@@ -1,9 +1,9 @@
-"""The numbers of any ROS message, by name: what can be plotted.
+"""Numeric fields of any ROS message, by name: what can be plotted.
 
     numeric_fields(message)["pose.pose.position.x"]
 
-Messages are those that rosbags or genpy make, of any type. How one is read is found out once for
-each class of messages, from its first message.
+Messages are those of rosbags or genpy, of any type. Each class of messages is analysed once, with
+its first message.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import numpy as np
 
 from ros_visualise.data.fields import field_names, read_time
 
-_LONGEST = 9  # elements of an array that are taken as numbers of their own: a 3x3 matrix
+_LONGEST = 9  # elements of an array that are single numbers: a 3x3 matrix
 _NS = 1e-9
 
 Found = dict[str, float]
 
 
 class _Leaf(NamedTuple):
-    """A field that holds numbers: its path, and what adds them to those that were found."""
+    """A numeric field: its path, and the function that adds its numbers to those found."""
 
     path: str
     add: Callable[[Found, str, Any], None]
@@ -43,7 +43,7 @@ def numeric_fields(message: Any) -> dict[str, float]:
     """Each number of a message by its path, such as ``pose.pose.position.x`` or ``covariance[3]``.
 
     Numbers, truth values as 0 and 1, times and durations in seconds, and arrays of up to nine of
-    them, in the order of its definition; longer arrays and lists of messages are left out.
+    them, in the order of its definition; longer arrays and lists of messages are skipped.
     """
     plan = _PLANS.get(type(message))
     if plan is None:
@@ -75,7 +75,7 @@ def _leaves(message: Any, prefix: str) -> list[_Leaf]:
 
 
 def _adder(value: Any) -> Callable[[Found, str, Any], None] | None:
-    """How a value is added; None if it is no numbers."""
+    """The function that adds a value; None if it is not numeric."""
     if isinstance(value, (Real, np.bool_)):
         return _add_number
     if isinstance(value, (bytes, list, tuple, np.ndarray)):

@@ -1,4 +1,4 @@
-"""The poses of a path as bytes, all at once: a path of thousands is written several times a second.
+"""Fast encoding of paths: one of thousands of poses is written several times a second.
 
 Sources: ROS 1's serialization, which packs fields; OMG DDS-XTypes, section 7.4, plain CDR, which
 puts each at a multiple of its own size, counted from behind the four bytes in front of a message.
@@ -17,15 +17,15 @@ _DOUBLE = 8
 
 
 def pose_bytes(path: Path, encoding: Encoding, start: int) -> bytes:
-    """Its poses as they stand in a nav_msgs/msg/Path.
+    """The bytes of the poses in a nav_msgs/msg/Path.
 
     Args:
-        path: whose poses are written.
-        encoding: of ROS 1 or ROS 2.
-        start: where in the message the first pose begins, not counting CDR's four bytes in front.
+        path: the path.
+        encoding: encoding of ROS 1 or ROS 2.
+        start: offset of the first pose in the message, without CDR's header of four bytes.
 
     Raises:
-        ValueError: ROS cannot hold one of its stamps.
+        ValueError: ROS cannot store one of its stamps.
     """
     check_times(path.stamps_ns)
     seconds, nanoseconds = np.divmod(path.stamps_ns, _NS)

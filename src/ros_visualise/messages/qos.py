@@ -1,4 +1,4 @@
-"""Quality of service: how the messages of a topic are kept and delivered."""
+"""Quality of service of topics."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ class QoS:
     depth of one.
 
     Attributes:
-        depth: how many of the last messages are kept.
-        reliable: a message that was lost on the way is sent again; else it is best effort.
-        transient_local: whoever subscribes late gets the messages that are kept; else durability is
-            volatile.
+        depth: number of messages to keep.
+        reliable: lost messages are sent again; else best effort.
+        transient_local: late subscribers get the kept messages; else volatile.
     """
 
     depth: int = 10
@@ -25,7 +24,7 @@ class QoS:
 
 
 VOLATILE = QoS()
-"""Whoever subscribes gets what is published from then on."""
+"""New subscribers get messages from then on."""
 
 LATCHED = QoS(depth=1, transient_local=True)
-"""Whoever subscribes late gets the last message."""
+"""Late subscribers get the last message."""

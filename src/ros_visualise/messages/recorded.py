@@ -1,4 +1,4 @@
-"""Messages as they stand in a recording: bytes and their type, decoded when somebody asks."""
+"""Recorded messages: bytes and a type, decoded on demand."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _LOCKING = threading.Lock()
 class TopicType:
     """The type of a topic's messages: ``name`` as ``sensor_msgs/msg/Image``.
 
-    ``definitions`` knows it where ROS itself does not, else it may be None.
+    ``definitions`` has types that ROS itself lacks, else it may be None.
 
-    Of a topic of a recording, there may also be what is only copied: ``offered_qos``, a YAML list
-    with the QoS profiles of its publishers as rosbag2 has them; ``callerids``, the names of the
-    ROS 1 nodes that published it; and ``labels``, other texts by name that an MCAP file has of it.
+    A topic of a recording may also have properties that are only copied: ``offered_qos``, the QoS
+    profiles of its publishers as a YAML list of rosbag2; ``callerids``, the names of the ROS 1
+    nodes that published it; and ``labels``, other metadata of an MCAP file by name.
     """
 
     name: str
@@ -40,7 +40,7 @@ class TopicType:
 
     @property
     def data_class(self) -> type:
-        """What its messages are when they are decoded; `Recorded` where we have no class for it."""
+        """Class of its decoded messages; `Recorded` for unknown types."""
         found = data_class(self.name)
         return Image if found is CompressedImage else found or Recorded
 
@@ -52,11 +52,10 @@ class Recorded:
         type_name: as ``sensor_msgs/msg/Image``.
         data: its bytes.
         definitions: the types of its recording.
-        stamp_ns: when it was recorded.
-        calibration: of an image or of what was found in one, the message with its camera's
-            calibration, if there is one.
-        publish_ns: when it was sent, if the recording tells; else it counts as when recorded.
-        sequence: its number among those of its publisher; 0 where the recording has none.
+        stamp_ns: time of recording.
+        calibration: for an image or detections, the message with the camera's calibration.
+        publish_ns: time of sending; by default the time of recording.
+        sequence: its number among those of its publisher; 0 if missing.
     """
 
     plotted = True  # as of `ros_visualise.data.Message`
@@ -96,12 +95,12 @@ class Recorded:
 
     @property
     def nbytes(self) -> int:
-        """About the bytes that it takes in memory."""
+        """Approximate size in memory, bytes."""
         return len(self.data) + OBJECT_BYTES
 
     @property
     def header(self) -> Header:
-        """Its own, read without decoding the rest; else the time at which it was recorded."""
+        """Its own header, read without decoding the rest; else one with the time of recording."""
         if self._header is None:
             self._header = self._read_header()
         return self._header
@@ -111,21 +110,21 @@ class Recorded:
         """The ROS message, decoded anew at each call: an object with the type's fields.
 
         Raises:
-            DamagedMessage: the bytes are no such message.
+            DamagedMessage: the bytes cannot be decoded.
         """
         return self.definitions.read(self.type_name, self.data)
 
     @property
     def content(self) -> Any:
-        """One of `ros_visualise.data`, decoded once; itself where we have no class for it.
+        """One of `ros_visualise.data`, decoded once; itself if its type is unknown.
 
         A compressed image is an `Image`.
 
         Raises:
-            DamagedMessage: the bytes are no such message, or the message contradicts itself.
+            DamagedMessage: the bytes cannot be decoded, or the message contradicts itself.
         """
         if self._content is None:
-            with _LOCKING:  # most are never decoded: they need no lock of their own
+            with _LOCKING:  # most are never decoded and need no lock
                 lock = self._lock = self._lock or threading.Lock()
             with lock:
                 if self._content is None:
@@ -142,7 +141,7 @@ class Recorded:
                 found = decompress(found)
         except AttributeError as error:
             raise DamagedMessage(
-                f"{self.type_name}: the recording defines it with other fields than ROS"
+                f"{self.type_name}: differs from the standard definition"
             ) from error
         except (ValueError, TypeError) as error:
             raise DamagedMessage(f"{self.type_name}: {error}") from error
@@ -164,7 +163,7 @@ class Recorded:
 
 
 def content(message: Any) -> Any:
-    """What a message on a topic says: a recorded one decoded, any other as it is.
+    """A message, decoded if it is a recorded one.
 
     Raises:
         DamagedMessage: as `Recorded.content`.
@@ -173,7 +172,7 @@ def content(message: Any) -> Any:
 
 
 def recorded_ns(message: Any) -> int:
-    """When a message was recorded; of one that does not come from a recording, its stamp."""
+    """Time of recording; the stamp of a message that is not from a recording."""
     found = message.stamp_ns if isinstance(message, Recorded) else message.header.stamp_ns
     return int(found)
 
@@ -187,5 +186,5 @@ def _parse_header(data: memoryview, is_ros1: bool) -> Header:
         sec, nanosec, length = struct.unpack_from(f"{order}iII", data, _CDR_ALIGN)
         start, end = _CDR_ALIGN + 12, _CDR_ALIGN + 12 + max(length, 1) - 1
     if end > len(data):
-        raise struct.error("the name of the frame is cut")
+        raise struct.error("the name of the frame is truncated")
     return Header(sec * _NS + nanosec, str(data[start:end], "utf-8"))

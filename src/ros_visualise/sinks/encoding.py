@@ -83,13 +83,13 @@ class Encoder:
         source, name = topic.definitions, topic.name
         is_copied = isinstance(source, Undecoded) and source.encoding == self.encoding
         if source is not None and not is_copied and not source.knows(name):
-            raise DamagedMessage(f"{name}: an unknown type")
+            raise DamagedMessage(f"{name}: unknown type")
         if source is not None and source.encoding != self.encoding:
             self._conversion(source, name)
             source, name = None, self._rename(name)
         types = source or self._own
         if not is_copied and not types.knows(name):
-            raise DamagedMessage(f"{name}: an unknown type")
+            raise DamagedMessage(f"{name}: unknown type")
         try:
             text, digest = types.text(name), types.digest(name)
         except (AssertionError, KeyError) as error:  # the library has no such names or types

@@ -183,7 +183,7 @@ NESTED = "Inner[] inner\nHeader header\n" + "=" * 80 + "\nMSG: my/Inner\nuint8 v
     [
         ("int32 value\n!! no definition", "1" * 32, "my/msg/A: its definition cannot be read"),
         ("Missing value\n", "1" * 32, ""),
-        ("", "1" * 32, "my/msg/A: an unknown type"),
+        ("", "1" * 32, "my/msg/A: unknown type"),
     ],
 )
 def test_what_is_not_defined_passes_as_bytes(bag, definition, digest, reason):

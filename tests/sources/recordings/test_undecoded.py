@@ -17,7 +17,7 @@ from ros_visualise.sources.recordings.schemas import Schemas
 UNREADABLE = {
     "wstring words": r"my_msgs/msg/A: wide strings \(wstring\) cannot be read",
     "!! no definition": "my_msgs/msg/A: its definition cannot be read",
-    "": "my_msgs/msg/A: an unknown type",
+    "": "my_msgs/msg/A: unknown type",
 }
 
 
@@ -46,7 +46,7 @@ def test_from_mcap_to_mcap_they_pass_unchanged(tmp_path: Path, text: str) -> Non
             for entry in entries:
                 recorder.write(entry.topic, entry.message, entry.stamp_ns)
         wrong = tmp_path / "c.bag"
-        with pytest.raises(DamagedMessage, match="my_msgs/msg/A: an unknown type"):
+        with pytest.raises(DamagedMessage, match="my_msgs/msg/A: unknown type"):
             open_recorder(str(wrong), {"/a": info.type})
         assert not wrong.exists()
     with closing(open_recording(target)) as recording:

@@ -86,9 +86,7 @@ class Schemas:
         if not text.strip() and spaces[0][0].knows(type_name):
             text = spaces[0][0].text(type_name)
         elif not text.strip():
-            raise DamagedMessage(
-                f"{type_name}: an unknown type, and the recording does not define it"
-            )
+            raise DamagedMessage(f"{type_name}: unknown type, not defined in the recording")
         elif is_idl:
             text = _idl_to_msg(type_name, text)
         types = _parse(type_name, text)
