@@ -19,7 +19,7 @@ from ros_visualise.core.params import Parameters
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.middleware import Listing, Managed, ParametersListener
 
 

@@ -123,9 +123,9 @@ def test_a_smoothing_that_takes_long_ends_with_ctrl_c_and_the_map_is_kept(mapped
     ended, wishes = threading.Event(), []
     note = signals.note
 
-    def noted(wish):
-        wishes.append(wish)
-        return note(wish)
+    def noted(request):
+        wishes.append(request)
+        return note(request)
 
     def forever(*_):
         wishes[-1].asked = True  # somebody presses Ctrl-C

@@ -104,7 +104,7 @@ def test_without_a_calibration_there_are_corners_alone_and_that_is_said_once(fin
     tags = [tag for image in found["images"] for tag in image["detections"]]
     assert [tag["pose"] for tag in tags] == [None, None]
     assert all(len(tag["corners"]) == 4 for tag in tags)
-    assert caplog.text.count("without a calibration") == 1
+    assert caplog.text.count("have no calibration") == 1
     assert found["landmarks"][0]["seen"] == 2
 
 

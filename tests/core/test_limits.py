@@ -81,14 +81,14 @@ def test_a_picture_is_refused_by_its_head(make):
     import numpy as np
 
     data = np.frombuffer(make(32000, 32000), np.uint8)
-    with pytest.raises(TooLarge, match=r"32000x32000 takes .* 128 MiB .* --max-memory \d+G"):
+    with pytest.raises(TooLarge, match=r"32000x32000 takes .* 128 MiB; .* --max-memory \d+G"):
         decompress(CompressedImage(data, "picture"))
 
 
 @pytest.mark.parametrize("make", [png, pgm])
 def test_nobody_is_advised_to_take_more_memory_than_a_computer_has(make):
     data = np.frombuffer(make(2**31 - 1, 2**31 - 1), np.uint8)
-    with pytest.raises(TooLarge, match="128 MiB are allowed: its size is damaged; copy or make"):
+    with pytest.raises(TooLarge, match="limit: 128 MiB; its size is damaged: copy or make"):
         decompress(CompressedImage(data, "picture"))
 
 
@@ -120,8 +120,8 @@ def test_a_size_to_scale_to_is_refused_in_one_line():
     status, said, _ = peak_of("demo", "landscape", "--size", "16384x16384", "--view", "none")
     assert status == 2
     assert said.splitlines() == [
-        "ros-visualise: size=16384x16384: an image of 16384x16384 takes 768 MiB in colour, and"
-        " 128 MiB are allowed; if you trust it, add --max-memory 12G"
+        "ros-visualise: size=16384x16384: an image of 16384x16384 takes 768 MiB in colour;"
+        " limit: 128 MiB; if you trust it, add --max-memory 12G"
     ]
 
 
@@ -130,7 +130,7 @@ def test_gray_counts_as_the_colours_that_are_made_of_it():
     most, more = np.zeros((1000, 1398), np.uint8), np.zeros((1000, 1399), np.uint8)
     types = Definitions("ros1").types
     assert Image.read(to_message(Image(most, "mono8"), types)).width == 1398
-    with pytest.raises(TooLarge, match="an image of 1399x1000 takes 4 MiB in colour, and 4 MiB"):
+    with pytest.raises(TooLarge, match="an image of 1399x1000 takes 4 MiB in colour; limit: 4 MiB"):
         Image.read(to_message(Image(more, "mono8"), types))
 
 
@@ -157,7 +157,7 @@ def test_a_film_of_large_frames_is_refused_before_one_is_decoded(tmp_path, comma
         container.mux(stream.encode())
     status, said, peak = peak_of(command, path)
     assert (status, len(said.splitlines())) == (2, 1)
-    assert "film.avi: frames of 8400x8400 take 101 MiB each, and 51 MiB are allowed" in said
+    assert "film.avi: frames of 8400x8400 take 101 MiB each; limit: 51 MiB" in said
     assert peak < 400 * MB
 
 

@@ -71,7 +71,7 @@ def test_a_stamp_that_cannot_be_held_costs_that_message_alone(start, hear, publi
     pixels = np.zeros((12, 16), np.uint8)
     until_heard(publisher, image_of(pixels, 10), edges)
     publisher.publish(image_of(pixels, 2**31 + 5))
-    wait_for(lambda: any("message refused" in line.msg for line in log.messages), "a word")
+    wait_for(lambda: any("message rejected" in line.msg for line in log.messages), "a word")
     publisher.publish(image_of(pixels, 20))
     wait_for(lambda: edges.messages[-1].header.stamp.secs == 20, "the next image")
     assert {image.header.stamp.secs for image in edges.messages} == {10, 20}

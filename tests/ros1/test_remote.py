@@ -21,10 +21,9 @@ from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, OccupancyGrid, Odometry, PointCloud, Transforms
 from ros_visualise.nodes import find
-from ros_visualise.runtime.remote.discovery import Peer, survey
-from ros_visualise.runtime.remote.places import Place, in_order
+from ros_visualise.runtime.remote.graph_snapshot import RemoteNode, in_order, snapshot
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.report import NodeReport, TopicReport
+from ros_visualise.runtime.report import NodeReport, OutputReport, TopicReport
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 from ros_visualise.runtime.ros1.transport import Ros1Transport, list_graph
 from ros_visualise.sources.opening import open_recording
@@ -95,7 +94,7 @@ def subscribed(topic):
     return rospy.get_name() in dict(subscribers).get(topic, [])
 
 
-def test_the_survey_finds_images_and_parameters_and_leaves_out_who_looks_on():
+def test_a_snapshot_has_images_and_parameters_and_no_onlookers():
     publishers = [
         ("/image_raw", ["/camera"]),
         ("/image_raw/compressed/parameter_descriptions", ["/camera"]),
@@ -115,24 +114,24 @@ def test_the_survey_finds_images_and_parameters_and_leaves_out_who_looks_on():
     types = [(t, "sensor_msgs/Image") for t in ("/image_raw", "/edges", "/drawn")]
     types += [(t, description) for t, _ in publishers if t.endswith("descriptions")]
     types += [("/image_raw/compressed", "sensor_msgs/CompressedImage"), ("/scan", "a/Scan")]
-    sight = survey(list_graph(publishers, subscribers, types), "/own")
-    assert sight.peers == (
-        Peer("/camera", ("/image_raw",), (), ()),
-        Peer("/edge_detector", ("/edges",), ("/image_raw",), ("/edge_detector",)),
-        Peer("/image_view", (), ("/image_raw",), ()),
-        Peer("/pipeline", (), (), ("/pipeline/a",)),
-        Peer("/rviz_1", ("/drawn",), ("/edges",), ()),
+    found = snapshot(list_graph(publishers, subscribers, types), "/own")
+    assert found.nodes == (
+        RemoteNode("/camera", ("/image_raw",), (), ()),
+        RemoteNode("/edge_detector", ("/edges",), ("/image_raw",), ("/edge_detector",)),
+        RemoteNode("/image_view", (), ("/image_raw",), ()),
+        RemoteNode("/pipeline", (), (), ("/pipeline/a",)),
+        RemoteNode("/rviz_1", ("/drawn",), ("/edges",), ()),
     )
-    assert sight.compressed == {"/image_raw"}
+    assert found.compressed == {"/image_raw"}
 
 
-def test_places_come_after_those_that_they_take_from_and_circles_end():
-    a, b = Place("/a", ("/1",), ("/2",), False), Place("/b", ("/2",), ("/0",), False)
-    c = Place("/c", ("/0",), (), False)
+def test_nodes_come_after_those_whose_topics_they_take_also_in_a_cycle():
+    a, b = RemoteNode("/a", ("/1",), ("/2",), ()), RemoteNode("/b", ("/2",), ("/0",), ())
+    c = RemoteNode("/c", ("/0",), (), ())
     assert in_order([a, b, c]) == [c, b, a]
-    x, y = Place("/x", ("/1",), ("/2",), False), Place("/y", ("/2",), ("/1",), False)
+    x, y = RemoteNode("/x", ("/1",), ("/2",), ()), RemoteNode("/y", ("/2",), ("/1",), ())
     assert in_order([y, x]) == [x, y]
-    alone = Place("/z", ("/1",), ("/1",), False)
+    alone = RemoteNode("/z", ("/1",), ("/1",), ())
     assert in_order([alone]) == [alone]
 
 
@@ -311,11 +310,14 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     told.status[0].values.append(KeyValue("topics//plain/image/hz", "49.5"))
     told.status[0].values.append(KeyValue("topics//plain/image/wall_hz", "9.9"))
     told.status[0].values.append(KeyValue("p99_ms", "a lot"))
+    told.status[0].values.append(KeyValue("processed", "nan"))
+    told.status[0].values.append(KeyValue("dropped/late", "9" * 5000))
     told.status[0].values.append(KeyValue("dropped as asked", "rate"))
     wait_until(lambda: publisher.publish(told) or runtime.report().nodes["plain"].received)
     publisher.unregister()
     report = runtime.report(2.0)
-    told = NodeReport(9, 0, {"rate": 3, "queue": 2}, p50_ms=1.5, gate="rate")
+    outputs = {"/plain/image": OutputReport(49.5, 9.9)}
+    told = NodeReport(9, 0, {"rate": 3, "queue": 2}, p50_ms=1.5, outputs=outputs, gate="rate")
     assert report.nodes["plain"] == told
     assert told.lost == 2
     assert report.topics["/plain/image"].hz == 49.5
@@ -324,7 +326,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
 
 def test_what_nodes_log_can_be_looked_at(runtime):
     publisher = rospy.Publisher("/rosout", Log, queue_size=10)
-    wait_until(lambda: "/rosout" in runtime.told)
+    wait_until(lambda: "/rosout" in runtime.diagnostic_topics)
     assert "/rosout" not in runtime.graph.topics
     assert runtime.name == rospy.get_name()
     subscription = runtime.subscribe("/rosout", 100)

@@ -255,8 +255,8 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
     wait_until(lambda: answers(edges))
     assert edges.current.high == 444
     said = [r.getMessage() for r in caplog.records if r.name.startswith("ros_visualise")]
-    gone = "edge_detector is gone; its parameters come back with it"
-    assert said == [gone, "edge_detector is back"]
+    lost = "edge_detector: connection lost; will reconnect"
+    assert said == [lost, "edge_detector: connected again"]
 
 
 def warned(caplog):

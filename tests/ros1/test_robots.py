@@ -11,7 +11,7 @@ from ros_visualise.runtime.ros1.listing import list_graph
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
-from ros_visualise.runtime.remote.discovery import survey
+from ros_visualise.runtime.remote.graph_snapshot import snapshot
 
 ROBOTS = ("uav1", "uav2")
 ARGUMENTS = ("rviz:=false", "view:=none", "rate:=0.25", "world:=plane")
@@ -63,7 +63,7 @@ def test_a_page_shows_the_nodes_of_its_namespace():
     types = [(topic, "sensor_msgs/Image") for topic, _ in published]
 
     def seen_by(own):
-        return {peer.name for peer in survey(list_graph(published, [], types), own).peers}
+        return {node.path for node in snapshot(list_graph(published, [], types), own).nodes}
 
     assert seen_by("/uav1/viewer") == {"/uav1/filters", "/map_server", "/uav1/arm/camera"}
     assert seen_by("/viewer") == set(nodes)

@@ -19,7 +19,7 @@ from std_msgs.msg import Empty, Header
 
 from ros_visualise import messages
 from ros_visualise.data import Image as OurImage
-from ros_visualise.runtime.bridge.buffers import BufferPool
+from ros_visualise.runtime.memory import BufferPool
 from ros_visualise.runtime.ros1.stream import BrokenStream, Stream
 from ros_visualise.runtime.ros1.wire import as_bytes, decode, encode, is_large
 

@@ -256,7 +256,7 @@ def test_a_message_that_cannot_be_sent_is_counted_and_the_node_goes_on(
         hub.topics["/controlled_stream"].subscribers[0]._take(  # past what CDR can hold
             Image(IMAGE.data, "mono8", Header(-(10**9), "camera_optical"))
         )
-        wait_for(lambda: "message refused" in caplog.text, "a word about it")
+        wait_for(lambda: "message rejected" in caplog.text, "a word about it")
         images.publish(IMAGE)
         wait_for(lambda: heard, "the next image")
 

@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from ros_visualise.runtime.bridge.buffers import BufferPool
+from ros_visualise.runtime.memory import BufferPool
 
 CONNECTIONS = """
 import threading
 from pathlib import Path
-from ros_visualise.runtime.bridge.buffers import BufferPool
+from ros_visualise.runtime.memory import BufferPool
 from ros_visualise.runtime.memory import keep_freed_images
 
 def resident_mb():

@@ -27,4 +27,4 @@ def test_images_without_a_calibration_are_said_once_and_processed_all_the_same(c
     runtime.stop()
     assert got == [info, None, None]
     said = [r.getMessage() for r in caplog.records if "calibration" in r.getMessage()]
-    assert said == ["focal: the images on /image come without a calibration (said once)"]
+    assert said == ["focal: images on /image have no calibration"]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Header, Image
-from ros_visualise.runtime.entrance import Entrance, Numbering
-from ros_visualise.runtime.epochs import Epochs
+from ros_visualise.runtime.ingress import Epochs, Ingress, Numbering
 from ros_visualise.runtime.topics import Topic
 
 S = 1_000_000_000
@@ -79,15 +78,15 @@ def test_messages_from_several_threads_are_numbered_once_and_in_order():
         def put(self, packet):
             taken.append(packet.number)
 
-    entrances = []
+    ingresses = []
     for name in "ab":
         topic = Topic("/topic")
         topic.connect(Taker())
-        entrances.append(Entrance(name, topic, numbering))
+        ingresses.append(Ingress(name, topic, numbering))
     image = Image(np.zeros((1, 1), np.uint8), "mono8", Header(1))
     threads = [
         threading.Thread(target=lambda one=one: [one.publish(image) for _ in range(500)])
-        for one in entrances * 3
+        for one in ingresses * 3
     ]
     for thread in threads:
         thread.start()
@@ -104,10 +103,10 @@ def test_messages_of_one_topic_keep_their_order_whoever_sends_them():
             taken.append(packet.number)
 
     topic.connect(Taker())
-    entrance = Entrance("a", topic, numbering)
+    ingress = Ingress("a", topic, numbering)
     image = Image(np.zeros((1, 1), np.uint8), "mono8", Header(1))
     threads = [
-        threading.Thread(target=lambda: [entrance.publish(image) for _ in range(500)])
+        threading.Thread(target=lambda: [ingress.publish(image) for _ in range(500)])
         for _ in range(4)
     ]
     for thread in threads:

@@ -13,8 +13,8 @@ from ros_visualise.core.params import Parameters, param
 from ros_visualise.data import Header, Image, PoseArray, Transforms, TransformStamped
 from ros_visualise.graph import Graph, SourceNode, place
 from ros_visualise.nodes import node, source
-from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.node_inputs import node_inputs
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.sources.playback import Playback
@@ -158,7 +158,10 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
     runtime.publish("/tf", transform("map", "map", 1.0, 1000 * MS))
     until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
     runtime.stop()
-    assert "locator: /tf: 'map' -> 'map' is a frame in itself (said once)" in caplog.text
+    assert (
+        "locator: /tf: 'map' -> 'map' is a frame in itself (further occurrences suppressed)"
+        in caplog.text
+    )
 
 
 def test_faults_without_end_are_said_a_few_times_alone(caplog):
@@ -169,8 +172,8 @@ def test_faults_without_end_are_said_a_few_times_alone(caplog):
         runtime.publish("/tf", transform(f"map{number}", f"map{number}", 1.0, 1000 * MS))
     until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 60})
     runtime.stop()
-    assert caplog.text.count("said once") == 11
-    assert caplog.text.count("locator: more such faults are only counted") == 1
+    assert caplog.text.count("further occurrences suppressed") == 11
+    assert caplog.text.count("locator: further warnings suppressed") == 1
 
 
 def test_without_any_transforms_a_lookup_says_so():
@@ -198,7 +201,7 @@ class Waiting:
     def __init__(self, lossless):
         declared = place(seer.declared, {"image": "/image", "tf": "/tf"}, {})
         graph = Graph(None, (declared,))
-        self.joining = joining_of(graph, NodeRunner(declared, Parameters(declared.params)))
+        self.inputs = node_inputs(graph, NodeRunner(declared, Parameters(declared.params)))
         self.inbox = Inbox(lossless, depth=100)
         self.number = 0
         self.put("tf", transform("map", "base", 0.0, NOW_NS), -1.0)
@@ -212,7 +215,7 @@ class Waiting:
 
     def asked(self):
         """How many images the node is asked about by now."""
-        return sum(len(question.packets) for question in self.joining.take(self.inbox, 0))
+        return sum(len(question.packets) for question in self.inputs.take(self.inbox, 0))
 
 
 def test_an_image_that_waits_for_transforms_waits_no_longer_when_the_queues_turn_live():

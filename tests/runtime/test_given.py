@@ -9,7 +9,7 @@ import pytest
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import param
-from ros_visualise.runtime.bridge.given import given_values
+from ros_visualise.runtime.bridge.parameter_values import given_values
 
 
 class Blur(Enum):

@@ -11,7 +11,7 @@ from ros_visualise.graph import Graph, place
 from ros_visualise.nodes import node
 from ros_visualise.runtime.ordering import Ordering
 from ros_visualise.runtime.queues import Packet
-from ros_visualise.runtime.record_queue import ArrivalOrder, RecordQueue
+from ros_visualise.runtime.record_queue import ArrivalQueue, OrderedQueue
 
 MIB = 2**20
 
@@ -31,9 +31,9 @@ def packet(number, mib=0.0):
     return Packet(number, Image(pixels, "mono8", Header(number)), 0)
 
 
-def queue(lossless=False):
+def queue():
     clock = Clock()
-    return RecordQueue(ArrivalOrder(), lossless, "r.mcap", clock), clock
+    return ArrivalQueue("r.mcap", clock=clock), clock
 
 
 def numbers(one):
@@ -103,11 +103,11 @@ def test_whatever_the_time_only_so_many_bytes_wait():
 
 
 def test_who_can_wait_waits_for_what_is_late():
-    one, clock = queue(lossless=True)
+    one, clock = ordered(("/in",), lossless=True)
     for number in range(5):
-        one.put("/a", packet(number, 1))
+        one.put("/in", packet(number, 1))
     clock.now_s += 1.0
-    waiting = threading.Thread(target=one.put, args=("/a", packet(5, 1)))
+    waiting = threading.Thread(target=one.put, args=("/in", packet(5, 1)))
     waiting.start()
     waiting.join(0.2)
     assert waiting.is_alive()
@@ -124,7 +124,7 @@ def test_drops_are_said_at_once_and_then_now_and_then(caplog: pytest.LogCaptureF
         one.put("/a", packet(number, 1))
         clock.now_s += 0.125
     said = "r.mcap: {} dropped by now: writing is too slow"
-    counts = ("a message was", "81 messages were", "161 messages were")
+    counts = ("1 message", "81 messages", "161 messages")
     assert caplog.messages == [said.format(count) for count in counts]
     assert one.dropped == 236
 
@@ -134,11 +134,11 @@ def slow(image, params):
     return image
 
 
-def ordered(lossless):
+def ordered(topics, lossless):
     graph = Graph(None, (place(slow.declared, {"image": "/in"}, {"image": "/out"}),))
     clock = Clock()
-    order = Ordering(chain(graph), ("/other", "/out"))
-    return RecordQueue(order, lossless, "r.mcap", clock), clock
+    order = Ordering(chain(graph), topics)
+    return OrderedQueue(order, lossless, "r.mcap", clock), clock
 
 
 def chain(graph):
@@ -149,7 +149,7 @@ def chain(graph):
 
 @pytest.mark.parametrize("lossless", [False, True])
 def test_only_who_can_wait_waits_for_slow_nodes(lossless):
-    one, clock = ordered(lossless)
+    one, clock = ordered(("/other", "/out"), lossless)
     let_go_ns = round(clock.now_s * 1e9)
     first = packet(0)._replace(arrival_ns=let_go_ns)
     one.put("/in", first)
@@ -165,3 +165,11 @@ def test_only_who_can_wait_waits_for_slow_nodes(lossless):
     one.stop()
     assert [one.take()[0] for _ in range(2)] == ["/other", "/out"]
     assert one.take() is None
+
+
+def test_messages_of_a_foreign_graph_get_its_time_at_their_arrival():
+    times_ns = iter((7, 0))
+    one = ArrivalQueue("r.mcap", lambda: next(times_ns), Clock())
+    one.put("/a", packet(3))
+    one.put("/b", packet(2))
+    assert [one.take()[1].log_ns for _ in range(2)] == [7, 2]

@@ -172,7 +172,7 @@ def test_what_the_file_cannot_hold_is_counted_and_said_once_for_each_topic(caplo
     recording.close()
     assert (recording.written, recording.dropped) == (0, 200)
     said = [
-        f"memory: {topic}: message refused: no room for it (further occurrences suppressed)"
+        f"memory: {topic}: message rejected: no room for it (further occurrences suppressed)"
         for topic in ("/a", "/b")
     ]
     assert sorted(caplog.messages) == said
@@ -239,7 +239,7 @@ def test_a_node_owes_no_answer_to_what_does_not_come_to_it():
         time.sleep(0.001)
     assert memory.entries == [("/a", 0), ("/c", 0), ("/b", 10), ("/b", 20)]
     recording.put("/c", packet(3))
-    for topic in recording.inboxes:
+    for topic in recording.listeners:
         recording.finish(topic)
     recording.close()
     assert memory.entries[4:] == [("/a", 30), ("/c", 30)]
@@ -252,7 +252,7 @@ def test_what_is_not_recorded_still_tells_who_owes_an_answer():
     recording.put("/a", packet(0))
     recording.put("/b", packet(1))
     recording.put("/c", packet(0))
-    for topic in recording.inboxes:
+    for topic in recording.listeners:
         recording.finish(topic)
     recording.close()
     assert memory.entries == [("/c", 0), ("/b", 10)]

@@ -102,9 +102,9 @@ def test_a_recording_goes_on_without_what_it_cannot_hold(
     end = "(further occurrences suppressed)"
     text, markers = sorted(caplog.messages, key=lambda said: "/markers" in said)
     assert text.endswith(
-        f"{name}: /text: message refused: std_msgs/msg/String.data: 4 is not a valid string {end}"
+        f"{name}: /text: message rejected: std_msgs/msg/String.data: 4 is not a valid string {end}"
     )
-    assert "/markers: message refused" in markers
+    assert "/markers: message rejected" in markers
 
 
 class Uncertain(Image):
@@ -134,8 +134,8 @@ def test_a_recording_goes_on_where_a_calibration_cannot_be_had(
     assert report.recordings[str(tmp_path / "r.mcap")].refused == len(BAD)
     assert len(read(tmp_path / "r.mcap")["/copy"]) == COUNT
     [said] = caplog.messages
-    assert "/copy: message refused: not a calibration: not calibrated yet" in said
-    assert runtime._recordings[0].error is None
+    assert "/copy: message rejected: not a calibration: not calibrated yet" in said
+    assert [one.error for one in runtime._recordings] == [None]
 
 
 WRONG_HEADERS = {
@@ -238,7 +238,7 @@ def test_a_node_of_a_graph_goes_on_and_ends_with_status_1(
         wait_for(lambda: images.connections, "the node")
         peer.subscribe("/talker", Marker, heard.append, lambda _: None)
         images.publish(image(4))
-        wait_for(lambda: "message refused" in caplog.text, "a word about it")
+        wait_for(lambda: "message rejected" in caplog.text, "a word about it")
         images.publish(image(5))
         wait_for(lambda: heard, "the next message")
     assert heard[0].header.stamp_ns == 6 * 10**9

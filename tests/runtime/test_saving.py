@@ -95,7 +95,7 @@ def test_nothing_is_replaced(tmp_path):
 def test_names_and_nodes_that_cannot_be_saved(tmp_path):
     with pytest.raises(UsageError, match=r"p.mcap: give a name that ends in \.yaml"):
         save({"node": Parameters(Awkward())}, tmp_path / "p.mcap")
-    with pytest.raises(UsageError, match="no node here has parameters to save"):
+    with pytest.raises(UsageError, match="no node has parameters to save"):
         save({}, tmp_path / "p.yaml")
     with pytest.raises(OpenError, match="no such folder:"):
         save_anew({"node": Parameters(Awkward())}, tmp_path / "none")

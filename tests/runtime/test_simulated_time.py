@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
+from ros_visualise.core.rate import SimulatedClock
 from ros_visualise.sources.playback import Playback
 
 S = 10**9

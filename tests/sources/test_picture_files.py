@@ -49,5 +49,5 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path):
     with path.open("wb") as file:
         file.write(b"\x89PNG\r\n\x1a\n")
         file.truncate(1 << 40)
-    with pytest.raises(OpenError, match=r"large\.png: a file of 1024\.0 GiB, and 128 MiB"):
+    with pytest.raises(OpenError, match=r"large\.png: a file of 1024\.0 GiB; limit: 128 MiB"):
         read_picture(path)

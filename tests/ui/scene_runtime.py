@@ -9,14 +9,14 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
-from ros_visualise.runtime.topics import Subscription, Topic
+from ros_visualise.runtime.topics import Topic, TopicSubscription
 
 
 class Told:
     """One node that publishes topics of these types, and takes those of ``inputs``."""
 
     name = ""
-    told: ClassVar = {}
+    diagnostic_topics: ClassVar = {}
     playback = None
 
     def __init__(self, inputs=None, **kinds):
@@ -40,7 +40,7 @@ class Told:
 
     def add(self, topic, kind):
         """One more topic, beside the graph's."""
-        self.told = {**self.told, topic: kind}
+        self.diagnostic_topics = {**self.diagnostic_topics, topic: kind}
         self._topics[topic] = Topic(topic)
 
     def say(self, **messages):
@@ -56,7 +56,7 @@ class Told:
         inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
         self.asked[topic] += 1
-        return Subscription(topic, inbox, partial(self._end, topic, inbox))
+        return TopicSubscription(topic, inbox, partial(self._end, topic, inbox))
 
     def report(self, window_s=None):
         topics = dict.fromkeys(self.graph.topics, TopicReport("", 0, None, None))

@@ -20,7 +20,7 @@ from ros_visualise.graph.pipelines import build, image_pipeline
 from ros_visualise.nodes import NodeType, NoParams
 from ros_visualise.nodes.filters import FiltersParams
 from ros_visualise.plotting.colors import PALETTE
-from ros_visualise.runtime.remote.declaring import Told, declared
+from ros_visualise.runtime.remote.declaration import ParameterDescription, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.page.controls import Controls, add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
@@ -60,9 +60,9 @@ def elements():
 def test_a_parameter_of_a_foreign_node_is_as_that_describes_it():
     range_ = {"min": 0, "max": 2, "step": 0.5}
     told = [
-        Told("min_x", float, 1.0, **range_, label="min-x"),
-        Told("free", int, 3, step=3),
-        Told("gains", str, "[1.0, 2.5]", read_only=True),
+        ParameterDescription("min_x", float, 1.0, **range_, label="min-x"),
+        ParameterDescription("free", int, 3, step=3),
+        ParameterDescription("gains", str, "[1.0, 2.5]", read_only=True),
     ]
     params = declared(told)
     min_x, free, gains = specs(params)

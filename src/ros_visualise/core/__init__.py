@@ -1,1 +1,1 @@
-"""What everything else is written in; nothing here knows of ROS, pages or recordings."""
+"""Foundations of all other packages; no ROS, no images."""

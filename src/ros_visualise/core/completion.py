@@ -1,4 +1,4 @@
-"""Completing commands and options in a shell, by argcomplete.
+"""Completion of commands and options in a shell, by argcomplete.
 
 The shell calls the program itself at each TAB, with ``_ARGCOMPLETE`` in its environment.
 """
@@ -20,7 +20,7 @@ def words_to_complete() -> list[str]:
 
 
 def complete(parser: ArgumentParser) -> None:
-    """Answer a shell that asks, and leave; else nothing."""
+    """Answer a shell that asks for completions, and exit; otherwise do nothing."""
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
@@ -28,7 +28,7 @@ def complete(parser: ArgumentParser) -> None:
 
 
 def shell_code(shell: str) -> str:
-    """What a shell runs at its start so that it asks.
+    """Code that a shell runs at its start to enable completion.
 
     Raises:
         OpenError: argcomplete is not installed.

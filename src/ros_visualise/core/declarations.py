@@ -74,7 +74,7 @@ class NodeType:
     topics: Mapping[str, str] = field(default_factory=dict)
 
 
-class _Optional:
+class _OptionalMethods:
     """Methods that a node need not define."""
 
     def reset(self) -> None:
@@ -90,7 +90,7 @@ class _Optional:
         return {}
 
 
-class _Function(_Optional):
+class _Function(_OptionalMethods):
     def __init__(self, function: Any) -> None:
         self.step = function
 
@@ -140,7 +140,7 @@ def node(
         is_class = isinstance(target, type)
         make: Any = lambda _: _Function(target)  # noqa: E731
         if is_class:
-            make = completed(target, _Optional)  # type: ignore[arg-type]
+            make = completed(target, _OptionalMethods)  # type: ignore[arg-type]
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
             make,
@@ -166,7 +166,7 @@ def node(
 
 
 def action(help: str) -> Callable[[T], T]:
-    """Declare the decorated method as an action, which a person may ask a node to do.
+    """Declare the decorated method as an action: a button, or a service on a graph.
 
     Args:
         help: what it does, in a few words.
@@ -185,7 +185,7 @@ def completed(cls: type, optional: type) -> type:
 
 
 def actions_of(target: Any) -> dict[str, str]:
-    """Name and help of each action of a class and its base classes; a function has none."""
+    """Name and help of each action of a class and its base classes; empty for a function."""
     found: dict[str, str] = {}
     for cls in inspect.getmro(target) if isinstance(target, type) else ():
         for name, method in vars(cls).items():

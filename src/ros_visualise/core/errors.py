@@ -1,13 +1,13 @@
-"""What can go wrong, as a person meets it: each is one line that says what to do next.
+"""Errors that people meet: each message is one line that says what to do next.
 
 - RosVisualiseError            the work failed or lost something            (exit status 1)
   - RecordingError             a recording could not be written to its end
   - DamagedMessage             a message cannot be read, or cannot be written
   - UnsupportedImage           a node cannot process images of this encoding
-  - UncalibratedCamera         what asks for a camera's calibration has none
-  - NoTransform                where two frames are to one another is not known
+  - UncalibratedCamera         a camera's calibration is missing
+  - NoTransform                the transform between two frames is unknown
   - TooLarge                   a part of an input would take more memory than it may
-  - Unreachable                who was asked does not answer at the moment
+  - Unreachable                a remote node does not answer at the moment
   - UsageError                 wrong usage                                  (exit status 2)
     - ParameterError           no such parameter, or a value out of its range
     - OpenError                an input or a target that cannot be opened
@@ -23,7 +23,7 @@ from pathlib import Path
 
 
 class RosVisualiseError(Exception):
-    """Base of all that this package raises on purpose."""
+    """Base of all errors that this package raises on purpose."""
 
     exit_status = 1
 
@@ -33,9 +33,9 @@ class RecordingError(RosVisualiseError):
 
 
 class DamagedMessage(RosVisualiseError):
-    """A message contradicts itself or its type, or its type is not known.
+    """A message contradicts itself or its type, or its type is unknown.
 
-    One of a recording cannot be read then, and one of a node can be neither recorded nor published.
+    It can be neither read, nor recorded or published.
     """
 
 
@@ -44,11 +44,11 @@ class UnsupportedImage(RosVisualiseError):
 
 
 class UncalibratedCamera(RosVisualiseError):
-    """What asks for a camera's calibration has none."""
+    """A camera's calibration is needed, and missing."""
 
 
 class NoTransform(RosVisualiseError):
-    """A frame is not known, or not where it was to another one at a time."""
+    """A frame is unknown, or its transform to another frame at some time is."""
 
 
 class TooLarge(RosVisualiseError, ValueError):
@@ -56,7 +56,7 @@ class TooLarge(RosVisualiseError, ValueError):
 
 
 class Unreachable(RosVisualiseError, ConnectionError):
-    """Who was asked does not answer at the moment; asking again may help."""
+    """A remote node does not answer at the moment; asking again may help."""
 
 
 class UsageError(RosVisualiseError):
@@ -74,7 +74,7 @@ class OpenError(UsageError):
 
     @classmethod
     def missing(cls, path: str | Path, advice: str = "check the path") -> OpenError:
-        """There is no such file; it tells one that was probably meant, else where it looked."""
+        """An error for a missing file, with a similar name or the folder that was searched."""
         folder = "" if os.path.isabs(path) else f" in {os.getcwd()}"
         meant = _near_file(Path(path))
         return cls(f"{path}: no such file{folder}{meant or f'; {advice}'}")
@@ -85,7 +85,7 @@ def _near_file(path: Path) -> str:
         there = sorted(os.listdir(path.parent))
     except (OSError, ValueError):
         return ""
-    if path.name in there:  # it is no file
+    if path.name in there:  # a folder, say
         return ""
     return did_you_mean(path.name, there, listed=False)
 

@@ -1,4 +1,4 @@
-"""Whether what pip and the distribution installed is all there and fits together."""
+"""Check of the installation: all packages are there and fit together."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _FROM_PIP = ("numpy", "av", "rosbags", "viser")
 
 
 def check_installation() -> None:
-    """Import OpenCV, which everything needs and which has to fit the NumPy that is there.
+    """Import OpenCV, which everything needs and which must fit the installed NumPy.
 
     Raises:
         OpenError: it cannot be imported, or what pip brings is missing.

@@ -48,14 +48,14 @@ def param(
         min, max: the hard limits of a number, both included.
         slider: a smaller range for the slider than the hard limits.
         restart: a change reopens the source.
-        group: the folder that it is kept in on the page; none: always in view.
-        saved: whether it is saved with the others; what is played, and how, is not.
-        used: whether it counts beside these other values; see `when`. If not, its slider waits.
-        file: whether a value names a file. Whoever changes it while the node runs may only name one
-            in the folder of `ros_visualise.core.paths`, where the default is, or one that it named
-            before.
-        step: from one value to the next; None: any value will do.
-        label: its name for people, where that is no name of Python's.
+        group: its folder on the page; empty: always in view.
+        saved: saved with the others; what is played, and how, is not.
+        used: returns False if it has no effect beside these other values; see `when`. Its slider
+            is disabled then.
+        file: returns True if a value names a file. While the node runs, it may only be set to one
+            in the folder of `ros_visualise.core.paths`, where the default is, or to an earlier one.
+        step: from one value to the next; None: any value.
+        label: its name for people, if that is not a valid name in Python.
     """
     metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
     metadata |= {"restart": restart, "group": group, "saved": saved, "used": used, "file": file}
@@ -69,7 +69,7 @@ def when(name: str, *values: Value) -> Callable[[Any], bool]:
 
 
 def unless(name: str, *values: Value) -> Callable[[Any], bool]:
-    """For ``used``: another parameter has none of these values."""
+    """For ``used``: another parameter has a value other than these."""
     return lambda params: getattr(params, name) not in values
 
 
@@ -213,7 +213,7 @@ class Parameters(Generic[P]):
             return self.take(self._confined(changes))
 
     def take(self, changes: Mapping[str, Any]) -> P:
-        """Apply all changes or none; listeners are told what really changed.
+        """Apply all changes or none; listeners get the actual changes.
 
         Raises:
             ParameterError: as `update`, or ``accept`` refuses it.
@@ -238,7 +238,7 @@ class Parameters(Generic[P]):
         return lambda: self._listeners.remove(listener)
 
     def _confined(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """The changes, with files that were not named before as those of the one folder."""
+        """The changes, with new files in the one folder."""
         values = dict(changes)
         for spec in specs(self.current):
             if spec.name not in values or spec.type is not str:
@@ -250,7 +250,7 @@ class Parameters(Generic[P]):
 
 
 def _settled(params: P) -> P:
-    """Parameters with those files that nobody has named where others may name theirs."""
+    """Parameters whose default files are in the folder of files that may be named."""
     files = {
         spec.name: str(given_folder() / str(spec.default))
         for spec in specs(params)

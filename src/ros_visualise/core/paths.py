@@ -1,7 +1,7 @@
-"""Names of files that others than the person at the terminal choose: plain names, in one folder.
+"""Names of files that are chosen remotely: plain names, in one folder.
 
-Whoever starts a process may name any file. A page, and a node's parameters once it runs, may name
-those in one folder, and replace none of them unless the process was started with ``--overwrite``.
+The person who starts a process may name any file. A page, and the parameters of a running node, may
+name those in one folder, and replace none of them without ``--overwrite``.
 """
 
 from __future__ import annotations
@@ -12,37 +12,36 @@ from pathlib import Path
 
 from ros_visualise.core.errors import UsageError
 
-_MOST_BYTES = 200  # of a name that others give; file systems take 255
+_MOST_BYTES = 200  # of a name; file systems allow 255
 _INVISIBLE = (
     *((0x034F, 0x034F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
     *((0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0), (0xE0100, 0xE01EF)),
 )
-"""Letters and marks that Unicode has for the sake of those beside them (first, last)."""
+"""Ranges (first, last) of letters and marks that are invisible by themselves."""
 _folder, _may_replace = Path(), False
 
 
 def set_folder(folder: Path, overwrite: bool = False) -> None:
-    """Let others name the files in this folder, and replace them or not."""
+    """Set the folder of files that may be named remotely, and if they may be replaced."""
     global _folder, _may_replace
     _folder, _may_replace = folder, overwrite
 
 
 def given_folder() -> Path:
-    """The folder whose files others may name; the current one if nobody chose another."""
+    """The folder of files that may be named remotely; by default the current one."""
     return _folder
 
 
 def may_replace() -> bool:
-    """Whether files that are there may be replaced."""
+    """True if existing files may be replaced."""
     return _may_replace
 
 
 def inside(folder: Path, name: str) -> Path:
-    """A file in a folder, of which somebody may choose the name, and nothing but the name.
+    """A file in a folder, by a plain name that was chosen remotely.
 
     Raises:
-        UsageError: it is not a plain name, reads as another one, or is that of a link that leads
-            out of the folder.
+        UsageError: not a plain name, one that looks like another, or a link out of the folder.
     """
     size = len(name.encode(errors="replace"))
     if size > _MOST_BYTES:
@@ -71,6 +70,6 @@ def check_printable(path: str | Path) -> None:
 
 
 def _is_invisible(letter: str) -> bool:
-    """Whether a character shows nothing, or turns round the order in which others are read."""
+    """True if a character is invisible, or reverses the order of others."""
     is_mark = any(first <= ord(letter) <= last for first, last in _INVISIBLE)
     return is_mark or unicodedata.category(letter) in ("Cf", "Zl", "Zp")

@@ -1,7 +1,7 @@
-"""What people read in a terminal. Names come from files of strangers: they are shown, never obeyed.
+"""Output for people in a terminal. Names come from untrusted files, so they are escaped.
 
-All that goes to standard output or error for people goes through here, but progress bars, which
-hold no names. JSON has escapes of its own.
+All text for people on standard output and error goes through here, except for progress bars, which
+hold no names. JSON is escaped by its library.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from types import TracebackType
 from typing import Any
@@ -24,8 +24,8 @@ _QUERY = re.compile(r"(://[^?\s]*\?)\S+")
 def shown(text: str) -> str:
     r"""Text in which everything but printable characters is escaped: ``\x1b``, ``\n``, ``\u202e``.
 
-    So no terminal takes it for a command, it stays one line, and it reads in the order in which it
-    is written. To do it again changes nothing.
+    So no terminal executes it, it stays on one line, and it reads in the order of its letters.
+    Escaping it again changes nothing.
     """
     if text.isprintable():
         return text
@@ -33,38 +33,64 @@ def shown(text: str) -> str:
 
 
 def without_secrets(address: str) -> str:
-    """An address without its password and its query, in which cameras take passwords too."""
+    """An address without its password, and without its query, which may hold one too."""
     return _QUERY.sub(r"\1***", _PASSWORD.sub(r"\1:***@", address))
 
 
 def say(line: str) -> None:
-    """Print a line on standard error. That nobody is there to read it is no error."""
+    """Print a line on standard error; if that is closed, print nothing."""
     with suppress(OSError):
         print(_encodable(shown(line), sys.stderr.encoding), file=sys.stderr, flush=True)
 
 
 def answer(lines: Iterable[str]) -> None:
-    """Print what was asked for on standard output, at once.
+    """Print results on standard output, and flush it.
 
     Raises:
-        BrokenPipeError: whoever read it has seen enough.
+        BrokenPipeError: the reader has closed the pipe.
         RosVisualiseError: it cannot be written, as on a full disk.
     """
     text = "\n".join(map(shown, lines))
     try:
         print(_encodable(text, sys.stdout.encoding), flush=True)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else it is tried at exit
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # otherwise it is tried again at exit
         if isinstance(error, BrokenPipeError):
             raise
         raise RosVisualiseError(f"standard output: {error.strerror}") from None
 
 
 def say_what_is_logged() -> None:
-    """Print on standard error what is logged from now on, from warnings on."""
+    """Print warnings and errors that are logged from now on, on standard error."""
     handler = logging.StreamHandler()
     handler.setFormatter(Shown("ros-visualise: %(message)s"))
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
+
+
+def forward_log(levels: Mapping[int, Callable[[str], object]]) -> logging.Handler:
+    """Hand what this package logs from now on to functions, such as those of a graph's log.
+
+    Args:
+        levels: level of `logging` -> the function for texts of that level.
+    """
+    handler = _Forwarder(levels)
+    handler.setFormatter(Shown())
+    log = logging.getLogger("ros_visualise")
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    return handler
+
+
+class _Forwarder(logging.Handler):
+    def __init__(self, levels: Mapping[int, Callable[[str], object]]) -> None:
+        super().__init__()
+        self._levels = levels
+
+    def emit(self, record: logging.LogRecord) -> None:
+        level = max(one for one in self._levels if one <= max(record.levelno, logging.DEBUG))
+        self._levels[level](self.format(record))
 
 
 class Shown(logging.Formatter):
@@ -89,7 +115,7 @@ def _encodable(text: str, encoding: str | None) -> str:
 
 
 def answer_json(found: Any, **how: Any) -> None:
-    """Print what was asked for as one line of JSON; ``how`` goes to `json.dumps`."""
+    """Print results as one line of JSON; ``how`` goes to `json.dumps`."""
     import json  # not at each --help
 
     answer([json.dumps(found, **how)])

@@ -1,22 +1,28 @@
-"""Time and pacing. Clocks are objects, so that a test brings its own."""
+"""Clocks and pacing. Clocks are objects, so that tests bring their own."""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
+from collections.abc import Callable
 from typing import Protocol
 
-MAX_RATE = 100
-"""The highest speed at which anything is played; 0 stands for as fast as it goes."""
+log = logging.getLogger(__name__)
 
-_STEP_NS = 200_000_000  # less is the jitter of messages, or a clock that is slewed
+MAX_RATE = 100
+"""Highest playback rate; 0 is unthrottled."""
+
+_STEP_NS = 200_000_000  # less is jitter of messages, or a slewed clock
+_JUMP_NS = 1_000_000_000  # publishers of one time may disagree by less
+_LOOK_S = 0.005
 
 
 class Clock(Protocol):
-    """What tells the time and waits for it."""
+    """A source of time, which also waits for it."""
 
     def now_ns(self) -> int:
-        """The time that stamps are made of, in nanoseconds since 1970."""
+        """The time of stamps, nanoseconds since 1970."""
 
     def monotonic_ns(self) -> int:
         """Nanoseconds that only ever grow, for measuring and waiting."""
@@ -24,7 +30,7 @@ class Clock(Protocol):
     def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
         """Wait, holding ``condition``, until it is notified or its monotonic time has come.
 
-        It may return early; None waits without an end.
+        It may return early; None waits forever.
         """
 
 
@@ -46,11 +52,52 @@ class WallClock:
             condition.wait(timeout_s)
 
 
+class SimulatedClock:
+    """Time that is published on a graph, as on ``/clock``: it may stand still, and jump.
+
+    Where it jumps back, as when a recording starts over, playing goes on from there: stamps jump
+    with it.
+
+    Args:
+        read: gives the time, nanoseconds; 0 if unknown.
+    """
+
+    def __init__(self, read: Callable[[], int]) -> None:
+        self._read = read
+        self._last_ns = self._passed_ns = 0
+        self._has_jumped = False
+        self._lock = threading.Lock()
+
+    def now_ns(self) -> int:
+        """The published time, nanoseconds; 0 if unknown."""
+        return self._read()
+
+    def monotonic_ns(self) -> int:
+        """Nanoseconds that have passed, without the jumps back."""
+        with self._lock:
+            now_ns = self._read()
+            step_ns, self._last_ns = now_ns - self._last_ns, now_ns
+            self._passed_ns += max(step_ns, 0)
+            is_new = step_ns < -_JUMP_NS and not self._has_jumped
+            self._has_jumped |= is_new
+        if is_new:
+            log.warning(
+                "simulated time jumped back by %.1f s; going on from there"
+                " (further warnings suppressed)",
+                -step_ns / 1e9,
+            )
+        return self._passed_ns
+
+    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
+        """Wait for a notification, but no longer than until the clock may have advanced."""
+        condition.wait(None if until_ns is None else _LOOK_S)
+
+
 class Steady:
-    """Removes from times the steps that the clock on the wall makes when somebody sets it.
+    """Removes the steps from times of a wall clock that is being set.
 
     Attributes:
-        step_ns: how far the clock was set, ahead or back, before the last time; else 0.
+        step_ns: step of the clock before the last time, ahead or back; 0 if none.
     """
 
     def __init__(self) -> None:
@@ -88,7 +135,7 @@ class Pacer:
         self._due_ns = self._period_ns = 0.0
 
     def passes(self, stamp_ns: int, rate_hz: float) -> bool:
-        """Whether the message of that stamp passes at ``rate_hz``; to be asked once for each."""
+        """True if the message of that stamp passes at ``rate_hz``; ask once for each."""
         last_ns = stamp_ns if self._stamp_ns is None else self._stamp_ns
         self._stamp_ns = stamp_ns
         return self._passes(max(stamp_ns - last_ns, 0), 1e9 / rate_hz)

@@ -101,7 +101,7 @@ class Registry(Generic[T]):
                     log.warning("%s; see: ros-visualise plugins", error)
 
     def plugins(self) -> Iterator[Plugin]:
-        """What other packages bring, without importing any of it."""
+        """The plug-ins of other packages, without importing any."""
         for entry in _entry_points(self.kind):
             package, version = (entry.dist.name, entry.dist.version) if entry.dist else ("?", "")
             yield Plugin(self.kind, entry.name, entry.value, package, version)
@@ -150,7 +150,7 @@ class Registry(Generic[T]):
 
 
 def holding(kind: type[T], attribute: str) -> Callable[[Any, str], T]:
-    """How things are read that are objects of one type, in modules under one name.
+    """A reader of things that are objects of one type, in modules under one name.
 
     Args:
         kind: type of the things.
@@ -201,7 +201,7 @@ def _entry_points(kind: str) -> list[EntryPoint]:
 
 @cache
 def _are_any() -> bool:
-    """Whether a package has entry points of ours; importlib.metadata takes ten times as long."""
+    """True if a package has entry points of ours; importlib.metadata takes ten times as long."""
     for folder in map(Path, dict.fromkeys(sys.path)):
         if folder.is_file():  # a zip file, say
             return True

@@ -1,8 +1,7 @@
-"""Opening files to read, so that nothing waits for what may never come.
+"""Opening regular files to read, so that nothing blocks.
 
-A pipe or a device may have the name of a file, alone or within a recording's folder; whoever opens
-a pipe waits until somebody writes to it. Only what the shell itself opened, as ``<(command)``, is
-read as well.
+A pipe or a device may have the name of a file, alone or within a recording's folder, and opening a
+pipe blocks until another process writes to it. Pipes of the shell, as ``<(command)``, are read.
 """
 
 from __future__ import annotations
@@ -48,16 +47,16 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
 
 
 def read_text(path: Path, encoding: str = "utf-8") -> str:
-    """A file's text, with U+FFFD in place of what is none; raises as `open_file`."""
+    """A file's text, with U+FFFD for invalid bytes; raises as `open_file`."""
     return read_file(path).decode(encoding, "replace")
 
 
 def is_of_the_shell(path: str | os.PathLike[str]) -> bool:
-    """Whether it is a pipe that the shell opened, which can be read once."""
+    """True for a pipe that the shell opened, which can be read once."""
     return _OF_THE_SHELL.fullmatch(os.path.realpath(path)) is not None
 
 
 def _check_kind(path: str, about: os.stat_result) -> None:
-    is_known = stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)  # of which `open` speaks
+    is_known = stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)  # `open` reports folders
     if not is_known and not is_of_the_shell(path):
         raise OSError(errno.EINVAL, "not a regular file", path)

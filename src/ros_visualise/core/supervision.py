@@ -1,10 +1,8 @@
-"""One parent for all that runs beside the main thread: whatever fails says so, is counted, and
-takes nobody else with it.
+"""Supervision of all that runs beside the main thread: failures are logged, counted and contained.
 
-A thread that lives long is started by `start`; a call into code that must not end its caller, such
-as a consumer of a topic, is made by `attempt`. What such code raises is logged with its place, once
-for each place, and counted; a process in which anything failed ends with exit status 1 where it
-would have been 0.
+A long-lived thread is started by `start`; a call into code that must not end its caller, such as a
+listener of a topic, is made by `attempt`. Errors are logged once for each place in the code, and
+counted; a process with any failure ends with exit status 1 instead of 0.
 """
 
 from __future__ import annotations
@@ -22,11 +20,11 @@ from ros_visualise.core.errors import RosVisualiseError
 log = logging.getLogger(__name__)
 
 ERRORS = (Exception, SystemExit)
-"""What is caught of code that runs beside the main thread: there ``exit()`` ends a thread alone."""
+"""Errors caught beside the main thread, where ``exit()`` would end a thread silently."""
 
 
 class Failure(NamedTuple):
-    """One thing that went wrong, as often as it did: who, with what kind of error, and where."""
+    """A failure: name of the thread or call, type of the error, and place in the code."""
 
     who: str
     kind: str
@@ -34,7 +32,7 @@ class Failure(NamedTuple):
 
 
 class Supervisor:
-    """Hears how threads and calls end."""
+    """Counts how threads and calls fail."""
 
     def __init__(self) -> None:
         self._counts: Counter[Failure] = Counter()
@@ -46,10 +44,9 @@ class Supervisor:
         """Run ``work`` on a daemon thread of this name.
 
         Args:
-            name: says who failed, if it does.
-            work: returns when it is to end.
-            again_s: where the work is to look at something now and then, it begins anew this many
-                seconds after it failed; None ends the thread.
+            name: of the thread, for the log.
+            work: returns to end the thread.
+            again_s: seconds after which failed work is started again; None: never.
         """
 
         def run() -> None:
@@ -75,7 +72,7 @@ class Supervisor:
         return True
 
     def note(self, name: str, error: BaseException) -> None:
-        """Count an error that ended something; log the first one of each place."""
+        """Count an error, and log the first one of each place."""
         failure = Failure(name, type(error).__name__, _place(error))
         with self._counting:
             self._counts[failure] += 1
@@ -88,12 +85,12 @@ class Supervisor:
 
     @property
     def failures(self) -> dict[Failure, int]:
-        """What failed, and how often."""
+        """Failures and their counts."""
         with self._counting:
             return dict(self._counts)
 
     def forget(self) -> None:
-        """Begin to count anew."""
+        """Reset the counts."""
         with self._counting:
             self._counts.clear()
 
@@ -105,11 +102,11 @@ def _place(error: BaseException) -> str:
 
 
 PROCESS = Supervisor()
-"""That of this process; its failures set the process's exit status."""
+"""The supervisor of this process; its failures set the exit status."""
 
 start, attempt, note = PROCESS.start, PROCESS.attempt, PROCESS.note
 
 
 def status_of(status: int) -> int:
-    """Exit status of this process: 1 where its work is done (0), but something beside it failed."""
+    """Exit status of this process: 1 instead of 0 if anything failed."""
     return 1 if status == 0 and PROCESS.failures else status

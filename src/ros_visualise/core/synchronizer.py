@@ -141,8 +141,8 @@ class _ByStamp:
 
     The latest of the inputs' oldest messages is the pivot: what is older by more than the slop can
     never be matched. A set is made of what is nearest to the pivot on each input, as soon as no
-    nearer one can come. Where messages come in the order of their stamps, the sets depend on
-    nothing but them.
+    nearer one can come. Where messages come in the order of their stamps, the sets depend
+    on the stamps alone.
     """
 
     def __init__(self, ports: Collection[str], slop_ns: int) -> None:

@@ -26,7 +26,7 @@ _LONGEST_PLAIN = 1 << 16  # of what may be a number, which takes long to make of
 
 
 class BadYaml(ValueError):
-    """This is no YAML, or too large; says why."""
+    """Invalid YAML, or too much of it; the message says why."""
 
 
 def load_yaml(path: Path, most_values: int = MOST_VALUES) -> Any:
@@ -53,7 +53,7 @@ def parse_yaml(data: bytes, most_values: int = MOST_VALUES) -> Any:
     """
     most_bytes = most_values * _VALUE_BYTES
     if len(data) > most_bytes:
-        raise BadYaml(f"more than {most_bytes >> 20} MiB; leave out what is not needed")
+        raise BadYaml(f"more than {most_bytes >> 20} MiB; remove what is not needed")
     yaml: Any = YAML(typ="safe", pure=True)  # in Python alone, so that Ctrl-C need not wait for it
     yaml.Composer = partial(_Composer, most_values=most_values)
     try:
@@ -100,7 +100,7 @@ class _Composer(Composer):
         return node
 
     def _size(self, event: Any) -> int:
-        """How many values an event stands for; too many if it is named within itself."""
+        """Number of values that an event stands for; too many if it is named within itself."""
         if isinstance(event, AliasEvent) and event.anchor in self.anchors:
             return self._sizes.get(event.anchor, self._most)
         is_plain = isinstance(event, ScalarEvent) and event.implicit[0]

@@ -15,7 +15,7 @@ from typing import TypeVar
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.printing import say
-from ros_visualise.core.signals import STOPPED, Wish
+from ros_visualise.core.signals import STOPPED, StopRequest
 
 T = TypeVar("T")
 
@@ -51,13 +51,13 @@ def interruptible(make: Callable[[], T]) -> T:
     return work.result()
 
 
-def in_a_second(wish: Wish, make: Callable[[], T]) -> T | None:
+def in_a_second(request: StopRequest, make: Callable[[], T]) -> T | None:
     """The result of ``make``; None if it takes a second more after a stop request."""
     work = begin(make)
     since_s = None
     while not is_done(work):
         now_s = time.monotonic()
-        since_s = now_s if since_s is None and wish.asked else since_s
+        since_s = now_s if since_s is None and request.asked else since_s
         if since_s is not None and now_s - since_s > _GRACE_S:
             return None
     return work.result()
@@ -66,7 +66,7 @@ def in_a_second(wish: Wish, make: Callable[[], T]) -> T | None:
 def opened_within(
     path: Path,
     limit_s: float,
-    wish: Wish,
+    request: StopRequest,
     make: Callable[[], T],
     close: Callable[[T], object],
 ) -> T | None:
@@ -75,7 +75,7 @@ def opened_within(
     Args:
         path: the file that is opened.
         limit_s: how long it may take.
-        wish: a stop request.
+        request: a stop request.
         make: opens it, on a thread that is left alone when it is not awaited any longer.
         close: called with a result that comes too late.
 
@@ -86,9 +86,9 @@ def opened_within(
     end_s = time.monotonic() + limit_s
     while not is_done(work):
         is_late = time.monotonic() > end_s
-        if wish.asked or is_late:
+        if request.asked or is_late:
             work.add_done_callback(partial(_close_result, close))
-        if wish.asked:
+        if request.asked:
             return None
         if is_late:
             raise OpenError(f"{path}: not open after {limit_s:g} s; open it on the command line")
@@ -101,28 +101,30 @@ def _close_result(close: Callable[[T], object], work: Future[T]) -> None:
 
 
 @contextmanager
-def in_time(wish: Wish, steps: Callable[[], int | None]) -> Iterator[None]:
+def in_time(request: StopRequest, steps: Callable[[], int | None]) -> Iterator[None]:
     """Within this, one message cannot delay the end after a stop request.
 
     When no step is done for three seconds the process is ended as if it were killed.
 
     Args:
-        wish: a stop request.
+        request: a stop request.
         steps: number of messages processed; None while files are closed, which may take time.
     """
     over = threading.Event()
-    supervision.start("end", partial(_leave_if_stuck, wish, steps, over), again_s=_SPIN_S)
+    supervision.start("end", partial(_leave_if_stuck, request, steps, over), again_s=_SPIN_S)
     try:
         yield
     finally:
         over.set()
 
 
-def _leave_if_stuck(wish: Wish, steps: Callable[[], int | None], over: threading.Event) -> None:
+def _leave_if_stuck(
+    request: StopRequest, steps: Callable[[], int | None], over: threading.Event
+) -> None:
     done, since_s = None, time.monotonic()
     while not over.wait(_SPIN_S):
         now, now_s = steps(), time.monotonic()
-        if now is None or now != done or not wish.asked:
+        if now is None or now != done or not request.asked:
             done, since_s = now, now_s
         elif now_s - since_s > _PATIENCE_S:
             say(f"ros-visualise: forced exit: a message did not finish within {_PATIENCE_S:g} s")

@@ -14,7 +14,7 @@ from pathlib import Path
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.paths import set_folder
 from ros_visualise.core.printing import answer_json, counted, say
-from ros_visualise.core.signals import STOPPED, Wish, noticed
+from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph import Graph
 from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
 from ros_visualise.running.interruptible import in_time, interruptible, opened_within
@@ -87,9 +87,9 @@ def _shelf(path: str, folder: Path) -> Shelf:
 
 
 def _run(played: _Played, view: View, shelf: Shelf) -> int:
-    with noticed() as wish:
-        with in_time(wish, lambda: played.runtime.steps):
-            stopped = _play(played, view, wish, shelf)
+    with noticed() as request:
+        with in_time(request, lambda: played.runtime.steps):
+            stopped = _play(played, view, request, shelf)
         report = played.report()
         if played.options.json:
             answer_json(to_json(report), default=str)
@@ -141,11 +141,11 @@ class _Played:
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
-    def follow(self, path: Path, view: View, wish: Wish) -> bool:
+    def follow(self, path: Path, view: View, request: StopRequest) -> bool:
         """Open another file in its place; True if that worked, else it is logged."""
         opening = partial(self._open_next, path, view)
         try:
-            opened = opened_within(path, _OPEN_S, wish, opening, lambda late: late[-1].stop())
+            opened = opened_within(path, _OPEN_S, request, opening, lambda late: late[-1].stop())
         except RosVisualiseError as error:
             log.error("%s", error)
             return False
@@ -162,7 +162,7 @@ class _Played:
         return selection, options, _open(options, graph, view)
 
 
-def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
+def _play(played: _Played, view: View, request: StopRequest, shelf: Shelf) -> bool:
     """Play to the end, and close all recordings; True if it was stopped before."""
     try:
         options, runtime = played.options, played.runtime
@@ -170,13 +170,13 @@ def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
         played.recordings = _start_recordings(runtime, options.record, options.overwrite, split)
         view.open(runtime)  # before latched messages can have passed
         if not runtime.graph.live:
-            _await_browser(view, wish)
+            _await_browser(view, request)
         runtime.start()
         while not (played.is_over or view.closed):
-            if wish.asked:
+            if request.asked:
                 return True
             path = shelf.take()
-            if path is not None and played.follow(path, view, wish):
+            if path is not None and played.follow(path, view, request):
                 shelf.current = path
                 view.open(played.runtime)
                 played.runtime.start()
@@ -187,10 +187,10 @@ def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
         played.runtime.stop()
 
 
-def _await_browser(view: View, wish: Wish) -> None:
+def _await_browser(view: View, request: StopRequest) -> None:
     """Wait for the first browser, for a few seconds, so that it shows the beginning."""
     end_s = time.monotonic() + _PATIENCE_S
-    while view.awaited and not wish.asked and time.monotonic() < end_s:
+    while view.awaited and not request.asked and time.monotonic() < end_s:
         view.spin(_SPIN_S)
 
 

@@ -1,1 +1,1 @@
-"""What runs a graph of nodes. Runtimes are peers: the same nodes run unchanged in each."""
+"""Runtimes of graphs: here, as a node of a ROS graph, or remote. The same nodes run in each."""

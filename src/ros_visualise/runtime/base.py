@@ -74,8 +74,8 @@ class Runtime(Protocol):
         """What runs."""
 
     @property
-    def told(self) -> Mapping[str, type]:
-        """Topics beside the graph's that can be looked at: what nodes log, and how they are."""
+    def diagnostic_topics(self) -> Mapping[str, type]:
+        """Topics of logs and diagnostics, which are not part of the graph, with their types."""
 
     @property
     def parameters(self) -> Mapping[str, Parameters[Any]]:

@@ -18,10 +18,10 @@ from ros_visualise.sinks import Recorder
 
 
 def calibration_topics(graph: Graph) -> dict[str, str]:
-    """Topic of images -> where their calibration is: a topic of the graph, or of recordings alone.
+    """Topic of images -> topic of their calibration, of the graph or only of the recording.
 
-    Images of a source have it where the source publishes it; others, and those of a source that
-    does not, where ROS expects it, unless something else is there.
+    A source publishes it itself; for others it is where ROS expects it, unless that topic has
+    another type.
     """
     types = {name: topic.ros for name, topic in graph.topics.items()}
     found = {}
@@ -36,14 +36,14 @@ def calibration_topics(graph: Graph) -> dict[str, str]:
 
 
 class Calibrations:
-    """Makes the messages of those topics of calibrations that the graph itself has not.
+    """Makes the calibration messages that the graph itself does not publish.
 
-    Such a topic is added to the recording when the first calibration comes. An image that comes
-    without one after that is said to be of an uncalibrated camera.
+    Their topic is added to the recording with the first calibration. A later image without one is
+    recorded as of an uncalibrated camera.
 
     Args:
         graph: what runs.
-        recorder: where its images are recorded.
+        recorder: records its images.
     """
 
     def __init__(self, graph: Graph, recorder: Recorder) -> None:
@@ -55,10 +55,10 @@ class Calibrations:
                 self._topics[images] = topic
 
     def find(self, topic: str, image: Any) -> tuple[str, CameraInfo] | None:
-        """What belongs into the recording before a message: a topic of it, and the calibration.
+        """The calibration to record before a message, and its topic.
 
         Raises:
-            DamagedMessage: the calibration is none.
+            DamagedMessage: the calibration is invalid.
         """
         place = self._topics.get(topic)
         if place is None:

@@ -281,7 +281,7 @@ class Transport(Handle, Protocol):
         Args:
             action: its name.
             act: is run, which may take long, and by several threads at once. What it returns is the
-                answer's text; `ros_visualise.runtime.bridge.answers.answer` runs it.
+                answer's text; `ros_visualise.runtime.bridge.services.answer` runs it.
         """
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:

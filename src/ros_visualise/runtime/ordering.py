@@ -13,33 +13,33 @@ from ros_visualise.runtime.queues import END, FINISHED, Packet
 
 
 def recordable(graph: Graph) -> dict[str, TopicType]:
-    """What of a graph can be recorded: its topics, and those by which its source is told."""
-    return {name: topic.ros for name, topic in graph.topics.items()} | _told(graph)
+    """Topics of a graph that can be recorded: its own, and those that control its source."""
+    return {name: topic.ros for name, topic in graph.topics.items()} | _controls(graph)
 
 
 class Ordering:
-    """Puts packets in order: by the number that the source gave them, then by that of the nodes.
+    """Puts packets in order: by the number that the source gave them, then by the order of nodes.
 
     A packet is ready as soon as every recorded node has answered its number, if that number went to
-    it; what nodes say at the end, when all have ended. What the source is told from outside the
-    graph comes after its newest message.
+    it; the last answers of nodes, when all have ended. Messages that control the source come after
+    its newest message.
 
-    What was made of a recorded message has the time under which that is recorded, its log time,
-    whatever the stamps say; what nodes say at the end and what the source is told, the newest.
+    The answer to a message has the same log time, whatever the stamps are; last answers and
+    messages that control the source have the newest.
 
     Args:
         graph: what runs.
-        topics: those whose messages are wanted, in the order of `recordable`.
-        apart: leave out the numbers of what none of these topics is made from.
+        topics: topics of the messages, in the order of `recordable`.
+        apart: ignore the numbers of topics that none of these is made from.
 
     Attributes:
-        inputs: topics whose packets it is to be given: also those that numbers come from.
-        size: bytes of what waits.
+        inputs: topics whose packets it needs: also those that numbers come from.
+        size: bytes of waiting messages.
     """
 
     def __init__(self, graph: Graph, topics: Collection[str], apart: bool = False) -> None:
         self.size = 0
-        self._told = _told(graph)
+        self._controls = _controls(graph)
         self._followers = _followers(graph, topics)
         if apart:
             self._followers = {
@@ -51,7 +51,7 @@ class Ordering:
         self._heads: list[
             tuple[int, int, str]
         ] = []  # a heap: number, place and topic of what waits
-        self._answered = {topic: -1 for topic in self.inputs if topic not in self._told}
+        self._answered = {topic: -1 for topic in self.inputs if topic not in self._controls}
         self._open = set(self._answered)  # topics on which something may come
         self._open_begins = set(self._followers)
         self._owed: dict[str, deque[int]] = {topic: deque() for topic in self.inputs}
@@ -61,29 +61,29 @@ class Ordering:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more is to come."""
+        """True if nothing more can come."""
         return not self._open
 
     @property
     def answered(self) -> int:
-        """The newest number that all have answered to whom it went."""
+        """The newest number that all its nodes have answered."""
         return min(self._begun, self._first_owed() - 1, END)
 
     @property
     def oldest_ns(self) -> int | None:
-        """When the source let the next packet go, monotonic; None where nothing waits."""
+        """Time at which the source published the next packet, monotonic; None if nothing waits."""
         return self._waiting[self._heads[0][2]][0].arrival_ns if self._heads else None
 
     def waits(self, topic: str) -> bool:
-        """Whether a message of a topic waits."""
+        """True if a message of a topic waits."""
         return bool(self._waiting.get(topic))
 
     def put(self, topic: str, packet: Packet) -> None:
-        """Take the publisher's answer for one number, its end, or what the source is told."""
+        """Take an answer to a number, the end of a topic, or a message that controls the source."""
         if packet.number == FINISHED:
             self.finish(topic)
             return
-        if topic in self._told:
+        if topic in self._controls:
             packet = packet._replace(number=max(self._begun, 0), log_ns=self._begun_ns)
         else:
             self._count(topic, packet)
@@ -101,14 +101,14 @@ class Ordering:
         self._owed[topic].clear()
 
     def first(self, at_once: bool) -> str | None:
-        """The topic of the next packet if it is ready, or if it is wanted at once."""
+        """The topic of the next packet if it is ready, or in any case if ``at_once``."""
         if not self._heads:
             return None
         number, _, topic = self._heads[0]
         return topic if at_once or self._is_answered(number) else None
 
     def take(self, topic: str) -> Packet:
-        """The next packet, of the topic that `first` gave; it has a log time."""
+        """The next packet, of the topic that `first` returned; it has a log time."""
         packet = self._waiting[topic].popleft()
         heappop(self._heads)
         if self._waiting[topic]:
@@ -122,7 +122,7 @@ class Ordering:
         heappush(self._heads, (self._waiting[topic][0].number, self._place[topic], topic))
 
     def _count(self, topic: str, packet: Packet) -> None:
-        """Note who owes an answer to this number, or that it was given."""
+        """Note which nodes owe an answer to this number, or that one has answered."""
         number = packet.number
         done = number - 1 if packet.more else number
         self._answered[topic] = max(self._answered[topic], done)
@@ -143,7 +143,7 @@ class Ordering:
             heappush(self._debts, (number, topic))
 
     def _first_owed(self) -> int:
-        """The first number that somebody owes an answer; past all numbers, where nobody does."""
+        """The first number with a missing answer; past all numbers, if none is missing."""
         while self._debts:
             number, topic = self._debts[0]
             owed = self._owed[topic]
@@ -153,7 +153,7 @@ class Ordering:
         return FINISHED
 
     def _is_answered(self, number: int) -> bool:
-        """Whether nothing can come any more that belongs before this number, or to it."""
+        """True if nothing more can come that belongs before this number, or to it."""
         if number == END:
             return self.ended
         if self._first_owed() <= number:
@@ -161,16 +161,16 @@ class Ordering:
         return number <= self._begun or not self._open_begins
 
 
-def _told(graph: Graph) -> dict[str, TopicType]:
-    """Topics from outside the graph that its source listens to, as velocities for a robot."""
+def _controls(graph: Graph) -> dict[str, TopicType]:
+    """Topics from outside the graph that control its source, as velocities of a robot."""
     heard = graph.source.inputs.values() if graph.source else ()
     inputs = graph.inputs
     return {topic: TopicType(type_name(inputs[topic])) for topic in heard if topic in inputs}
 
 
 def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
-    """Topics that numbers come from -> the wanted topics that are made from them."""
-    begins = graph.inputs.keys() - _told(graph).keys()
+    """Topics that numbers come from -> those of the wanted topics that are made from them."""
+    begins = graph.inputs.keys() - _controls(graph).keys()
     if graph.source is not None:
         begins |= set(graph.source.outputs.values())
     origins = {topic: {topic} for topic in begins}

@@ -14,21 +14,19 @@ from ros_visualise.sources.playback import Playback
 
 @dataclass(frozen=True)
 class LiveParams:
-    """How a live source is shown; its own parameters come beside these."""
+    """Playback of a live source, beside its own parameters."""
 
-    paused: bool = param(False, "stop at the image shown now", saved=False)
+    paused: bool = param(False, "pause", saved=False)
 
 
 @dataclass(frozen=True)
 class PlayingParams(LiveParams):
-    """How a recording is played; a source's own parameters come beside these."""
+    """Playback of a recording, beside the source's own parameters."""
 
-    paused: bool = param(
-        False, "stop at the image shown now; true at the end, where false plays again", saved=False
-    )
+    paused: bool = param(False, "pause; true at the end, where false plays again", saved=False)
     rate: float = param(
         1.0,
-        "speed of playing; 0 is as fast as it goes",
+        "playback speed; 0 is as fast as possible",
         min=0,
         max=MAX_RATE,
         slider=(0, 4),
@@ -44,7 +42,7 @@ def playing_params(source: SourceType) -> type:
 
 
 def offered() -> Iterator[tuple[type, NodeType | SourceType]]:
-    """The parameters that our own nodes may have on a graph, each time with the node."""
+    """The parameters that our own nodes may have on a graph, with their nodes."""
     for node in find_all():
         kinds = [node.params]
         if isinstance(node, SourceType):
@@ -53,7 +51,7 @@ def offered() -> Iterator[tuple[type, NodeType | SourceType]]:
 
 
 class PlaybackFollower:
-    """Keeps a playback and the parameters that stand for it in step, both ways."""
+    """Keeps a playback and its parameters equal, both ways."""
 
     def __init__(self, playback: Playback, parameters: Parameters[Any]) -> None:
         self._playback = playback
@@ -65,7 +63,7 @@ class PlaybackFollower:
         parameters.on_change(self._apply)
 
     def follow(self) -> None:
-        """Take over what was changed by the keys of a window or on the page."""
+        """Take over changes by the keys of a window or on the page."""
         before, self._seen = self._seen, self._state()
         if moved := {name: now for name, now in self._seen.items() if now != before[name]}:
             self._parameters.update(moved)
@@ -76,7 +74,7 @@ class PlaybackFollower:
         return {name: value for name, value in every.items() if name in self._names}
 
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:
-        """Take over what was changed, and that alone: keys may have moved the rest meanwhile."""
+        """Take over the changed parameters alone: keys may have changed others meanwhile."""
         state = self._state()
         names = state.keys() & changed.keys()
         other = {name: value for name in names if (value := getattr(current, name)) != state[name]}

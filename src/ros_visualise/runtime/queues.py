@@ -1,4 +1,4 @@
-"""The queues between threads: what joins one node to the next inside a process."""
+"""Queues of packets between the nodes of a process, which run on threads."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from collections import Counter, deque
 from typing import Any, NamedTuple
 
 END = 2**62
-"""Number of what a node says when its inputs have ended: comes after all that went before."""
+"""Number of a node's last answers, when its inputs have ended: after all others."""
 
 
 FINISHED = 2**63
-"""Number of the mark that nothing more comes on a port."""
+"""Number of the packet that ends a port."""
 
 
 class Packet(NamedTuple):
-    """A message on its way through the graph; None: the node had nothing for this number.
+    """A message on its way through the graph; None: the node has no answer to this number.
 
-    ``number`` counts what the source published, ``arrival_ns`` is the monotonic time at which it
-    did, and ``log_ns`` the time under which it is recorded, where the source tells it. What nodes
-    make of it keeps all three, so that a recorder can put all topics in order, at the times at
-    which they came about. ``port`` is the input of the node that it waits for; ``epoch`` how often
-    time had jumped: the source was sent elsewhere or opened anew, or its clock went back. ``more``:
-    this is not the publisher's last word on this number. ``again``: the node had this message
+    ``number`` counts the messages of the source, ``arrival_ns`` is the monotonic time at which it
+    published this one, and ``log_ns`` the time under which it is recorded, if known. Answers of
+    nodes keep all three, so that a recorder can put all topics in order. ``port`` is the input that
+    it waits for; ``epoch`` the number of jumps of time: seeks, reopened sources, clocks that went
+    back. ``more``: another answer to this number follows. ``again``: the node had this message
     before.
     """
 
@@ -38,15 +37,15 @@ class Packet(NamedTuple):
 
 
 class Inbox:
-    """The packets that wait for one consumer.
+    """The packets that wait for one node or subscription.
 
-    ``lossless``: whoever puts waits for room. Otherwise only the newest messages are kept, ``keep``
-    of each port, and those that they replace are counted in ``dropped``. May be switched at any
-    time. ``let_go`` counts those that came after `close`, or were discarded by it.
+    ``lossless``: `put` waits for room. Otherwise only the newest messages are kept, ``keep`` of
+    each port, and those that they replace are counted in ``dropped``. May be switched at any time.
+    ``discarded`` counts messages that came after `close`, or were discarded by it.
     """
 
     def __init__(self, lossless: bool, depth: int = 2, keep: int = 1) -> None:
-        self.dropped = self.let_go = 0
+        self.dropped = self.discarded = 0
         self._keep = keep
         self._lossless = lossless
         self._depth = depth
@@ -60,7 +59,7 @@ class Inbox:
 
     @property
     def lossless(self) -> bool:
-        """Whether whoever puts waits for room."""
+        """True if `put` waits for room."""
         return self._lossless
 
     @lossless.setter
@@ -71,23 +70,23 @@ class Inbox:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing can be taken any more."""
+        """True if nothing more can be taken."""
         with self._changed:
             return self._closed and not self._packets
 
     def put(self, packet: Packet, keep: int | None = None) -> None:
-        """Add a packet; after `close` it is let go.
+        """Add a packet; after `close` it is discarded.
 
         Args:
-            packet: what waits from now on.
-            keep: how many of its port may wait, where that is not as with the others.
+            packet: to be added.
+            keep: number of messages of its port that may wait, if not that of all ports.
         """
         keep = self._keep if keep is None else keep
         with self._changed:
             while self._lossless and len(self._packets) >= self._depth and not self._closed:
                 self._changed.wait()
             if self._closed:
-                self.let_go += packet.message is not None
+                self.discarded += packet.message is not None
                 return
             if packet.message is not None:
                 self._waiting[packet.port] += 1
@@ -122,7 +121,7 @@ class Inbox:
             return packet
 
     def _drop(self, port: str, count: int) -> None:
-        """Let go of the oldest of a port, and of what says nothing."""
+        """Drop the oldest messages of a port, and packets without a message."""
         kept: deque[Packet] = deque()
         for packet in self._packets:
             if count and packet.port == port and packet.message is not None:
@@ -134,12 +133,12 @@ class Inbox:
         self._packets = kept
 
     def wait_until_taken(self, timeout_s: float) -> None:
-        """Wait until nothing waits here any more."""
+        """Wait until no packet waits."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or not self._packets, timeout_s)
 
     def repeat(self) -> None:
-        """Let the last message be taken once more, unless a new one comes before."""
+        """Return the last message once more from `take`, unless a new one comes before."""
         with self._changed:
             self._again = self._taken is not None
             self._changed.notify_all()
@@ -150,10 +149,10 @@ class Inbox:
         return self._taken._replace(number=self._number, arrival_ns=arrival_ns, again=True)
 
     def close(self, discard: bool = False) -> None:
-        """Nothing more comes in; what is there can still be taken unless discarded."""
+        """Nothing more comes in; waiting packets can still be taken unless discarded."""
         with self._changed:
             self._closed = True
             if discard:
-                self.let_go += sum(one.message is not None for one in self._packets)
+                self.discarded += sum(one.message is not None for one in self._packets)
                 self._packets.clear()
             self._changed.notify_all()

@@ -1,4 +1,7 @@
-"""The run report: what went over the topics, what the nodes did, and what was recorded."""
+"""The report of a run: figures of its topics, nodes and recordings.
+
+Summary, ``--json``, page and ``/diagnostics`` are all rendered from it.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ros_visualise.core.supervision import PROCESS
-
-RATES = ("hz", "wall_hz")
-"""Those of a topic: by the stamps, and by the wall clock."""
-
-ENDED = "ended"
-"""The figure of a source that says whether it waits at its end to be played again."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +23,17 @@ class TopicReport:
 
 
 @dataclass(frozen=True)
+class OutputReport:
+    """Rates of a topic that a node publishes, and messages dropped on the way to subscribers."""
+
+    hz: float | None = None
+    wall_hz: float | None = None
+    dropped: int = 0
+
+
+@dataclass(frozen=True)
 class TravelReport:
-    """How far and how fast a robot went, and how many of its poses were refused."""
+    """Distance and speeds of a robot, and the number of its rejected poses."""
 
     length_m: float
     duration_s: float
@@ -38,18 +44,18 @@ class TravelReport:
 
 @dataclass(frozen=True)
 class NodeReport:
-    """What a node did.
+    """Figures of a node.
 
     Attributes:
         received, processed: messages.
         dropped: reason -> messages that it did not process, or answered with nothing.
         p50_ms, p99_ms: median and 99th percentile of the time from the source to the end of a step.
-        step_ms: the median of a step by itself.
-        errors: how often it raised where no message was at stake, as at its end.
-        own: figures of the node's own.
-        publishes: whether it has outputs.
-        achieved_hz: the rate of the first of them, by the stamps.
-        gate: the reason for drops that it is there for, as it declares.
+        step_ms: median duration of a step.
+        errors: errors outside of messages, as at its end.
+        own: the node's own figures.
+        inputs: name of an input -> topic.
+        outputs: topic -> its rates; the main output first.
+        gate: reason of the drops that the node is there for, as it declares.
     """
 
     received: int = 0
@@ -60,28 +66,33 @@ class NodeReport:
     step_ms: float | None = None
     errors: int = 0
     own: Mapping[str, Any] = field(default_factory=dict)
-    publishes: bool = False
-    achieved_hz: float | None = None
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, OutputReport] = field(default_factory=dict)
     gate: str | None = None
 
     @property
     def lost(self) -> int:
-        """Messages that it dropped without being asked to."""
+        """Messages dropped for another reason than its gate."""
         return sum(count for reason, count in self.dropped.items() if reason != self.gate)
 
     @property
     def requested_hz(self) -> float | None:
-        """The rate that a person asked for, where the node controls one."""
+        """Target rate, of a node that controls one."""
         return self.own.get("requested_hz")
 
     @property
+    def achieved_hz(self) -> float | None:
+        """Rate of its main output, by the stamps."""
+        return next((output.hz for output in self.outputs.values()), None)
+
+    @property
     def ended(self) -> bool:
-        """Whether it is a source elsewhere that waits at its end to be played again."""
-        return bool(self.own.get(ENDED))
+        """True for a remote source that waits at its end to be played again."""
+        return bool(self.own.get("ended"))
 
     @property
     def travel(self) -> TravelReport | None:
-        """How far a robot went, where the node follows one."""
+        """Distance and speeds, of a node that measures a robot's path."""
         names = TravelReport.__dataclass_fields__
         if not names.keys() <= self.own.keys():
             return None
@@ -89,22 +100,38 @@ class NodeReport:
 
     @property
     def unread(self) -> Sequence[str]:
-        """What could not be read of a recording."""
+        """Notes on unreadable parts of a recording."""
         return tuple(self.own.get("lost", {}).get("notes", ()))
 
     @property
     def is_incomplete(self) -> bool:
-        """Whether messages could not be read, played or processed, as they should have been."""
+        """True if messages could not be read, played or decoded."""
         unread, unplayed = self.own.get("lost"), self.own.get("unplayed")
         return bool(unread or unplayed or self.dropped.get("damaged"))
+
+    def figures(self) -> dict[str, Any]:
+        """Its figures by name, the node's own among them; some are mappings."""
+        figures = {
+            "received": self.received,
+            "processed": self.processed,
+            "dropped": dict(self.dropped),
+            "errors": self.errors,
+            "p50_ms": self.p50_ms,
+            "p99_ms": self.p99_ms,
+            "step_ms": self.step_ms,
+            **self.own,
+        }
+        if self.outputs:
+            figures["achieved_hz"] = self.achieved_hz
+        return figures
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """How many messages were recorded and dropped.
+    """Counts of a recording.
 
-    ``refused`` are those of the dropped ones that the file cannot hold; for others there was no
-    time. ``files`` is how many it is in.
+    ``refused`` are the dropped messages that the file cannot hold; the others were dropped because
+    writing was too slow. ``files`` is the number of files written.
     """
 
     messages: int
@@ -115,9 +142,9 @@ class RecordingReport:
 
 @dataclass(frozen=True)
 class RunReport:
-    """All of it: topics and nodes by their names, recordings by their files.
+    """Figures of topics and nodes by their names, and of recordings by their files.
 
-    ``unknown`` are topics elsewhere whose messages cannot be shown, with their types.
+    ``unknown`` are topics of a remote graph with unsupported types, and those types.
     """
 
     topics: Mapping[str, TopicReport]
@@ -127,34 +154,19 @@ class RunReport:
 
     @property
     def is_incomplete(self) -> bool:
-        """Whether messages could not be read, played, processed or recorded, as they should be.
+        """True if messages could not be read, played, decoded or recorded.
 
-        What a node leaves out as it was asked to, or for want of time, is not lost.
+        Messages that a node drops by its gate, or because it is busy, do not count.
         """
         unrecorded = any(recording.dropped for recording in self.recordings.values())
         return unrecorded or any(node.is_incomplete for node in self.nodes.values())
 
 
 def to_json(report: RunReport) -> dict[str, Any]:
-    """A run report in the layout of ``--json``; with what failed beside the nodes' messages."""
+    """A run report in the layout of ``--json``, with the failures of this process."""
     return {
         "topics": {name: asdict(topic) for name, topic in report.topics.items()},
-        "nodes": {name: figures_of(node) for name, node in report.nodes.items()},
+        "nodes": {name: node.figures() for name, node in report.nodes.items()},
         "recordings": {path: asdict(one) for path, one in report.recordings.items()},
         "failures": [{**one._asdict(), "count": n} for one, n in PROCESS.failures.items()],
-    }
-
-
-def figures_of(node: NodeReport) -> dict[str, Any]:
-    """A node's part of it: its own figures stand among the others."""
-    return {
-        "received": node.received,
-        "processed": node.processed,
-        "dropped": dict(node.dropped),
-        "errors": node.errors,
-        "p50_ms": node.p50_ms,
-        "p99_ms": node.p99_ms,
-        "step_ms": node.step_ms,
-        **node.own,
-        **({"achieved_hz": node.achieved_hz} if node.publishes else {}),
     }

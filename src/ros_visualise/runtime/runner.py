@@ -1,4 +1,4 @@
-"""Runs one node's steps, whichever runtime brings the messages."""
+"""The steps of one node, for any runtime."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from ros_visualise.data import Image, Transforms
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
+from ros_visualise.runtime.counters import NodeCounter
 from ros_visualise.runtime.queues import Packet
-from ros_visualise.runtime.refusals import require_header
+from ros_visualise.runtime.rejections import require_header
 from ros_visualise.runtime.report import NodeReport
-from ros_visualise.runtime.stats import NodeStats
 
 log = logging.getLogger(__name__)
 
 NOTHING: Mapping[str, Any] = {}
-"""A node's answer when it has nothing for this message."""
+"""A node's answer without messages."""
 
-_ERRORS = (Exception, SystemExit)  # exit() would end the node's thread alone, without a word
+_ERRORS = (Exception, SystemExit)  # exit() would end the node's thread silently
 T = TypeVar("T")
 
-_PATIENCE_S = 0.2  # of who asks for figures, with a step that takes long
+_PATIENCE_S = 0.2  # a report waits no longer for a step to end
 
 
 class NodeRunner:
-    """One node at work: its state, its live parameters, its counts, and the frames that it knows.
+    """One node at work: its state, its live parameters, its counter, and its frames.
 
     An error in a step costs that one message, which is counted as dropped under ``error``; errors
-    elsewhere, as in ``tick`` or ``finish``, are counted by themselves. Each is logged once for the
-    place in the code where it comes from, and ``failed`` stays set.
+    elsewhere, as in ``tick`` or ``finish``, are counted separately. Each is logged once for its
+    place in the code, and sets ``failed``.
 
     Raises:
         RosVisualiseError: the node cannot begin.
@@ -45,59 +45,56 @@ class NodeRunner:
 
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
         self.node = node
-        self.stats = NodeStats()
+        self.counter = NodeCounter()
         self.frames = FrameTree()
-        self.told: set[str] = set()  # frames that the node itself tells of: it waits for none
+        self.own_frames: set[str] = set()  # published by the node: it does not wait for them
         self.failed = False
         self.stateless = node.type.stateless
         self._type = node.type
         self._parameters = parameters
         self._state = begun(node.name, lambda: node.type.make(parameters.current))
         self._epoch: int | None = None  # of the last message
-        self._said: set[tuple[str, type, str, int | None]] = set()
-        self._uncalibrated: set[str] = set()  # inputs of which it was said
+        self._logged: set[tuple[str, type, str, int | None]] = set()
+        self._uncalibrated: set[str] = set()  # inputs that were warned about
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
 
     def step(self, *packets: Packet) -> Mapping[str, Any]:
-        """What the node makes of a message, or of those of several inputs that belong together.
-
-        The answer is output name -> message.
-        """
+        """The node's answer to one message, or to one set of them: output name -> message."""
         started_ns = time.monotonic_ns()
         packet = max(packets, key=lambda one: (one.epoch, one.arrival_ns))
-        if self._is_of_before(packet):
-            self.stats.dropped["stale"] += 1
+        if self._is_outdated(packet):
+            self.counter.dropped["stale"] += 1
             return NOTHING
         try:
             messages = {one.port: self._content(one) for one in packets}
             if self._type.calibrated:
-                self._tell_if_uncalibrated(messages)
+                self._warn_if_uncalibrated(messages)
             with self._at_state:
                 self._reset_if_time_jumped(packet)
                 given = self._by_output(self._ask(packet, messages))
             outputs = self._passing(given)
         except DamagedMessage:
-            self.stats.dropped["damaged"] += 1
+            self.counter.dropped["damaged"] += 1
             return NOTHING
         except NoTransform as error:
-            self.stats.dropped["no transform"] += 1
-            self._say(error)
+            self.counter.dropped["no transform"] += 1
+            self._log(error)
             return NOTHING
         except _ERRORS as error:
-            self.stats.dropped["error"] += 1
+            self.counter.dropped["error"] += 1
             self._fail(error)
             return NOTHING
         if len(outputs) < len(given):
-            self.stats.dropped["error"] += 1
+            self.counter.dropped["error"] += 1
         elif not outputs and self._type.drops:
-            self.stats.dropped[self._type.drops] += 1
+            self.counter.dropped[self._type.drops] += 1
         else:
-            self.stats.answered(packet.arrival_ns, started_ns)
+            self.counter.answered(packet.arrival_ns, started_ns)
         return outputs
 
     def act(self, name: str) -> Mapping[str, Any]:
-        """Run an action; what the node answers to it.
+        """Run an action, and return the node's answer.
 
         Raises:
             RosVisualiseError: it failed.
@@ -111,28 +108,28 @@ class NodeRunner:
             raise RosVisualiseError(f"{self.node.name}: {name} failed: {what}") from error
 
     def tick(self) -> Mapping[str, Any]:
-        """What is due although no message came."""
+        """The node's answer to a tick."""
         return self._answer(lambda: self._state.tick(self._parameters.current))
 
     def finish(self) -> Mapping[str, Any]:
-        """What the node still has at the end of the stream."""
+        """The node's last answer, at the end of the stream."""
         return self._answer(self._state.finish)
 
     def report(self) -> NodeReport:
-        """Counts and latencies, and the node's own figures; in a long step those of before it."""
+        """Counts, latencies and the node's own figures; during a long step its last ones."""
         if self._at_state.acquire(timeout=_PATIENCE_S):
             try:
                 self._figures = self._state.report()
             except _ERRORS as error:
                 self._figures = {}
-                self.stats.errors += 1
+                self.counter.errors += 1
                 self._fail(error)
             finally:
                 self._at_state.release()
-        return replace(self.stats.report(), own=self._figures, gate=self._type.drops)
+        return replace(self.counter.report(), own=self._figures, gate=self._type.drops)
 
     def _answer(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
-        """What the node says between two steps; nothing where that fails."""
+        """The node's answer between two steps; empty if it fails."""
         try:
             return self._ask_between_steps(ask)
         except _ERRORS:
@@ -144,27 +141,27 @@ class NodeRunner:
                 given = self._by_output(ask())
                 outputs = self._passing(given)
         except _ERRORS as error:
-            self.stats.errors += 1
+            self.counter.errors += 1
             self._fail(error)
             raise
-        self.stats.errors += len(given) - len(outputs)
+        self.counter.errors += len(given) - len(outputs)
         return outputs
 
     def _content(self, packet: Packet) -> Any:
         try:
             return content(packet.message)
         except DamagedMessage as error:
-            self._say(error, self.node.inputs[packet.port])
+            self._log(error, self.node.inputs[packet.port])
             raise
 
-    def _tell_if_uncalibrated(self, messages: Mapping[str, Any]) -> None:
-        """Say once of an input that its images have no calibration; the node goes on without."""
+    def _warn_if_uncalibrated(self, messages: Mapping[str, Any]) -> None:
+        """Warn once for each input whose images have no calibration."""
         for port, message in messages.items():
             is_new = port not in self._uncalibrated
             if is_new and isinstance(message, Image) and message.camera_info is None:
                 self._uncalibrated.add(port)
-                what = "%s: the images on %s come without a calibration (said once)"
-                log.warning(what, self.node.name, self.node.inputs[port])
+                topic = self.node.inputs[port]
+                log.warning("%s: images on %s have no calibration", self.node.name, topic)
 
     def _ask(self, packet: Packet, messages: Mapping[str, Any]) -> Any:
         given = {**messages, "params": self._parameters.current}
@@ -175,13 +172,13 @@ class NodeRunner:
         return self._state.step(**given)
 
     def _by_output(self, answer: Any) -> Mapping[str, Any]:
-        """The messages of an answer by their outputs; None where there is none for an output."""
+        """The messages of an answer by their outputs; None for an output without a message."""
         if answer is None:
             return NOTHING
         return answer if isinstance(answer, dict) else {next(iter(self._type.outputs), ""): answer}
 
     def _passing(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Those messages of an answer that are what is declared; the others are refused."""
+        """The valid messages of an answer; others are counted as errors."""
         return {name: message for name, message in given.items() if self._passes(name, message)}
 
     def _passes(self, name: str, message: Any) -> bool:
@@ -194,10 +191,10 @@ class NodeRunner:
         return True
 
     def _require(self, name: str, message: Any) -> None:
-        """See that a message can go on.
+        """Check that a message can be published.
 
         Raises:
-            DamagedMessage: it is not what is declared.
+            DamagedMessage: the output is not declared, or not of this type.
         """
         declared = self._type.outputs
         if name not in declared or not isinstance(message, declared[name]):
@@ -206,10 +203,10 @@ class NodeRunner:
             raise DamagedMessage(f"answers with {given}, but declares {wanted or 'nothing'}")
         require_header(message)
         if isinstance(message, Transforms):
-            self.told.update(one.child_frame_id for one in message.transforms)
+            self.own_frames.update(one.child_frame_id for one in message.transforms)
 
-    def _is_of_before(self, packet: Packet) -> bool:
-        """Whether time has jumped since, as what came by another way has told already."""
+    def _is_outdated(self, packet: Packet) -> bool:
+        """True if time has jumped since, as a message of another input has shown."""
         return self._epoch is not None and packet.epoch < self._epoch
 
     def _reset_if_time_jumped(self, packet: Packet) -> None:
@@ -219,13 +216,13 @@ class NodeRunner:
 
     def _fail(self, error: BaseException, topic: str = "") -> None:
         self.failed = True
-        self._say(error, topic)
+        self._log(error, topic)
 
-    def _say(self, error: BaseException, topic: str = "") -> None:
+    def _log(self, error: BaseException, topic: str = "") -> None:
         origin = traceback.extract_tb(error.__traceback__)[-1]
         kind = (topic, type(error), origin.filename, origin.lineno)
-        if kind not in self._said:
-            self._said.add(kind)
+        if kind not in self._logged:
+            self._logged.add(kind)
             bug = not isinstance(error, RosVisualiseError)
             where = f"{self.node.name}: {topic}" if topic else self.node.name
             what = f"{kind[1].__name__}: {error}" if bug else error
@@ -238,10 +235,10 @@ class NodeRunner:
 
 
 def begun(name: str, make: Callable[[], T]) -> T:
-    """What ``make`` makes: the state of a node or a source of this name, which begins.
+    """The state of a node or a source of this name, as ``make`` returns it.
 
     Raises:
-        RosVisualiseError: it cannot.
+        RosVisualiseError: it cannot begin.
     """
     try:
         return make()

@@ -1,4 +1,4 @@
-"""Saving the parameters of nodes as YAML, and loading them."""
+"""Files of parameters: those of nodes are saved as YAML, and loaded."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ _FORM = "give a YAML file as NODE: {PARAM: VALUE}"
 
 
 def live_parameters(runtime: Runtime) -> dict[str, Parameters[Any]]:
-    """The parameters of the nodes that there are now, by the nodes' names."""
+    """The parameters of the present nodes, by their names."""
     names = [member.name for member in runtime.graph.members]
     return {name: runtime.parameters[name] for name in names if name in runtime.parameters}
 
 
 def save(parameters: Mapping[str, Parameters[Any]], path: Path) -> None:
-    """Write the values that parameters have now to a new file.
+    """Write the present values of parameters to a new file.
 
     Args:
-        parameters: by the name of their node; with a ``/`` in it, one mapping is in another.
+        parameters: by the name of their node; each ``/`` in it makes a nested mapping.
         path: of the file.
 
     Raises:
-        UsageError: its name does not end in .yaml, or there is nothing to save.
-        OpenError: it is there, or cannot be written.
+        UsageError: its name does not end in .yaml, or nothing can be saved.
+        OpenError: it exists, or cannot be written.
         RecordingError: it could not be written to its end.
     """
     values = _values(parameters)
     if not values:
-        raise UsageError("no node here has parameters to save")
+        raise UsageError("no node has parameters to save")
     write_yaml(values, path)
 
 
@@ -50,7 +50,7 @@ def write_yaml(values: Mapping[str, Any], path: Path) -> None:
 
 
 def save_anew(parameters: Mapping[str, Parameters[Any]], folder: Path) -> Path:
-    """Write as `save` does, to a name that nothing has yet; gives that file."""
+    """Write as `save` does, to a file with a new name; returns its path."""
     first = folder.absolute() / new_name()
     for number in count(1):
         path = first if number == 1 else first.with_stem(f"{first.stem}-{number}")
@@ -64,7 +64,7 @@ def save_anew(parameters: Mapping[str, Parameters[Any]], folder: Path) -> Path:
 
 
 def new_name(what: str = "parameters") -> str:
-    """A name that tells the time, as that of a recording."""
+    """A file name with the present time, as of a recording."""
     return f"{what}-{datetime.now():%Y%m%d-%H%M%S}.yaml"
 
 
@@ -85,7 +85,7 @@ def _plain(value: Any) -> Any:
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
-    """What a file of parameters holds, by the names of nodes.
+    """The values in a file of parameters, by the names of nodes.
 
     Raises:
         OpenError: it cannot be read, or holds something else.
@@ -121,11 +121,11 @@ def _as_yaml(key: Any) -> str:
 
 
 def of_node(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """What a file of parameters says of one node.
+    """The values of one node in a file of parameters.
 
     Args:
-        values: of the file, see `load`; a node may stand in a mapping of its namespace, and its
-            values below ``ros__parameters``, as ROS 2 has it.
+        values: of the file, see `load`; a node may be in a mapping of its namespace, and its values
+            below ``ros__parameters``, as in ROS 2.
         name: of the node, with its namespace.
     """
     said: dict[str, Any] = {}

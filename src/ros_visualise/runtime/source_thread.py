@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,20 +16,22 @@ from ros_visualise.core.rate import Steady
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
-from ros_visualise.runtime.epochs import Epochs
+from ros_visualise.runtime.counters import NodeCounter
+from ros_visualise.runtime.ingress import Epochs
 from ros_visualise.runtime.queues import Packet
-from ros_visualise.runtime.refusals import Refusals, require_header
+from ros_visualise.runtime.rejections import RejectedMessages, require_header
 from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.runner import begun
-from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
 from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
 
+_LOOK_S = 0.1
+
 
 class SourceThread:
-    """Publishes what a source gives; when a parameter asks for it, the source is opened anew.
+    """Publishes the messages of a source, which is reopened when a parameter requires it.
 
     Args:
         node: the source.
@@ -37,10 +39,10 @@ class SourceThread:
         playback: how it is played.
         outputs: output name -> topic.
         on_message: called before each message is published.
-        on_published: called after, with its number and topic.
+        on_published: called after that, with its number and topic.
 
     Attributes:
-        failed: it broke.
+        failed: True after an error.
 
     Raises:
         OpenError: the source cannot be opened.
@@ -63,20 +65,20 @@ class SourceThread:
         self._outputs = outputs
         self._on_message, self._on_published = on_message, on_published
         self._topics = node.outputs
-        self._stats = NodeStats()
-        self._refusals = Refusals(node.name)
+        self._counter = NodeCounter()
+        self._rejected = RejectedMessages(node.name)
         self._steady = Steady()
         self._begun = self._reopened = 0
         self._reported: set[str] = set()
         self._epochs = Epochs(node.type.latched)
         self._given = self._opened_with = parameters.current
         self._source = self._open(self._given)
-        self._swapping = threading.Lock()  # the source for one that is opened anew
+        self._swapping = threading.Lock()  # while the source is replaced
         self._is_opening = False
         parameters.accept = self._configure
 
     def run(self) -> None:
-        """Until the source ends or the playback is closed."""
+        """Run until the source ends or the playback is closed."""
         try:
             for work in (self._publish_all, self.report_lost):
                 self._do(work)
@@ -85,19 +87,19 @@ class SourceThread:
                 topic.finish()
 
     def report(self) -> NodeReport:
-        """Counts and the source's own figures, which may be of drops."""
+        """Counts and the source's own figures, also of drops."""
         own: dict[str, Any] = {}
         try:
             own = dict(self._source.report())
         except supervision.ERRORS as error:
             supervision.note(self.name, error)
         dropped = dict(own.pop("dropped", {}))
-        if self._refusals.count:
-            dropped["error"] = dropped.get("error", 0) + self._refusals.count
-        return replace(self._stats.report(), dropped=dropped, own=own)
+        if self._rejected.count:
+            dropped["error"] = dropped.get("error", 0) + self._rejected.count
+        return replace(self._counter.report(), dropped=dropped, own=own)
 
     def report_lost(self) -> None:
-        """Warn of what could not be read so far, of each thing once."""
+        """Warn of unreadable parts, of each once."""
         for note in self.report().unread:
             if note not in self._reported:
                 self._reported.add(note)
@@ -112,11 +114,11 @@ class SourceThread:
         self._source.receive(port, message)
 
     def awaits(self, port: str) -> bool:
-        """Whether the source needs to hear on an input what is made of its messages."""
+        """True if the source needs the answers to its messages on an input."""
         return self._source.awaits(port)
 
     def close(self) -> None:
-        """Let go of what is open."""
+        """Close the source."""
         supervision.attempt(self.name, self._source.close)
 
     def _do(self, work: Callable[[], None]) -> None:
@@ -138,26 +140,26 @@ class SourceThread:
             log_ns = self._log_ns(message, arrival_ns)
             epoch = self._epoch(port, message.header.stamp_ns, log_ns)
             packet = Packet(number, message, arrival_ns, log_ns=log_ns, epoch=epoch)
-            self._stats.received = self._stats.processed = number + 1
+            self._counter.received = self._counter.processed = number + 1
             self._on_message()
             self._outputs[port].publish(packet)
             self._on_published(number, self._topics[port])
             number += 1
 
     def _passes(self, port: str, message: Any) -> bool:
-        """Whether a message can go on; else it is refused, and counted."""
+        """True if a message is valid; otherwise it is rejected and counted."""
         try:
             if port not in self._outputs:
                 raise DamagedMessage(f"not declared; outputs are {', '.join(self._outputs)}")
             require_header(message)
         except DamagedMessage as error:
-            self._refusals.add(port, error)
+            self._rejected.add(port, error)
             self.failed = True
             return False
         return True
 
     def _epoch(self, port: str, stamp_ns: int, log_ns: int) -> int:
-        """How often time had jumped before this message: of itself, or as a person asked."""
+        """Number of jumps of time before this message, in the stamps or by seeks."""
         begun = self._playback.epoch + self._reopened
         if begun != self._begun:
             self._begun = begun
@@ -165,7 +167,7 @@ class SourceThread:
         return self._epochs.of(port, stamp_ns, log_ns)
 
     def _log_ns(self, message: Any, arrival_ns: int) -> int:
-        """When to record it: live, time goes on evenly, also where the stamps' clock is set."""
+        """Log time; live, it goes on evenly, even if the stamps' clock is set."""
         log_ns = recorded_ns(message)
         return self._steady.of(log_ns, arrival_ns) if self._type.live else log_ns
 
@@ -178,24 +180,24 @@ class SourceThread:
             self._reopened += 1
 
     def _reopen(self) -> None:
-        """Open the source with its parameters of now, or return to those that it had."""
+        """Open the source with its present parameters, or return to the previous ones."""
         with self._swapping:
             self._is_opening, tried = True, self._given
         if self._type.live:
-            self.close()  # a device can be opened but once
+            self.close()  # a device can be opened only once
         try:
             source = self._open(tried)
         except RosVisualiseError as error:
             if _reopening(tried) == _reopening(self._opened_with):
                 raise
             log.error("%s", error)
-            if _reopening(tried) == _reopening(self._given):  # nobody asked for others meanwhile
+            if _reopening(tried) == _reopening(self._given):  # they were not changed meanwhile
                 self._parameters.update(_reopening(self._opened_with))
         else:
             self._swap(source, tried)
 
     def _swap(self, source: Source, opened_with: Any) -> None:
-        """Go on with a source that was opened, and with what was set since."""
+        """Replace the source by one that was opened, with later changes."""
         with self._swapping:
             self.close()
             self._source, self._opened_with, self._is_opening = source, opened_with, False
@@ -209,7 +211,7 @@ class SourceThread:
         self._parameters.update({name: getattr(opened_with, name) for name in changed})
 
     def _configure(self, current: Any, changed: Mapping[str, Value]) -> None:
-        """Hand changed parameters to the source before they hold, or as soon as it is open."""
+        """Hand changed parameters to the source before they apply, or as soon as it is open."""
         with self._swapping:
             if not self._is_opening:
                 self._hand_over(current, changed)
@@ -226,6 +228,56 @@ class SourceThread:
         return source
 
 
+class SourceInput:
+    """Hands the messages of a topic to an input of the source, on the thread that publishes them.
+
+    Args:
+        source: takes them.
+        port: the input.
+        origins: topics of the source that this one is made from.
+    """
+
+    def __init__(self, source: SourceThread, port: str, origins: Collection[str]) -> None:
+        self._source, self._port, self._origins = source, port, origins
+        self._answered = -1
+        self._closed = False
+        self._changed = threading.Condition()
+
+    def put(self, packet: Packet) -> None:
+        """Take a packet."""
+        if packet.message is not None:
+            self._source.receive(self._port, packet.message)
+        with self._changed:
+            self._answered = max(self._answered, packet.number - packet.more)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Nothing more comes; the source goes on without answers."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def wait_for(
+        self, number: int, topic: str, goes_on: Callable[[], bool], patience_s: float
+    ) -> None:
+        """Wait until the nodes have answered a message of the source, if it needs their answer.
+
+        Args:
+            number: of the message.
+            topic: on which the source published it.
+            goes_on: returns False to stop waiting.
+            patience_s: longest time to wait.
+        """
+        if topic not in self._origins or not self._source.awaits(self._port):
+            return
+        latest_s = time.monotonic() + patience_s
+        with self._changed:
+            while self._answered < number and not self._closed and goes_on():
+                if time.monotonic() > latest_s:
+                    return
+                self._changed.wait(_LOOK_S)
+
+
 def _reopening(params: Any) -> dict[str, Value]:
-    """Parameters that a source has to be opened anew for."""
+    """Parameters whose change requires reopening a source."""
     return {spec.name: getattr(params, spec.name) for spec in specs(params) if spec.restart}

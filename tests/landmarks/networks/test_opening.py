@@ -57,7 +57,7 @@ def test_a_file_that_is_too_large(tmp_path, monkeypatch):
     with path.open("wb") as file:
         file.truncate(700 << 20)  # takes no room on the disk
     said = refused(path)
-    assert "a network of 700 MiB, and 512 MiB are allowed; if you trust it, add --max-m" in said
+    assert "a network of 700 MiB; limit: 512 MiB; if you trust it, add --max-m" in said
 
 
 def test_onnxruntime_is_missing(tmp_path, monkeypatch):
@@ -113,7 +113,7 @@ def test_weights_that_are_too_large(tmp_path):
     path = with_weights(tmp_path / "n.onnx", "weights.bin")
     with (tmp_path / "weights.bin").open("wb") as file:
         file.truncate(700 << 20)
-    assert "a network of 700 MiB, and 512 MiB are allowed" in refused(path)
+    assert "a network of 700 MiB; limit: 512 MiB" in refused(path)
 
 
 def with_weights(path, place):

@@ -23,7 +23,7 @@ from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpa
 MB = 1 << 20
 PACK = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstandard.compress}
 BOMB = "x" * (9 * MB)  # one of the least memory's 4 MB would be enough
-LIMIT = r"unpacks to \d+ MiB or more, and 4 MiB are allowed; if you trust it, add --max-memory 1G"
+LIMIT = r"unpacks to \d+ MiB or more; limit: 4 MiB; if you trust it, add --max-memory 1G"
 
 
 @pytest.fixture(autouse=True)
@@ -47,9 +47,9 @@ def test_no_more_is_unpacked_than_was_said(compression):
     packed = PACK[compression](bytes(8 * MB))
     with pytest.raises(DamagedData, match="not as long as it says"):
         unpack(compression, packed, 1000)
-    with pytest.raises(limits.TooLarge, match="8 MiB or more, and 4 MiB are allowed"):
+    with pytest.raises(limits.TooLarge, match="8 MiB or more; limit: 4 MiB"):
         unpack(compression, packed, 8 * MB)
-    with pytest.raises(limits.TooLarge, match="MiB or more, and 4 MiB are allowed"):
+    with pytest.raises(limits.TooLarge, match="MiB or more; limit: 4 MiB"):
         unpack_all(compression, packed)
     limits.set_max_memory(128 * MB)
     assert unpack(compression, packed, 8 * MB) == unpack_all(compression, packed) == bytes(8 * MB)
@@ -78,7 +78,7 @@ def test_a_chunk_of_an_mcap_that_is_too_large_is_lost_alone(tmp_path, compressio
     write_mcap(path, messages, compression=compression)
     found, notes = read(path)
     assert found == ["/a"] * 2
-    assert "4 MiB are allowed; if you trust it, add --max-memory 1G" in notes
+    assert "limit: 4 MiB; if you trust it, add --max-memory 1G" in notes
 
 
 def test_a_message_that_is_too_large_is_lost_alone(tmp_path):
@@ -89,14 +89,14 @@ def test_a_message_that_is_too_large_is_lost_alone(tmp_path):
     metadata.write_text(content)
     found, notes = read(tmp_path / "bag")
     assert found == ["/a"]
-    assert "/a: a message unpacks to 9 MiB or more, and 4 MiB are allowed" in notes
+    assert "/a: a message unpacks to 9 MiB or more; limit: 4 MiB" in notes
 
 
 def test_where_nothing_is_left_the_reason_is_said(tmp_path):
     path = tmp_path / "bomb.mcap"
     write_mcap(path, [Written("/a", 1, text(BOMB))], compression=CompressionType.ZSTD)
     path.write_bytes(path.read_bytes()[:-200])  # so that its chunk has to be opened
-    with pytest.raises(OpenError, match="4 MiB are allowed; if you trust it, add --max-memory 1G"):
+    with pytest.raises(OpenError, match="limit: 4 MiB; if you trust it, add --max-memory 1G"):
         open_recording(path)
 
 
@@ -136,7 +136,7 @@ DEEP = "".join(f"p/A{n} a\n{MADE_OF}p/A{n}\n" for n in range(99)) + "uint8 x"
         (f"p/A[100000000] a\n{MADE_OF}p/A\nuint8 x", "more than 20000 fields"),
         (
             "float64[4000000000] a",
-            "each of its messages unpacks to 29.8 GiB or more, and 4 MiB are allowed",
+            "each of its messages unpacks to 29.8 GiB or more; limit: 4 MiB",
         ),
         ("std_msgs/Empty[] a", "a sequence whose elements take no bytes"),
         (f"p/A[] a\n{MADE_OF}p/A\np/B[2] b\n{MADE_OF}p/B\n", "elements take no bytes"),
@@ -228,5 +228,5 @@ def test_subtitles_between_much_of_nothing(tmp_path, more):
 def test_subtitles_that_are_too_many_are_refused(tmp_path):
     path = tmp_path / "film.srt"
     path.write_text("1\n00:00:01,000 --> 00:00:02,000\nGPS(10.0,20.0,3)\n\n" * 50_000)
-    with pytest.raises(OpenError, match=r"film\.srt: a text of .* and 2 MiB are allowed"):
+    with pytest.raises(OpenError, match=r"film\.srt: a text of .*; limit: 2 MiB"):
         open_recording(path)

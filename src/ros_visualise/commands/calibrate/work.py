@@ -14,7 +14,7 @@ from ros_visualise.commands.calibrate.report import draw, summary, to_json
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import answer, answer_json, counted, say
 from ros_visualise.core.rate import WallClock
-from ros_visualise.core.signals import STOPPED, Wish, noticed
+from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.landmarks.calibration.boards import Board, BoardKind, board_of
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
 from ros_visualise.landmarks.calibration.collecting import ViewCollector
@@ -72,9 +72,11 @@ def _check(options: CalibrateOptions) -> None:
 def _calibrate(options: CalibrateOptions, board: Board) -> int:
     """Collect views, calibrate, write and report; the exit status."""
     collector = ViewCollector(board)
-    with noticed() as wish:
-        losses = [loss for one in options.input for loss in _collect(one, options, collector, wish)]
-    if wish.asked and not any(map(is_live, options.input)):
+    with noticed() as request:
+        losses = [
+            loss for one in options.input for loss in _collect(one, options, collector, request)
+        ]
+    if request.asked and not any(map(is_live, options.input)):
         return STOPPED
     if not collector.found:
         raise OpenError(
@@ -101,14 +103,14 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
 
 
 def _collect(
-    source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish
+    source: str, options: CalibrateOptions, collector: ViewCollector, request: StopRequest
 ) -> list[str]:
     """Collect views from all images of a source, until asked to stop; notes on losses."""
     if is_live(source):
-        _follow(source, options, collector, wish)
+        _follow(source, options, collector, request)
         return []
     if is_pictures(source):
-        return _look_at_pictures(Pictures(source, 1.0).files, collector, wish)
+        return _look_at_pictures(Pictures(source, 1.0).files, collector, request)
     try:
         opened = open_source(source)
     except NoRecording:
@@ -118,12 +120,14 @@ def _collect(
         for stamp_ns, image in _bar(images):
             name = f"{(stamp_ns - recording.start_ns) / 1e9:.2f} s"
             collector.add(image, name, thorough=False)
-            if wish.asked:
+            if request.asked:
                 break
         return [f"{source}: {note}" for note in recording.loss.notes]
 
 
-def _look_at_pictures(paths: Sequence[Path], collector: ViewCollector, wish: Wish) -> list[str]:
+def _look_at_pictures(
+    paths: Sequence[Path], collector: ViewCollector, request: StopRequest
+) -> list[str]:
     lost = []
     for path in _bar(paths):
         try:
@@ -132,7 +136,7 @@ def _look_at_pictures(paths: Sequence[Path], collector: ViewCollector, wish: Wis
             if len(paths) == 1:
                 raise
             lost.append(str(error))
-        if wish.asked:
+        if request.asked:
             break
     return lost
 
@@ -142,7 +146,9 @@ def _bar(images: Iterable[T]) -> Iterable[T]:
     return bar
 
 
-def _follow(source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish) -> None:
+def _follow(
+    source: str, options: CalibrateOptions, collector: ViewCollector, request: StopRequest
+) -> None:
     """Collect views from a camera until they cover the image, or time is over; print advice."""
     clock = WallClock()
     start_ns = clock.monotonic_ns()
@@ -151,7 +157,7 @@ def _follow(source: str, options: CalibrateOptions, collector: ViewCollector, wi
     with closing(Camera(source)) as camera:
         for newest in camera.images():
             gone_s = (clock.monotonic_ns() - start_ns) / 1e9
-            if wish.asked or (options.duration is not None and gone_s > options.duration):
+            if request.asked or (options.duration is not None and gone_s > options.duration):
                 return
             if newest is None:
                 continue

@@ -20,7 +20,7 @@ from ros_visualise.core.errors import (
     UsageError,
 )
 from ros_visualise.core.printing import answer_json, counted, say, sized
-from ros_visualise.core.signals import STOPPED, Wish, noticed
+from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.interruptible import in_time, interruptible
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
@@ -50,7 +50,7 @@ def convert(options: ConvertOptions) -> int:
         if unwritable and not types:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
             raise OpenError(f"{options.input}: nothing of it can be written: {reasons}")
-        with noticed() as wish:
+        with noticed() as request:
             recorder = open_recorder(
                 target,
                 types,
@@ -62,8 +62,8 @@ def convert(options: ConvertOptions) -> int:
             )
             part = RecordingPart(tuple(types), part.start_ns, part.stop_ns)
             conversion = Conversion(recording, part, recorder)
-            with in_time(wish, lambda: conversion.steps):
-                interrupted, error = _watch(conversion, wish)
+            with in_time(request, lambda: conversion.steps):
+                interrupted, error = _watch(conversion, request)
             return _finish(options, conversion, unwritable, interrupted, error)
 
 
@@ -103,7 +103,7 @@ def _passes(kind: TopicType, encoder: Encoder) -> bool:
     return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 
-def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError | None]:
+def _watch(conversion: Conversion, request: StopRequest) -> tuple[bool, RosVisualiseError | None]:
     """Run it with a progress bar; true if interrupted, and the error that ended it early."""
     errors: list[BaseException] = []
 
@@ -115,7 +115,7 @@ def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError 
 
     writer = supervision.start("writer", work)
     try:
-        interrupted = _show(conversion, wish, writer)
+        interrupted = _show(conversion, request, writer)
     finally:
         conversion.stop()
         writer.join()
@@ -125,7 +125,7 @@ def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError 
     raise error
 
 
-def _show(conversion: Conversion, wish: Wish, writer: threading.Thread) -> bool:
+def _show(conversion: Conversion, request: StopRequest, writer: threading.Thread) -> bool:
     """Show its progress until it is done; true if it was interrupted."""
     interrupted = False
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
@@ -140,7 +140,7 @@ def _show(conversion: Conversion, wish: Wish, writer: threading.Thread) -> bool:
         while writer.is_alive():
             writer.join(_SPIN_S)
             bar.update(conversion.messages - bar.n)
-            if wish.asked and not interrupted:
+            if request.asked and not interrupted:
                 interrupted = True
                 conversion.stop()
     return interrupted

@@ -19,7 +19,7 @@ from ros_visualise.commands.landmarks.sightings import (
 )
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import answer, answer_json, counted, say, shown
-from ros_visualise.core.signals import STOPPED, Wish, noticed
+from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
@@ -51,11 +51,11 @@ def find_landmarks(options: LandmarksOptions) -> int:
     for listeners in (found.listeners, mapper.listeners if mapper else {}):
         for topic, listener in listeners.items():
             runtime.topic(topic).connect(listener)
-    with noticed() as wish:
-        with in_time(wish, lambda: runtime.steps):
-            stopped = _run(runtime, wish)
-        mapped = in_a_second(wish, lambda: mapper.finish(found.map)) if mapper else None
-        stopped = stopped or wish.asked
+    with noticed() as request:
+        with in_time(request, lambda: runtime.steps):
+            stopped = _run(runtime, request)
+        mapped = in_a_second(request, lambda: mapper.finish(found.map)) if mapper else None
+        stopped = stopped or request.asked
         if mapper:
             _save_map(runtime, mapped, found, options, stopped)
         report = runtime.report()
@@ -80,12 +80,12 @@ def _check(options: LandmarksOptions) -> None:
         raise UsageError(f"--survey {options.survey}: requires --map OUT.yaml")
 
 
-def _run(runtime: LocalRuntime, wish: Wish) -> bool:
+def _run(runtime: LocalRuntime, request: StopRequest) -> bool:
     """Run to the end; True if it was asked for before."""
     try:
         runtime.start()
         while not runtime.wait(_SPIN_S):
-            if wish.asked:
+            if request.asked:
                 return True
         return False
     finally:

@@ -1,4 +1,4 @@
-"""What the topics of this process take from the graph."""
+"""Inputs of a process: messages from the graph."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ log = logging.getLogger(__name__)
 Feed = Callable[[Any], None]
 """Takes the messages of one topic."""
 
-_SAY_AGAIN_S = 10.0
+_LOG_AGAIN_S = 10.0
 _REASONS = 8
-_INFO_WAIT_S = 1.0  # of the first image for its calibration
-_LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
+_INFO_WAIT_S = 1.0  # the first image waits for its calibration
+_LARGE_BYTES = 20_000_000  # the sockets of a connection hold no more than one such image
 
 
 class Input:
-    """Feeds a topic of this process with what comes on the graph, from `open` to `close`.
+    """Feeds a topic of this process with messages from the graph, from `open` to `close`.
 
     Args:
-        transport: what it comes by.
-        name: the topic as the node calls it.
-        kind: the class of its messages.
+        transport: of the graph.
+        name: of the topic, in the node's words.
+        kind: class of its messages.
         feed: takes them.
 
     Attributes:
-        refused: messages that were left out, since they contradict themselves.
+        refused: rejected messages, which contradict themselves.
     """
 
     def __init__(self, transport: Transport, name: str, kind: type, feed: Feed) -> None:
@@ -44,7 +44,7 @@ class Input:
         self._name = transport.resolve(name)
         self._transport = transport
         self._topic, self._kind, self._feed = name, kind, feed
-        self._said_s: dict[str, float] = {}
+        self._logged_s: dict[str, float] = {}
         self._subscriber: Subscriber | None = None
         self._dropped = 0  # by subscribers that are closed
 
@@ -56,22 +56,22 @@ class Input:
 
     @property
     def dropped(self) -> int:
-        """Messages that were skipped for newer ones."""
+        """Messages dropped for newer ones."""
         return self._dropped + (0 if self._subscriber is None else self._subscriber.dropped)
 
     def _take(self, message: Any) -> None:
         try:
             self._feed(message)
-        except RosVisualiseError as error:  # a source refuses it
+        except RosVisualiseError as error:  # a source rejects it
             self._refuse(str(error))
 
     def _refuse(self, why: str) -> None:
-        """Count a dropped message; each of the first few reasons is said now and then."""
+        """Count a rejected message; each of the first few reasons is logged now and then."""
         self.refused += 1
-        is_known = why in self._said_s or len(self._said_s) < _REASONS
+        is_known = why in self._logged_s or len(self._logged_s) < _REASONS
         reason, now_s = why if is_known else "", time.monotonic()
-        if now_s - self._said_s.get(reason, -_SAY_AGAIN_S) >= _SAY_AGAIN_S:
-            self._said_s[reason] = now_s
+        if now_s - self._logged_s.get(reason, -_LOG_AGAIN_S) >= _LOG_AGAIN_S:
+            self._logged_s[reason] = now_s
             log.warning("%s: %s", self._name, why)
 
     def close(self) -> None:
@@ -83,18 +83,18 @@ class Input:
 
 
 class ImageInput(Input):
-    """Feeds a topic with images, raw or compressed, and with their calibration when it is wanted.
+    """Feeds a topic with images, raw or compressed, and their calibration where it is needed.
 
-    A calibration belongs to a camera, not to a moment: an image gets the newest one of its size.
+    A calibration belongs to a camera, not to a time: an image gets the newest one of its size.
 
     Args:
-        transport: what they come by.
-        name: the topic as the node calls it.
+        transport: of the graph.
+        name: of the topic, in the node's words.
         resolved: its name on the graph.
-        feed: takes them.
+        feed: takes the images.
         compressed: subscribe to ``<name>/compressed`` instead.
         wait_for_room: returns when there is time for another image.
-        calibrated: they always come with their calibration; the first one waits for it a while.
+        calibrated: the calibration is always needed; the first image waits for it a while.
     """
 
     def __init__(
@@ -118,12 +118,12 @@ class ImageInput(Input):
         self._info: CameraInfo | None = None
 
     def open(self) -> None:
-        """Subscribe, to the calibration first if it is always wanted."""
+        """Subscribe, to the calibration first if it is always needed."""
         self.want_info(self._calibrated)
         super().open()
 
     def want_info(self, wanted: bool) -> None:
-        """Subscribe to the calibration, or no longer, unless it is always wanted."""
+        """Subscribe to the calibration, or no longer, unless it is always needed."""
         self._follow_info(wanted or self._calibrated)
 
     def _follow_info(self, wanted: bool) -> None:
@@ -144,8 +144,8 @@ class ImageInput(Input):
     def _take(self, message: Image | CompressedImage) -> None:
         """Feed an image; the next large one is read when there is time for it.
 
-        What has to be left out is then left out where it is published, before it is sent. Small
-        ones are read all the same: the sockets would keep many of them, and so grow them old.
+        So images are dropped by their publisher, before they are sent. Small ones are always read:
+        the sockets would hold many of them, which would grow old.
         """
         if self._awaits_info:
             self._got_info.wait(_INFO_WAIT_S)

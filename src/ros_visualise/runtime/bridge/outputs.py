@@ -1,7 +1,4 @@
-"""What the topics of this process publish on the graph.
-
-Nothing is converted, encoded or sent that nobody has subscribed to.
-"""
+"""Outputs of a process: messages to the graph, made only for topics with subscribers."""
 
 from __future__ import annotations
 
@@ -17,10 +14,10 @@ from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, T
 from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
-from ros_visualise.runtime.bridge.namesakes import advertise, image_names
+from ros_visualise.runtime.bridge.aliases import advertise, image_names
 from ros_visualise.runtime.middleware import Publisher, Transport
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.refusals import Refusals
+from ros_visualise.runtime.rejections import RejectedMessages
 from ros_visualise.vision.compression import compress
 
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
@@ -31,21 +28,21 @@ class Output:
 
     Args:
         publisher: of the topic.
-        latched: whoever subscribes gets the last message at once; an attribute, too.
-        in_haste: whether a source of this process plays as fast as it goes, without loss: then a
-            message waits until there is room for it.
+        latched: late subscribers get the last message; an attribute, too.
+        unthrottled: returns True while the source of this process plays as fast as possible,
+            without loss: then a message waits until there is room for it.
     """
 
     def __init__(
         self,
         publisher: Publisher,
         latched: bool = False,
-        in_haste: Callable[[], bool] = lambda: False,
+        unthrottled: Callable[[], bool] = lambda: False,
     ) -> None:
         self._publisher = publisher
         self.latched = latched
-        self._in_haste = in_haste
-        self._refusals = Refusals()
+        self._unthrottled = unthrottled
+        self._rejected = RejectedMessages()
 
     @property
     def name(self) -> str:
@@ -54,66 +51,66 @@ class Output:
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
-        """All its publishers, of the topics beside it too."""
+        """All its publishers, also of topics beside it."""
         return (self._publisher,)
 
     @property
     def connections(self) -> int:
-        """How many subscribers there are."""
+        """Number of subscribers."""
         return self._publisher.connections
 
     @property
     def awaited(self) -> bool:
-        """Whether anybody has a use for the next message."""
+        """True if the next message has a use."""
         return self.latched or self.connections > 0
 
     @property
     def dropped(self) -> int:
-        """Messages that subscribers had no time for, or that the transport cannot hold."""
-        return self._publisher.dropped + self._refusals.count
+        """Messages dropped for slow subscribers, or that the transport cannot hold."""
+        return self._publisher.dropped + self._rejected.count
 
     @property
     def refused(self) -> int:
         """Messages that the transport cannot hold."""
-        return self._refusals.count
+        return self._rejected.count
 
     def put(self, packet: Packet) -> None:
         """Publish a message."""
         if packet.message is None or not self.awaited:
             return
-        if self._in_haste():
+        if self._unthrottled():
             self.wait_for_room(_PATIENCE_S)
         self._send(self._publisher, packet.message)
 
     def _send(self, publisher: Publisher, message: Any) -> bool:
-        """Publish a message, unless the transport cannot hold it; whether it could."""
+        """Publish a message; False if the transport cannot hold it."""
         try:
             publisher.publish(message)
         except DamagedMessage as error:
-            self._refusals.add(publisher.name, error)
+            self._rejected.add(publisher.name, error)
             return False
         return True
 
     def close(self) -> None:
-        """Nothing more comes; what was latched stays."""
+        """Nothing more comes; a latched message stays."""
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until the last message is on its way to everybody who reads on."""
+        """Wait until the last message is sent to all subscribers that read on."""
         self._publisher.flush(timeout_s)
 
     def wait_for_room(self, timeout_s: float) -> None:
-        """Wait until a subscriber, if there are any, could be sent another message."""
+        """Wait until a subscriber, if any, can take another message."""
         self._publisher.wait_for_room(timeout_s)
 
     def leave(self) -> None:
-        """Leave the graph's topic."""
+        """Close the topic."""
         self._publisher.close()
 
 
 class StaticFrames:
-    """The static transforms of a process: with each message all of them go out.
+    """The static transforms of all nodes of a process, which are published together.
 
-    A latched topic holds its last message alone, whichever of the process's nodes it is from.
+    A latched topic holds only its last message.
     """
 
     def __init__(self) -> None:
@@ -121,7 +118,7 @@ class StaticFrames:
         self._lock = threading.Lock()
 
     def publish(self, added: Transforms, publish: Callable[[Transforms], bool]) -> bool:
-        """Publish those that are there and those that are added, which stay if they could be."""
+        """Publish the known transforms and the added ones, which are kept if that succeeds."""
         with self._lock:
             known = self._known | {one.child_frame_id: one for one in added.transforms}
             is_sent = publish(Transforms(tuple(known.values())))
@@ -131,7 +128,7 @@ class StaticFrames:
 
 
 class StaticTransformsOutput(Output):
-    """Publishes what one node tells of ``tf_static``."""
+    """Publishes the static transforms of one node."""
 
     def __init__(self, publisher: Publisher, frames: StaticFrames) -> None:
         super().__init__(publisher, latched=True)
@@ -141,7 +138,7 @@ class StaticTransformsOutput(Output):
         try:
             found = content(message)
         except DamagedMessage as error:
-            self._refusals.add(publisher.name, error)
+            self._rejected.add(publisher.name, error)
             return False
         return self._frames.publish(found, partial(super()._send, publisher))
 
@@ -150,11 +147,11 @@ class ImageOutput(Output):
     """Publishes images with their calibration, and JPEG or PNG of them.
 
     Args:
-        transport: what they are published on.
-        name: the topic as the node calls it.
+        transport: of the graph.
+        name: of the topic, in the node's words.
         resolved: its name on the graph.
-        is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
-        in_haste: as of `Output`; a camera then waits until an image is on its way to all.
+        is_camera: publish an empty calibration with uncalibrated images, as drivers do.
+        unthrottled: as of `Output`; a camera then waits until an image is sent to all.
         jpeg_quality: in percent.
     """
 
@@ -164,13 +161,13 @@ class ImageOutput(Output):
         name: str,
         resolved: str,
         is_camera: bool,
-        in_haste: Callable[[], bool],
+        unthrottled: Callable[[], bool],
         jpeg_quality: int,
     ) -> None:
         self._jpeg_quality = jpeg_quality
         names = [name, *image_names(resolved)[1:]]
         images = advertise(transport, names, TopicType(type_name(Image)))
-        super().__init__(images, in_haste=in_haste)
+        super().__init__(images, unthrottled=unthrottled)
         self._info = transport.advertise(info_topic(resolved), CAMERA_INFO)
         compressed = [f"{one}/compressed" for one in image_names(resolved)]
         self._compressed = advertise(transport, compressed, TopicType(type_name(CompressedImage)))
@@ -180,17 +177,17 @@ class ImageOutput(Output):
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
-        """Those of the images, of their calibration, and of compressed images."""
+        """The publishers of images, calibration, and compressed images."""
         return (self._publisher, self._info, self._compressed)
 
     @property
     def wants_info(self) -> bool:
-        """Whether anybody wants the calibration."""
+        """True if the calibration has subscribers."""
         return bool(self._info.connections)
 
     @property
     def awaited(self) -> bool:
-        """Whether anybody wants the image, its calibration, or a JPEG of it."""
+        """True if the image, its calibration or a JPEG of it has subscribers."""
         return super().awaited or self.wants_info or self._compressed.connections > 0
 
     def put(self, packet: Packet) -> None:
@@ -200,11 +197,11 @@ class ImageOutput(Output):
         try:
             image = content(packet.message)
         except DamagedMessage as error:
-            self._refusals.add(self.name, error)
+            self._rejected.add(self.name, error)
             return
         if self.wants_info:
             self._publish_info(image)
-        if self._in_haste():
+        if self._unthrottled():
             self._send_all(image)
             return
         if self.connections:
@@ -213,14 +210,14 @@ class ImageOutput(Output):
             self._to_compress.put(packet._replace(message=image))
 
     def leave(self) -> None:
-        """Leave the graph's topics."""
+        """Close the topics."""
         self._to_compress.close(discard=True)
         super().leave()
         self._info.close()
         self._compressed.close()
 
     def _send_all(self, image: Image) -> None:
-        """Send an image to everybody before the next one is taken, so that none is dropped."""
+        """Send an image to all subscribers before the next one is taken: none is dropped."""
         there = [one for one in (self._publisher, self._compressed) if one.connections]
         for publisher in () if self._is_camera else there:
             publisher.wait_for_room(_PATIENCE_S)
@@ -246,6 +243,6 @@ class ImageOutput(Output):
         try:
             compressed = compress(image, self._jpeg_quality)
         except (ValueError, RosVisualiseError) as error:
-            self._refusals.add(self._compressed.name, error)
+            self._rejected.add(self._compressed.name, error)
         else:
             self._send(self._compressed, compressed)

@@ -1,4 +1,4 @@
-"""A graph of nodes in this process, joined to the topics around it."""
+"""A graph of nodes in this process, connected to the topics of a transport's graph."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from ros_visualise.graph import Graph, M, Member
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.bridge.calibrating import offer_calibration
-from ros_visualise.runtime.bridge.diagnostics import Diagnostics, NodeStatus
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
 from ros_visualise.runtime.bridge.outputs import (
     ImageOutput,
@@ -26,11 +24,12 @@ from ros_visualise.runtime.bridge.outputs import (
     StaticFrames,
     StaticTransformsOutput,
 )
-from ros_visualise.runtime.bridge.services import offer_actions
+from ros_visualise.runtime.bridge.services import offer_actions, offer_calibration
+from ros_visualise.runtime.diagnostics import DiagnosticsPublisher
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Transport
 from ros_visualise.runtime.playing import PlaybackFollower
-from ros_visualise.runtime.report import ENDED, RATES, NodeReport
+from ros_visualise.runtime.report import NodeReport
 from ros_visualise.sources.playback import Playback
 from ros_visualise.vision.compression import JPEG_QUALITY
 
@@ -39,23 +38,22 @@ log = logging.getLogger(__name__)
 _DIAGNOSTICS_S = 1.0
 _FLUSH_S = 0.5
 _PATIENCE_S = 1.0
-_STALL_S = 0.1  # for so long all subscribers together may hold up a node
+_STALL_S = 0.1  # for all subscribers together may block a node for so long
 
 
 class Process:
-    """Runs a graph and joins it to a transport: topics, parameters, services, diagnostics.
+    """Runs a graph and connects it to a transport: topics, parameters, services, diagnostics.
 
-    Between its nodes messages pass by reference; outside a topic costs nothing until somebody
-    subscribes. While it is not active, nothing is taken from the graph, published there, or given
-    by its source.
+    Messages pass between its nodes by reference, and are published only on topics with subscribers.
+    While it is inactive, it takes no messages, publishes none, and its source is suspended.
 
     Args:
-        transport: what the graph is joined to.
+        transport: of the graph around it.
         graph: what to run; its topics are relative to the namespace and may be remapped.
-        playback: how its source is played; None where it has no source.
-        namespaces: node name -> where its parameters are below this node's private namespace.
-        compressed: whether images come compressed.
-        jpeg_quality: of those that are published compressed, in percent.
+        playback: how its source is played; None without a source.
+        namespaces: node name -> namespace of its parameters below this node's private one.
+        compressed: subscribe to compressed images.
+        jpeg_quality: of published compressed images, percent.
 
     Raises:
         OpenError: the source cannot be opened.
@@ -87,17 +85,17 @@ class Process:
             playback.suspend(True)
             parameters = self.runtime.parameters[self._graph.source.name]
             self._player = PlaybackFollower(playback, parameters)
-        self._diagnostics = Diagnostics(transport)
+        self._diagnostics = DiagnosticsPublisher(transport)
         self._diagnosed_s = time.monotonic()
         self._compressed = compressed
         self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
         self._offered: list[Handle] = []
 
     def start(self, active: bool = True) -> None:
-        """Run; whoever finds its parameters finds it at work.
+        """Run; it is at work before its parameters can be found.
 
         Args:
-            active: take and publish messages at once; else from `activate` on.
+            active: take and publish messages at once, not only after `activate`.
         """
         if active:
             self.activate()
@@ -120,7 +118,7 @@ class Process:
         self._suspend(False)
 
     def deactivate(self) -> None:
-        """Take and publish none until the next `activate`; what the nodes know stays."""
+        """Take and publish none until the next `activate`; the nodes keep their state."""
         self._suspend(True)
         self._is_active = False
         for one in self._inputs:
@@ -133,7 +131,7 @@ class Process:
             self.runtime.playback.suspend(suspended)
 
     def follow(self) -> None:
-        """Do what has to be done now and then: some ten times a second."""
+        """Do periodic work; to be called some ten times a second."""
         if self._player is not None:
             self._player.follow()
         self._notice_end()
@@ -141,31 +139,31 @@ class Process:
             self._follow_calibrations()
         if time.monotonic() - self._diagnosed_s >= _DIAGNOSTICS_S:
             self._diagnosed_s = time.monotonic()
-            self._diagnostics.publish(self._statuses())
+            self._diagnostics.publish(self._reports())
 
     def _follow_calibrations(self) -> None:
-        """Take calibrations while somebody wants them of the images that are made here."""
+        """Subscribe to calibrations while those of images made here have subscribers."""
         outputs = [one for one in self._outputs.values() if isinstance(one, ImageOutput)]
         for one in self._inputs:
             if isinstance(one, ImageInput):
                 one.want_info(any(output.wants_info for output in outputs))
 
     def unconnected(self) -> list[str]:
-        """Topics of this process with more subscribers on the graph than have connected.
+        """Topics of this process whose subscribers on the graph have not all connected.
 
-        Only where a source plays as fast as possible: it could be over before they do.
+        Empty unless the source is unthrottled: it could end before they connect.
         """
-        if not self._is_in_haste():
+        if not self._is_unthrottled():
             return []
         there = {topic: len(set(nodes)) for topic, nodes in self._transport.listing().subscribers}
         publishers = [one for output in self._outputs.values() for one in output.publishers]
         return [one.name for one in publishers if one.connections < there.get(one.name, 0)]
 
     def subscribers(self, name: str) -> int:
-        """How many there are of a topic of this process, called as a node calls it.
+        """Number of subscribers to a topic of this process, named in its node's words.
 
         Raises:
-            UsageError: there is no such topic.
+            UsageError: unknown topic.
         """
         for topic, output in self._outputs.items():
             if self._declared[topic] == _outside(name):
@@ -174,20 +172,20 @@ class Process:
 
     @property
     def parameters(self) -> dict[str, Parameters[Any]]:
-        """The live parameters of its nodes, by what launch files and ``params:=`` call those."""
+        """The live parameters of its nodes, by the names of launch files and ``params:=``."""
         own = self._transport.resolve("~").rpartition("/")[2]
         there = self.runtime.parameters.items()
         return {self._namespaces[name] or own: parameters for name, parameters in there}
 
     @property
     def failed(self) -> bool:
-        """Whether something was lost, by its nodes or on the way to the graph."""
+        """True if messages were lost, by its nodes or on the way to the graph."""
         runtime = self.runtime
         is_refused = any(output.refused for output in self._outputs.values())
         return runtime.failed or runtime.report().is_incomplete or is_refused
 
     def stop(self) -> None:
-        """End now, and offer nothing more; what was published last still goes out."""
+        """End now, and close all services; the last messages are still sent."""
         for one in (*self._offered, *self._inputs):
             one.close()
         self.runtime.stop()
@@ -195,7 +193,7 @@ class Process:
             output.flush(_FLUSH_S / len(self._outputs))
 
     def leave(self) -> None:
-        """Leave the topics as well, after `stop`, while this node of the graph goes on."""
+        """Close the topics too, after `stop`, while this node of the graph goes on."""
         for output in self._outputs.values():
             output.leave()
         self._diagnostics.close()
@@ -207,8 +205,10 @@ class Process:
         if self._is_as_recorded(name):
             output = self._as_recorded(name, topic.ros)
         elif topic.type is Image:
-            declared, haste, quality = self._declared[name], self._is_in_haste, self._jpeg_quality
-            output = ImageOutput(self._transport, declared, name, is_camera, haste, quality)
+            declared, quality = self._declared[name], self._jpeg_quality
+            output = ImageOutput(
+                self._transport, declared, name, is_camera, self._is_unthrottled, quality
+            )
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
             declared = self._declared[name]
@@ -217,7 +217,7 @@ class Process:
             output = (
                 StaticTransformsOutput(advertised, self._frames)
                 if is_static
-                else Output(advertised, made.qos.transient_local, self._is_in_haste)
+                else Output(advertised, made.qos.transient_local, self._is_unthrottled)
             )
         return output
 
@@ -227,15 +227,15 @@ class Process:
         publisher = self._transport.advertise(self._declared[name], replace(recorded, qos=qos))
         if adds_up:
             return StaticTransformsOutput(publisher, self._frames)
-        return Output(publisher, qos.transient_local, self._is_in_haste)
+        return Output(publisher, qos.transient_local, self._is_unthrottled)
 
     def _is_as_recorded(self, name: str) -> bool:
-        """Whether a topic is played under its own name; else it takes the place of a camera's."""
+        """True if a topic is played under its own name, and not as a camera's."""
         source = self._graph.source
         return source is not None and self._declared[name] in map(_outside, source.type.ros)
 
-    def _is_in_haste(self) -> bool:
-        """A source that plays as fast as it goes goes as fast as it is listened to."""
+    def _is_unthrottled(self) -> bool:
+        """True if the source plays as fast as possible: then it waits for subscribers."""
         playback = self.runtime.playback
         return playback is not None and playback.state.rate == 0
 
@@ -251,14 +251,14 @@ class Process:
         return Input(self._transport, declared, kind, feed)
 
     def _wait_for_room(self, name: str) -> None:
-        """Wait until the nodes have begun with the last image and could publish what they make."""
+        """Wait until the nodes have taken the last image and could publish their output."""
         self.runtime.wait_until_taken(name, _PATIENCE_S)
         end_s = time.monotonic() + _STALL_S
         for output in self._outputs.values():
             output.wait_for_room(end_s - time.monotonic())
 
     def _notice_end(self) -> None:
-        """Report that the source has come to its end, where it stays, each time that it does."""
+        """Log each time that the source reaches its end, and waits there."""
         playback, source = self.runtime.playback, self._graph.source
         if playback is None or source is None:
             return
@@ -268,53 +268,51 @@ class Process:
             what = "%s has ended; to play it again, set its parameter paused to false"
             log.info(what, source.name)
 
-    def _statuses(self) -> dict[str, NodeStatus]:
-        """What is told of every node, under its full name on the graph."""
-        report = self.runtime.report(_DIAGNOSTICS_S)
+    def _reports(self) -> dict[str, NodeReport]:
+        """The report of every node, by its full name on the graph."""
+        nodes = self.runtime.report(_DIAGNOSTICS_S).nodes
         own = self._transport.resolve("~")
-        statuses = {}
-        for node in self._graph.members:
-            outputs = {
-                topic: {
-                    **{rate: getattr(report.topics.get(topic), rate, None) for rate in RATES},
-                    "dropped": self._outputs[topic].dropped,
-                }
-                for topic in node.outputs.values()
-            }
-            name = f"{own}/{self._namespaces[node.name]}".rstrip("/")
-            found = self._with_lost(node, report.nodes[node.name])
-            if node is self._graph.source:
-                found = replace(found, own={**found.own, ENDED: self._is_at_end})
-            statuses[name] = NodeStatus(found, node.inputs, outputs)
-        return statuses
+        return {
+            f"{own}/{self._namespaces[node.name]}".rstrip("/"): self._report(node, nodes[node.name])
+            for node in self._graph.members
+        }
 
-    def _with_lost(self, node: Member, report: NodeReport) -> NodeReport:
-        """A node's part of the report, with what was lost on the way to it as well."""
+    def _report(self, node: Member, report: NodeReport) -> NodeReport:
+        """A node's report, with messages dropped on the way to it and to its subscribers."""
         opened = zip(self._graph.inputs, self._inputs, strict=False)  # they are opened last
         inputs = [one for name, one in opened if name in node.inputs.values()]
         skipped, refused = sum(one.dropped for one in inputs), sum(one.refused for one in inputs)
         dropped = Counter(report.dropped) + Counter(queue=skipped, damaged=refused)
-        received = report.received + skipped + refused
-        return replace(report, received=received, dropped=dict(dropped))
+        ended = {"ended": self._is_at_end} if node is self._graph.source else {}
+        return replace(
+            report,
+            received=report.received + skipped + refused,
+            dropped=dict(dropped),
+            own={**report.own, **ended},
+            outputs={
+                topic: replace(output, dropped=self._outputs[topic].dropped)
+                for topic, output in report.outputs.items()
+            },
+        )
 
 
 def _outside(topic: str) -> str:
-    """A topic's name for the transport: relative to the namespace, so that several robots fit.
+    """A topic's name for the transport: relative to the namespace, for several robots.
 
-    But ``/tf`` is the same for all: whatever their namespace, all robots have one tree of frames.
+    ``/tf`` is not: all robots share one tree of frames.
     """
     name = topic.removeprefix("/")
     return f"/{name}" if name in ("tf", "tf_static") else name
 
 
 def _with_others(topic: str, kind: type) -> str:
-    """Where a node's frames go: it cannot have them on ``/tf`` itself, which it listens to."""
+    """The topic for a node's frames: ``/tf`` itself, also if its own name for it is longer."""
     name = topic.rpartition("/")[2]
     return f"/{name}" if kind is Transforms and name in ("tf", "tf_static") else topic
 
 
 def _resolved(graph: Graph, transport: Transport) -> Graph:
-    """The graph on the names that its topics have around it."""
+    """The graph with the full names of its topics."""
 
     def resolve(topics: Mapping[str, str]) -> dict[str, str]:
         return {port: transport.resolve(_outside(name)) for port, name in topics.items()}

@@ -19,19 +19,19 @@ from ros_visualise.runtime.middleware import Transport
 log = logging.getLogger(__name__)
 
 _ANSWER_S = 2.0
-"""A node that takes longer to answer counts as gone."""
+"""Longest time that a node takes to answer."""
 _GONE_S = 2.0
 _ECHO_S = 0.25
 
 
 class RemoteParameters(Parameters[Any]):
-    """A node's parameters, whoever changes them.
+    """The live parameters of a remote node, also as others change them.
 
-    ``current`` has no fields until the node has told of its parameters (see `wait`). When the node
-    comes back after its end, so do they.
+    ``current`` has no fields until the node has reported its parameters (see `wait`). When the node
+    returns after its end, so do they.
 
     Args:
-        transport: what the node is reached by.
+        transport: of the graph.
         node: the name under which it has them, such as ``/edge_detector``.
 
     Attributes:
@@ -47,41 +47,41 @@ class RemoteParameters(Parameters[Any]):
         self._count = 0
         self._recent: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=64)
         self._seen_s = time.monotonic()
-        self._is_missed = False
+        self._is_lost = False
         self._calls = threading.Lock()
         self._calling: threading.Thread | None = None
-        self._refused: set[str] = set()
+        self._warned: set[str] = set()
         self._client = transport.follow_parameters(node, self)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until the node has told of its parameters; whether it has."""
+        """Wait until the node has reported its parameters; False if it has not in time."""
         return self._ready.wait(timeout_s)
 
     @property
     def is_there(self) -> bool:
-        """Whether the node is connected."""
+        """True if the node is connected."""
         return self._client.connected
 
     def follow(self) -> None:
-        """Say, once, that the node has gone or is back; to be called while the graph is there.
+        """Log once that the connection is lost or back; to be called while the graph is there.
 
-        Where all nodes end together this one does too, before it has missed another.
+        If all nodes end together, this one ends too, before it misses another.
         """
         is_there = self.is_there
         if is_there or not self._ready.is_set():
             self._seen_s = time.monotonic()
-        if is_there and self._is_missed:
-            log.info("%s is back", self._name)
-            self._is_missed = False
-        elif not self._is_missed and time.monotonic() - self._seen_s > _GONE_S:
-            log.warning("%s is gone; its parameters come back with it", self._name)
-            self._is_missed = True
+        if is_there and self._is_lost:
+            log.info("%s: connected again", self._name)
+            self._is_lost = False
+        elif not self._is_lost and time.monotonic() - self._seen_s > _GONE_S:
+            log.warning("%s: connection lost; will reconnect", self._name)
+            self._is_lost = True
 
     def update(self, changes: Mapping[str, Any]) -> Any:
-        """Have the node apply all changes or none; returns what then holds.
+        """Have the node apply all changes or none; returns its parameters after that.
 
         Raises:
-            ParameterError: as `ros_visualise.core.params.update`, or the node itself refuses.
+            ParameterError: as `ros_visualise.core.params.update`, or the node rejects them.
             OpenError: the node does not answer.
         """
         if not self.wait(_ANSWER_S):
@@ -98,7 +98,7 @@ class RemoteParameters(Parameters[Any]):
         return self.current
 
     def declared(self, params: type, node: NodeType | SourceType | None) -> None:
-        """The node has these parameters; see `ros_visualise.runtime.middleware`."""
+        """The node has these parameters; see `ros_visualise.runtime.transport`."""
         with self._lock:
             self.node = node
             self.current = params()
@@ -118,7 +118,7 @@ class RemoteParameters(Parameters[Any]):
         self._client.close()
 
     def _set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Ask the node to set values; its answer, or an error in bounded time."""
+        """Have the node set values; returns its answer, or fails in bounded time."""
         answers: list[Mapping[str, Any] | ParameterError] = []
         if self._calls.acquire(timeout=_ANSWER_S):
             try:
@@ -137,7 +137,7 @@ class RemoteParameters(Parameters[Any]):
     def _ask_aside(
         self, values: Mapping[str, Any], answers: list[Mapping[str, Any] | ParameterError]
     ) -> None:
-        """Ask on a thread that is left behind when no answer comes."""
+        """Call on a thread that is abandoned if no answer comes."""
         if self._calling is None or not self._calling.is_alive():
             self._calling = supervision.start(self._name, partial(self._ask, values, answers))
             self._calling.join(_ANSWER_S)
@@ -148,7 +148,7 @@ class RemoteParameters(Parameters[Any]):
         try:
             answers.append(self._client.set(values))
         except ParameterError as error:
-            answers.append(ParameterError(f"{self._name} refuses: {error}"))
+            answers.append(ParameterError(f"{self._name} rejects it: {error}"))
         except Unreachable as error:
             log.debug("%s: %s", self._name, error)
 
@@ -156,17 +156,17 @@ class RemoteParameters(Parameters[Any]):
         return any(number > asked and values == answer for number, values in self._recent)
 
     def _apply(self, values: Mapping[str, Any]) -> None:
-        """Take over what the node has, but for what contradicts its own description."""
+        """Take over the node's values, except for those outside their declared range."""
         fitting = {}
         for spec in specs(self.current):
             if spec.name in values:
                 try:
                     fitting[spec.name] = spec.coerce(values[spec.name])
                 except ParameterError as error:
-                    self._say_refused(spec.name, error)
+                    self._warn_of(spec.name, error)
         self.take(fitting)
 
-    def _say_refused(self, name: str, error: ParameterError) -> None:
-        if name not in self._refused:
-            self._refused.add(name)
-            log.warning("%s has a value outside of what it declares: %s", self._name, error)
+    def _warn_of(self, name: str, error: ParameterError) -> None:
+        if name not in self._warned:
+            self._warned.add(name)
+            log.warning("%s: value outside its declared range: %s", self._name, error)

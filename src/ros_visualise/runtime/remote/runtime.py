@@ -1,4 +1,4 @@
-"""The runtime of nodes in other processes: what a graph has, to look at and to tune."""
+"""The runtime of remote nodes: a graph to look at and to tune."""
 
 from __future__ import annotations
 
@@ -20,39 +20,43 @@ from ros_visualise.graph import Graph, TopicSpec
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
-from ros_visualise.runtime.entrance import Numbering
+from ros_visualise.runtime.diagnostics import DiagnosticsReader
+from ros_visualise.runtime.ingress import Numbering
 from ros_visualise.runtime.memory import tend_memory
 from ros_visualise.runtime.middleware import Publisher, Transport
 from ros_visualise.runtime.queues import Inbox
-from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
-from ros_visualise.runtime.remote.discovery import Sight, survey
-from ros_visualise.runtime.remote.figures import Figures
+from ros_visualise.runtime.recording import RecorderThread, Recordings
+from ros_visualise.runtime.remote.graph_snapshot import (
+    GraphSnapshot,
+    RemoteNode,
+    snapshot,
+    to_graph,
+)
 from ros_visualise.runtime.remote.parameters import RemoteParameters
-from ros_visualise.runtime.remote.places import Place, places, to_graph
-from ros_visualise.runtime.remote.relay import Arrivals, Relay
-from ros_visualise.runtime.report import RunReport, TopicReport
-from ros_visualise.runtime.topics import Subscription
+from ros_visualise.runtime.remote.relay import Relay, arrival_listener, steady_time
+from ros_visualise.runtime.report import OutputReport, RunReport, TopicReport
+from ros_visualise.runtime.topics import Listener, TopicSubscription
 from ros_visualise.sinks.parts import Split
 
 log = logging.getLogger(__name__)
 
 _LOOK_S = 0.5
 _PATIENCE_S = 1.0
-"""For so long a new node is waited for to tell of its parameters, before it is shown without."""
+"""Longest time that a new node may take to report its parameters; then it is shown without."""
 _CLOSE_S = 1.0
 _REMEMBERED = 50
-"""So many nodes that have gone are followed, as they may come back."""
+"""Number of ended nodes that are still followed, as they may return."""
 
 
 class RemoteRuntime:
-    """Looks at nodes elsewhere on the graph; see `ros_visualise.runtime.base.Runtime`.
+    """Shows remote nodes of a graph; see `ros_visualise.runtime.base.Runtime`.
 
     ``graph`` is another object as soon as nodes or topics have come or gone; ``parameters`` keeps
-    the last of those that have gone.
+    the last ones of ended nodes.
 
     Args:
-        transport: what they are reached by.
-        compressed: whether images come compressed, where somebody publishes them so.
+        transport: of the graph.
+        compressed: subscribe to compressed images, if they are published.
     """
 
     playback = None
@@ -64,15 +68,15 @@ class RemoteRuntime:
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
-        self._sight = Sight((), {}, {}, frozenset())
-        self._figures = Figures(transport)
+        self._snapshot = GraphSnapshot()
+        self._reports = DiagnosticsReader(transport)
         self._key: object = None
         self._seen_s: dict[str, float] = {}
         self._numbering = Numbering()
         self._relays: dict[str, Relay] = {}
-        self._recordings: dict[RecorderThread, Arrivals] = {}
+        self._recordings = Recordings(self._connect, self._disconnect)
+        self._listeners: dict[RecorderThread, dict[str, Listener]] = {}
         self._publishers: dict[str, Publisher] = {}
-        self._recording = threading.Lock()
         self._lock = threading.Lock()
         self._closed = threading.Event()
         tend_memory()
@@ -80,19 +84,19 @@ class RemoteRuntime:
         self._thread = supervision.start("discovery", self._follow, again_s=_LOOK_S)
 
     @property
-    def told(self) -> Mapping[str, type]:
-        """The topics on which nodes log, and tell how they are."""
-        return self._sight.told
+    def diagnostic_topics(self) -> Mapping[str, type]:
+        """Topics of logs and diagnostics, with their types."""
+        return self._snapshot.diagnostics
 
-    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
-        """Look at a topic, beginning with its last message if it was looked at before."""
+    def subscribe(self, topic: str, depth: int = 1) -> TopicSubscription:
+        """Look at a topic, beginning with its last message if it was subscribed before."""
         inbox = Inbox(lossless=False, keep=depth)
         relay = self._relay(topic)
         relay.connect(inbox, self._comes_compressed(topic), latched=True)
-        return Subscription(topic, inbox, partial(relay.disconnect, inbox))
+        return TopicSubscription(topic, inbox, partial(relay.disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
-        """Publish to whoever listens on the graph."""
+        """Publish on a topic of the graph."""
         if topic not in self._publishers:
             kind = TopicType(type_name(type(message)))
             self._publishers[topic] = self._transport.advertise(topic, kind)
@@ -102,19 +106,18 @@ class RemoteRuntime:
         """Run an action of a node, by its service.
 
         Raises:
-            RosVisualiseError: it cannot be asked, or did not do it.
+            RosVisualiseError: it does not answer, or reports a failure.
         """
         self._transport.call(f"/{node}/{action}")
 
     def report(self, window_s: float | None = None) -> RunReport:
-        """The run report: our nodes' own figures, and the rates of what is received here."""
+        """The run report: figures of our own nodes, and rates of received topics."""
         graph = self.graph
-        nodes = {node.name: self._figures.node(f"/{node.name}") for node in graph.nodes}
+        nodes = {node.name: self._reports.report(f"/{node.name}") for node in graph.nodes}
         topics = {
             name: self._topic_report(name, topic, window_s) for name, topic in graph.topics.items()
         }
-        recordings = report_recordings(tuple(self._recordings))
-        return RunReport(topics, nodes, recordings, self._sight.unknown)
+        return RunReport(topics, nodes, self._recordings.report(), self._snapshot.unknown)
 
     def start_recording(
         self,
@@ -123,111 +126,90 @@ class RemoteRuntime:
         topics: Collection[str] = (),
         split: Split | None = None,
     ) -> RecorderThread:
-        """Record the topics that there are now, in the order and at the times of arrival.
-
-        Raises:
-            OpenError: it exists or cannot be written.
-            UsageError: it names a topic that there is not, or no known kind of file; or this has
-                been closed.
-        """
-        with self._recording:
-            if self._closed.is_set():
-                raise UsageError(f"{path}: the viewer is ending, so there is nothing to record")
-            recording = record(
-                self.graph,
-                self.parameters,
-                path,
-                topics,
-                overwrite,
-                lossless=False,
-                by_arrival=True,
-                split=split,
-            )
-            clock, dropped = self._transport.clock(), self._dropped
-            arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
-        try:
-            self._connect(recording, arrivals)
-        except BaseException:
-            self.stop_recording(recording)
-            recording.discard()
-            del self._recordings[recording]
-            raise
-        return recording
-
-    def _connect(self, recording: RecorderThread, arrivals: Arrivals) -> None:
-        """Subscribe to what is recorded; a topic that cannot be is said, and others are recorded.
-
-        Raises:
-            UsageError: none of them can be.
-        """
-        failed: list[str] = []
-        for topic, inbox in arrivals.inboxes.items():
-            try:
-                self._relay(topic).connect(inbox, self._comes_compressed(topic))
-            except RosVisualiseError as error:
-                failed.append(f"{topic}: {error}")
-                log.warning("%s: %s is not recorded: %s", recording.path, topic, error)
-        if failed and len(failed) == len(arrivals.inboxes):
-            raise UsageError(f"{recording.path}: nothing to record: {'; '.join(failed)}")
+        """Record the present topics, in the order and under the times of arrival."""
+        now_ns = steady_time(self._transport.clock())
+        return self._recordings.start(
+            self.graph, self.parameters, path, overwrite, topics, split, now_ns=now_ns
+        )
 
     def stop_recording(self, recording: RecorderThread) -> None:
         """End and close a recording; more than once does no harm."""
-        for topic, inbox in self._recordings[recording].inboxes.items():
-            self._relay(topic).disconnect(inbox)
-        recording.close()
+        self._recordings.stop(recording)
+
+    def _connect(self, recording: RecorderThread) -> None:
+        """Subscribe to what is recorded; a topic that fails is skipped with a warning.
+
+        Raises:
+            UsageError: all of them fail.
+        """
+        listeners = self._listeners[recording] = {}
+        failed: list[str] = []
+        for topic in recording.topics:
+            relay = self._relay(topic)
+            listener = arrival_listener(recording, topic, relay)
+            try:
+                relay.connect(listener, self._comes_compressed(topic))
+                listeners[topic] = listener
+            except RosVisualiseError as error:
+                failed.append(f"{topic}: {error}")
+                log.warning("%s: %s is not recorded: %s", recording.path, topic, error)
+        if failed and not listeners:
+            raise UsageError(f"{recording.path}: nothing to record: {'; '.join(failed)}")
+
+    def _disconnect(self, recording: RecorderThread) -> None:
+        for topic, listener in self._listeners.pop(recording, {}).items():
+            self._relay(topic).disconnect(listener)
 
     def close(self) -> None:
-        """Look no longer; all recordings are closed."""
-        with self._recording:
-            self._closed.set()
-        for recording in tuple(self._recordings):
-            self.stop_recording(recording)
+        """Close all recordings and subscriptions."""
+        self._closed.set()
+        self._recordings.end()
         self._thread.join(_CLOSE_S)
         for relay in tuple(self._relays.values()):
             relay.close()
         for parameters in tuple(self._met.values()):
             if isinstance(parameters, RemoteParameters):
                 parameters.close()
-        self._figures.close()
+        self._reports.close()
 
     def _follow(self) -> None:
         while not self._closed.wait(_LOOK_S):
             self._look()
 
     def _look(self) -> None:
-        """See who is there; the graph changes only if something about it has."""
+        """Take a snapshot; ``graph`` is replaced only if something has changed."""
         try:
-            self._sight = survey(self._transport.listing(), self.name)
+            self._snapshot = snapshot(self._transport.listing(), self.name)
         except Unreachable as error:
-            log.debug("the graph cannot be looked at: %s", error)
+            log.debug("cannot list the graph: %s", error)
             return
-        found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
+        found = [node for one in self._snapshot.nodes for node in one.split(self._reports)]
         self._meet(found)
-        self._forget_gone({place.name for place in found})
-        shown = [place for place in found if self._is_settled(place)]
-        types = self._sight.types
-        key = [(place, type(self._met[place.name].current)) for place in shown], types
+        self._forget_gone({node.name for node in found})
+        shown = [node for node in found if self._is_settled(node)]
+        types = self._snapshot.types
+        key = [(node, type(self._met[node.name].current)) for node in shown], types
         if key != self._key:
-            self.parameters |= {place.name: self._met[place.name] for place in shown}
+            self.parameters |= {node.name: self._met[node.name] for node in shown}
             self._key, self.graph = key, to_graph(shown, self.parameters, types)
         for parameters in self._met.values():
             if isinstance(parameters, RemoteParameters):
                 parameters.follow()
 
-    def _meet(self, found: Iterable[Place]) -> None:
-        """Get to know the parameters of whoever is new."""
-        for place in found:
-            known = self._met.get(place.name)
-            if place.has_parameters and not isinstance(known, RemoteParameters):
-                remote = RemoteParameters(self._transport, place.path)
-                remote.on_change(partial(self._parameters_changed, place.name))
-                self._met[place.name] = remote
-                self._seen_s[place.name] = time.monotonic()
+    def _meet(self, found: Iterable[RemoteNode]) -> None:
+        """Follow the parameters of new nodes."""
+        for node in found:
+            known = self._met.get(node.name)
+            if node.parameters and not isinstance(known, RemoteParameters):
+                remote = RemoteParameters(self._transport, node.path)
+                remote.on_change(partial(self._parameters_changed, node.name))
+                self._met[node.name] = remote
+                self._seen_s[node.name] = time.monotonic()
             elif known is None:
-                self._met[place.name] = Parameters(NoParams())
+                self._met[node.name] = Parameters(NoParams())
 
     def _forget_gone(self, there: AbstractSet[str]) -> None:
-        """Follow no longer those that have gone, but for the last ones: each has a thread."""
+        """Stop following ended nodes, except for the last ones: each has a thread."""
         for name in there & self._met.keys():
             self._met[name] = self._met.pop(name)  # now the last
         gone = [name for name in self._met if name not in there]
@@ -238,35 +220,31 @@ class RemoteRuntime:
             if isinstance(forgotten, RemoteParameters):
                 forgotten.close()
 
-    def _is_settled(self, place: Place) -> bool:
-        parameters = self._met[place.name]
+    def _is_settled(self, node: RemoteNode) -> bool:
+        parameters = self._met[node.name]
         if not isinstance(parameters, RemoteParameters) or parameters.wait(0):
             return True
-        return time.monotonic() - self._seen_s[place.name] > _PATIENCE_S
+        return time.monotonic() - self._seen_s[node.name] > _PATIENCE_S
 
     def _topic_report(self, name: str, topic: TopicSpec, window_s: float | None) -> TopicReport:
-        """What is received here; where nobody looks, how often its publisher says to publish."""
+        """The report of a received topic; of others, with the rates that the publisher reports."""
         relay = self._relay(name)
         report = relay.report(topic.ros.name, window_s)
         if relay.is_open:
             return report
-        hz, wall_hz = self._figures.rates(f"/{topic.publisher}", name)
-        return replace(report, hz=hz, wall_hz=wall_hz)
+        said = self._reports.report(f"/{topic.publisher}").outputs.get(name, OutputReport())
+        return replace(report, hz=said.hz, wall_hz=said.wall_hz)
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
-        for recording in tuple(self._recordings):
-            recording.put_event(ParameterEvent(name, changed=changed))
-
-    def _dropped(self, topic: str) -> int:
-        return self._relay(topic).dropped
+        self._recordings.put_event(ParameterEvent(name, changed=changed))
 
     def _relay(self, topic: str) -> Relay:
         with self._lock:
             if topic not in self._relays:
-                types = {**self._sight.told, **self._sight.types}
+                types = {**self._snapshot.diagnostics, **self._snapshot.types}
                 kind = types.get(topic, Image)
                 self._relays[topic] = Relay(self._transport, topic, kind, self._numbering)
             return self._relays[topic]
 
     def _comes_compressed(self, topic: str) -> bool:
-        return self._compressed and topic in self._sight.compressed
+        return self._compressed and topic in self._snapshot.compressed

@@ -8,7 +8,7 @@ import socket
 
 import numpy as np
 
-from ros_visualise.runtime.bridge.buffers import Buffer
+from ros_visualise.runtime.memory import Buffer
 from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.lending import FILLED, LOAN, NUMBER
 from ros_visualise.runtime.ros1.wire import LENGTH, Parcel

@@ -10,8 +10,7 @@ import rospy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from ros_visualise.core import supervision
-from ros_visualise.core.rate import Clock, WallClock
-from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
+from ros_visualise.core.rate import Clock, SimulatedClock, WallClock
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.topics import Publisher
 

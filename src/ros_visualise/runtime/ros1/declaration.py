@@ -16,7 +16,12 @@ from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescr
 from ros_visualise.core.params import Spec, Value, specs
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.runtime.playing import offered
-from ros_visualise.runtime.remote.declaring import Told, declared, name_here, name_there
+from ros_visualise.runtime.remote.declaration import (
+    ParameterDescription,
+    declared,
+    name_here,
+    name_there,
+)
 from ros_visualise.runtime.ros1.description import Plain, describe
 
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
@@ -85,12 +90,12 @@ def _make(description: ConfigDescription) -> Declaration:
     return Declaration(declared(told), choices=choices)
 
 
-def _told(description: ConfigDescription) -> list[Told]:
+def _told(description: ConfigDescription) -> list[ParameterDescription]:
     low, high, default = (
         decode_config(c) for c in (description.min, description.max, description.dflt)
     )
     return [
-        Told(
+        ParameterDescription(
             told.name,
             _TYPES[told.type],
             default[told.name],

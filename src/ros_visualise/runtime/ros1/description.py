@@ -17,7 +17,7 @@ from dynamic_reconfigure.msg import (
 )
 
 from ros_visualise.core.params import Spec, Value
-from ros_visualise.runtime.bridge.given import spelled
+from ros_visualise.runtime.bridge.parameter_values import spelled
 
 Plain = bool | int | float | str
 

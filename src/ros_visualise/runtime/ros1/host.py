@@ -14,8 +14,8 @@ import rospy
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
-from ros_visualise.core.signals import DONE, Wish, interrupt, note
-from ros_visualise.runtime.bridge.logged import log_to
+from ros_visualise.core.printing import forward_log
+from ros_visualise.core.signals import DONE, StopRequest, interrupt, note
 from ros_visualise.runtime.middleware import Handle, Host, Managed
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import MASTER, translated
@@ -45,7 +45,7 @@ class Ros1Host(Host):
     flag = "{0}:={1} (of an executable: _{0}:={1})"
 
     def __init__(self) -> None:
-        self._wish = Wish()
+        self._stop_request = StopRequest()
 
     def begin(self, name: str) -> Ros1Transport:
         """Register as a node, with each master that there is, and log to rosout.
@@ -60,12 +60,12 @@ class Ros1Host(Host):
         try:
             with translated(MASTER):
                 rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
-            note(self._wish)
+            note(self._stop_request)
         except (KeyboardInterrupt, RosVisualiseError):
             if stop.asked:  # before it has begun
                 sys.exit(DONE)
             raise
-        log_to(_SAY)
+        forward_log(_SAY)
         ends = self.option("end_with_master", False)
         keep_registered(self._end_without_master if ends else _go_on_without_master)
         supervision.start("clock watch", partial(watch_clock, self.is_over), again_s=_LOOK_S)
@@ -77,7 +77,7 @@ class Ros1Host(Host):
 
     def is_over(self) -> bool:
         """True if this node has to end."""
-        return self._wish.asked or bool(rospy.is_shutdown())
+        return self._stop_request.asked or bool(rospy.is_shutdown())
 
     def arguments(self) -> list[str]:
         """The command line without remappings and private parameters."""
@@ -108,7 +108,7 @@ class Ros1Host(Host):
 
     def _end_without_master(self) -> None:
         _log.warning("lost the ROS master; shutting down")
-        self._wish.asked = True
+        self._stop_request.asked = True
 
 
 def _return_to_where_it_was_typed() -> None:

@@ -18,7 +18,7 @@ import struct
 
 import numpy as np
 
-from ros_visualise.runtime.bridge.buffers import MOST_HELD, SPARE, Buffer, is_held
+from ros_visualise.runtime.memory import MOST_HELD, SPARE, Buffer, is_held
 from ros_visualise.runtime.ros1 import same_host
 
 LARGE = 4 * 2**20

@@ -14,7 +14,7 @@ from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, Reconfigure
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, specs
-from ros_visualise.runtime.bridge.given import given_values
+from ros_visualise.runtime.bridge.parameter_values import given_values
 from ros_visualise.runtime.ros1.description import describe, from_config, plain, to_config
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.registration import set_param

@@ -8,7 +8,7 @@ import rospy
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.ros1.errors import translated
 
 

@@ -10,7 +10,7 @@ from sensor_msgs.srv import SetCameraInfo, SetCameraInfoResponse
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages import from_message
-from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.bridge.services import answer
 
 
 class SetCameraInfoService:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 
-from ros_visualise.runtime.bridge.buffers import Buffer, BufferPool
+from ros_visualise.runtime.memory import Buffer, BufferPool
 from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.lending import FILLED, NUMBER, Lender
 from ros_visualise.runtime.ros1.wire import LENGTH

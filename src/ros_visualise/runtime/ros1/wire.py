@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import genpy
 import numpy as np
 
-from ros_visualise.runtime.bridge.buffers import Buffer
+from ros_visualise.runtime.memory import Buffer
 
 _AFTER_DATA = {
     "sensor_msgs/Image": 0,

@@ -11,8 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from ros_visualise.core.rate import Clock, WallClock
-from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
+from ros_visualise.core.rate import Clock, SimulatedClock, WallClock
 from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)

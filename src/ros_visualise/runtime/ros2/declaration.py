@@ -13,7 +13,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from ros_visualise.core.params import specs
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.runtime.playing import offered
-from ros_visualise.runtime.remote.declaring import Told, declared, name_here
+from ros_visualise.runtime.remote.declaration import ParameterDescription, declared, name_here
 from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain, step
 from ros_visualise.runtime.ros2.session import OF_ROS
 
@@ -100,10 +100,10 @@ def _fields(names: Iterable[str], prefix: str) -> dict[str, str]:
     return fields
 
 
-def _made(field: str, told: ParameterDescriptor, value: Any, prefix: str) -> Told:
+def _made(field: str, told: ParameterDescriptor, value: Any, prefix: str) -> ParameterDescription:
     low, high = limits(told)
     name = told.name.removeprefix(prefix)
-    return Told(
+    return ParameterDescription(
         field,
         KINDS.get(told.type, str),
         value,

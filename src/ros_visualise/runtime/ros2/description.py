@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Spec, Value
-from ros_visualise.runtime.bridge.given import read
+from ros_visualise.runtime.bridge.parameter_values import read
 
 _MIN_INT, _MAX_INT = -(2**63), 2**63 - 1
 _MAX_FLOAT = sys.float_info.max

@@ -12,9 +12,9 @@ from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from ros_visualise.core.signals import Wish, note
-from ros_visualise.runtime.bridge.given import given_values
-from ros_visualise.runtime.bridge.logged import log_to
+from ros_visualise.core.printing import forward_log
+from ros_visualise.core.signals import StopRequest, note
+from ros_visualise.runtime.bridge.parameter_values import given_values
 from ros_visualise.runtime.middleware import Handle, Host, Managed
 from ros_visualise.runtime.ros2.clock import watch_clock
 from ros_visualise.runtime.ros2.errors import translated
@@ -30,14 +30,14 @@ class Ros2Host(Host):
     flag = "{0}:={1} (of an executable: --ros-args -p {0}:={1})"
 
     def __init__(self) -> None:
-        self._wish = Wish()
+        self._stop_request = StopRequest()
         self._transport: Ros2Transport | None = None
 
     def begin(self, name: str) -> Ros2Transport:
         """Become a node."""
-        note(self._wish)  # who leaves while he joins would be seen for another ten seconds
+        note(self._stop_request)  # who leaves while he joins would be seen for another ten seconds
         session = Session(name, sys.argv)
-        log_to(_levels(session.node))
+        forward_log(_levels(session.node))
         session.start(partial(watch_clock, session.node, self.is_over), "clock watch")
         self._transport = Ros2Transport(session)
         return self._transport
@@ -49,7 +49,9 @@ class Ros2Host(Host):
 
     def is_over(self) -> bool:
         """True if this node has to end."""
-        return self._wish.asked or (self._transport is not None and self._transport.session.is_over)
+        return self._stop_request.asked or (
+            self._transport is not None and self._transport.session.is_over
+        )
 
     def arguments(self) -> list[str]:
         """The command line without what ROS takes from it."""

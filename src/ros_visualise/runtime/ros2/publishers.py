@@ -16,7 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from ros_visualise.core.errors import UsageError
 from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.bridge.buffers import Buffer
+from ros_visualise.runtime.memory import Buffer
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
 from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, overridden, profile

@@ -18,7 +18,7 @@ import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.runtime.bridge.buffers import Buffer, BufferPool
+from ros_visualise.runtime.memory import Buffer, BufferPool
 
 _OK = 0
 _NOTHING = 401

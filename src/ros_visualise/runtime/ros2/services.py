@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from ros_visualise.core.errors import RosVisualiseError, Unreachable
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages import from_message, type_name
-from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.ros2.types import DEFINITIONS
 
 _FIND_S = 2.0

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus
 from ros_visualise.data.logs import Log
 from ros_visualise.runtime.base import Runtime, Subscription
-from ros_visualise.runtime.report import figures_of
-from ros_visualise.runtime.statuses import Statuses
+from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.ui.look.logs import Lines
 
 _WAITING = 1000  # messages of a topic between two rounds
@@ -40,7 +39,7 @@ class Told:
         self._runtime, self._lines, self._clock = runtime, lines, clock
         self._heard: dict[str, _Heard] = {}
         self._subscriptions: dict[str, Subscription] = {}
-        self._own, self._own_s = Statuses(), float("-inf")
+        self._own, self._own_s = StatusMaker(), float("-inf")
         self._lock = threading.Lock()
 
     def take(self) -> None:
@@ -73,7 +72,7 @@ class Told:
         graph = self._runtime.graph.topics.items()
         kinds: Mapping[str, type] = {name: one.type for name, one in graph}
         return {name for name, kind in kinds.items() if kind is DiagnosticArray} | set(
-            self._runtime.told
+            self._runtime.diagnostic_topics
         )
 
     def _hear(self, message: Any) -> None:
@@ -94,7 +93,7 @@ class Told:
     def _statuses(self) -> list[DiagnosticStatus]:
         """Of the nodes of this process."""
         nodes = self._runtime.report(_PERIOD_S).nodes.items()
-        return [self._own.status(name, node, figures_of(node)) for name, node in nodes]
+        return [self._own.status(name, node, node.figures()) for name, node in nodes]
 
 
 def _as_values(heard: _Heard, now_s: float) -> dict[str, Any]:

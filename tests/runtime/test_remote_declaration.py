@@ -4,14 +4,19 @@ import pytest
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import specs, update
-from ros_visualise.runtime.remote.declaring import Told, declared, name_here, name_there
+from ros_visualise.runtime.remote.declaration import (
+    ParameterDescription,
+    declared,
+    name_here,
+    name_there,
+)
 
 TOLD = [
-    Told("gain", float, 0.5, "of the amplifier", 0.0, 2.0, group="audio"),
-    Told("lambda", int, 3),
-    Told("on", bool, True),
-    Told("mode", int, 7, choices={"slow": 7, "quick": 9}),
-    Told("level", int, 1, choices={"low": 2, "high": 3}),
+    ParameterDescription("gain", float, 0.5, "of the amplifier", 0.0, 2.0, group="audio"),
+    ParameterDescription("lambda", int, 3),
+    ParameterDescription("on", bool, True),
+    ParameterDescription("mode", int, 7, choices={"slow": 7, "quick": 9}),
+    ParameterDescription("level", int, 1, choices={"low": 2, "high": 3}),
 ]
 
 

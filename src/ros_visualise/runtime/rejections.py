@@ -1,4 +1,4 @@
-"""Messages that cannot go on: one is refused, the others pass."""
+"""Rejected messages: those that cannot go on are counted and logged; the others pass."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ log = logging.getLogger(__name__)
 _STAMPS_NS = 2**63
 
 
-class Refusals:
-    """Counts refused messages, and says each reason once for each topic.
+class RejectedMessages:
+    """Counts rejected messages, and logs each reason once for each topic.
 
-    Reasons are told apart by the place in the code where they come from: the numbers in their words
+    Reasons are identified by the place in the code that raised them, as the numbers in their texts
     would make each message a reason of its own.
 
     Args:
-        where: what cannot hold them; stands before their topic.
+        where: what cannot hold the messages; a prefix in the log.
 
     Attributes:
         count: all of them.
@@ -31,29 +31,29 @@ class Refusals:
 
     def __init__(self, where: str = "") -> None:
         self.count = 0
-        self._before = f"{where}: " if where else ""
-        self._said: set[tuple[object, ...]] = set()
+        self._prefix = f"{where}: " if where else ""
+        self._logged: set[tuple[object, ...]] = set()
 
     def add(self, topic: str, error: Exception) -> None:
         """Count a message."""
         self.count += 1
         reason = topic, *_origin(error)
-        if reason not in self._said:
-            self._said.add(reason)
-            what = "%s%s: message refused: %s (further occurrences suppressed)"
-            log.warning(what, self._before, topic, error)
+        if reason not in self._logged:
+            self._logged.add(reason)
+            what = "%s%s: message rejected: %s (further occurrences suppressed)"
+            log.warning(what, self._prefix, topic, error)
 
 
 def require_header(message: Any) -> None:
-    """See that a message has a header by which it can be handled.
+    """Check that a message has a valid header.
 
     Raises:
-        DamagedMessage: it has not.
+        DamagedMessage: it is missing or invalid.
     """
     kind = type(message).__name__
     try:
         header = message.header
-    except Exception as error:  # as of markers that are none
+    except Exception as error:  # as of invalid markers
         raise DamagedMessage(f"{kind} without a header: {error}") from error
     if not isinstance(header, Header) or not isinstance(header.frame_id, str):
         raise DamagedMessage(f"{kind}: {header!r} is not a valid header")
@@ -63,7 +63,7 @@ def require_header(message: Any) -> None:
 
 
 def _origin(error: BaseException) -> tuple[object, ...]:
-    """Where in the code an error first arose, and its kind there."""
+    """Type of the first cause of an error, and the line that raised it."""
     while error.__cause__ is not None:
         error = error.__cause__
     frames = traceback.extract_tb(error.__traceback__)

@@ -5,13 +5,13 @@ import tracemalloc
 
 import pytest
 
-from ros_visualise.runtime.stats import NodeStats, TopicStats
+from ros_visualise.runtime.counters import NodeCounter, TopicCounter
 
 MS = 1_000_000
 
 
 def test_rates_go_by_the_newest_stamps_however_many_came():
-    stats = TopicStats()
+    stats = TopicCounter()
     for number in range(20_000):
         stats.count(number * 10 * MS, 0)
     for number in range(5_000):
@@ -22,7 +22,7 @@ def test_rates_go_by_the_newest_stamps_however_many_came():
 
 
 def test_no_time_passes_between_two_epochs():
-    stats = TopicStats()
+    stats = TopicCounter()
     for epoch in range(3):
         for number in range(10):
             stats.count(epoch * 1000 * MS + number * 100 * MS, epoch)
@@ -30,7 +30,7 @@ def test_no_time_passes_between_two_epochs():
 
 
 def test_a_stamp_that_is_no_time_is_counted():
-    stats = TopicStats()
+    stats = TopicCounter()
     for stamp_ns in (0, 100 * MS, 2**70, -(2**70)):
         stats.count(stamp_ns, 0)
     assert stats.messages == 4
@@ -38,7 +38,7 @@ def test_a_stamp_that_is_no_time_is_counted():
 
 
 def test_counting_takes_no_more_memory_as_time_goes_by():
-    topic, node = TopicStats(), NodeStats()
+    topic, node = TopicCounter(), NodeCounter()
     now_ns = time.monotonic_ns()
     tracemalloc.start()
     try:

@@ -3,9 +3,9 @@
 import time
 
 from ros_visualise.data import Level
+from ros_visualise.runtime.counters import TopicCounter
+from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.runtime.report import NodeReport
-from ros_visualise.runtime.stats import TopicStats
-from ros_visualise.runtime.statuses import Statuses
 
 
 def lost(count):
@@ -26,7 +26,7 @@ def ask(statuses, count):
 
 def test_who_asks_first_is_not_told_of_what_was_lost_long_ago():
     clock = Clock()
-    statuses = Statuses(clock)
+    statuses = StatusMaker(clock)
     assert ask(statuses, 1000) == (Level.OK, "OK")
     clock.now_s += 1
     assert ask(statuses, 1003) == (Level.WARN, "dropped 3 messages in the last second")
@@ -36,7 +36,7 @@ def test_who_asks_first_is_not_told_of_what_was_lost_long_ago():
 
 def test_nor_is_who_asks_again_after_a_while():
     clock = Clock()
-    statuses = Statuses(clock)
+    statuses = StatusMaker(clock)
     ask(statuses, 0)
     clock.now_s += 60
     assert ask(statuses, 500) == (Level.OK, "OK")
@@ -47,7 +47,7 @@ def test_nor_is_who_asks_again_after_a_while():
 def test_a_topic_may_be_faster_than_the_times_that_are_kept(monkeypatch):
     now_ns = [10**9]
     monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
-    stats = TopicStats()
+    stats = TopicCounter()
     for number in range(20_000):
         now_ns[0] += 50_000  # 20 kHz
         stats.count(number * 50_000, 0)

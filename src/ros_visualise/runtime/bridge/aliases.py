@@ -1,4 +1,4 @@
-"""Images under the names that image_transport and rviz expect, beside their own."""
+"""Aliases of image topics: the names that image_transport and rviz expect, beside their own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ros_visualise.runtime.middleware import Publisher, Transport
 
 
 def image_names(topic: str) -> tuple[str, ...]:
-    """The names under which an image is published: the last of them is beside its calibration.
+    """The topics on which an image is published; the last is in the namespace of its calibration.
 
     image_transport and rviz's Camera display take the calibration from ``camera_info`` in the
     image's own namespace. That of ``/edges`` is ``/edges/camera_info``, as several images share the
@@ -25,11 +25,11 @@ def image_names(topic: str) -> tuple[str, ...]:
 def advertise(transport: Transport, topics: Sequence[str], type: TopicType) -> Publisher:
     """Publish the same messages on several topics; see `Transport.advertise`."""
     made = [transport.advertise(topic, type) for topic in topics]
-    return made[0] if len(made) == 1 else _Namesakes(made)
+    return made[0] if len(made) == 1 else _AliasedPublishers(made)
 
 
-class _Namesakes:
-    """Publishers of the same messages; called as the first of them is."""
+class _AliasedPublishers:
+    """Publishers of the same messages, with the name of the first."""
 
     def __init__(self, publishers: Sequence[Publisher]) -> None:
         self._publishers = publishers
@@ -41,12 +41,12 @@ class _Namesakes:
 
     @property
     def connections(self) -> int:
-        """How many subscribers there are, of all names together."""
+        """Number of subscribers, of all names together."""
         return sum(one.connections for one in self._publishers)
 
     @property
     def dropped(self) -> int:
-        """Messages that a subscriber had no time for."""
+        """Messages dropped for slow subscribers."""
         return sum(one.dropped for one in self._publishers)
 
     def publish(self, message: Any) -> None:
@@ -55,19 +55,19 @@ class _Namesakes:
             one.publish(message)
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until everybody who reads on has been sent the last message."""
+        """Wait until the last message is sent to all subscribers that read on."""
         end_s = time.monotonic() + timeout_s
         for one in self._awaited():
             one.flush(max(end_s - time.monotonic(), 0))
 
     def wait_for_room(self, timeout_s: float) -> None:
-        """Wait until there is a subscriber of each name that is used, with no message waiting."""
+        """Wait until each used name has a subscriber with no message waiting."""
         end_s = time.monotonic() + timeout_s
         for one in self._awaited():
             one.wait_for_room(max(end_s - time.monotonic(), 0))
 
     def close(self) -> None:
-        """Leave all of the topics."""
+        """Close all of the topics."""
         for one in self._publishers:
             one.close()
 
