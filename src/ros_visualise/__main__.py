@@ -11,12 +11,12 @@ import sys  # noqa: E402
 # Nodes are threads already; those of NumPy's library of matrices would wait for work at full load.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from ros_visualise.core.signals import DONE, STOPPED, ignore, leave, leave_at_once  # noqa: E402
+from ros_visualise.core.signals import DONE, STOPPED, exit_at_once, ignore, leave  # noqa: E402
 
 
 def main() -> int:
     """Run ``ros-visualise``; return its exit status, see `ros_visualise.commands.main`."""
-    leave_at_once()
+    exit_at_once()
     ended: list[int] = []
     atexit.register(leave, ended)  # before all others, so that it is called after them
     try:
@@ -35,7 +35,7 @@ def run_executable(name: str) -> None:
     When it is asked to end, however early, its exit status is 0: with another one a launch reports
     that it has died.
     """
-    leave_at_once(DONE)
+    exit_at_once(DONE)
     ended = [1]  # after a bug, whose traceback is printed by then
     atexit.register(leave, ended)  # before all others, so that it is called after them
     from ros_visualise.running.executables import run

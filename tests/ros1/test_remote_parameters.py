@@ -238,7 +238,7 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
 
     getattr(process, by)()
     process.wait()
-    wait_until(lambda: not edges.is_there)
+    wait_until(lambda: not edges.connected)
     wait_until(lambda: edges.follow() or warned(caplog))
     edges.follow()
     before = edges.current
@@ -250,7 +250,7 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
     rospy.delete_param("/edge_detector")
 
     serve()
-    wait_until(lambda: edges.is_there and edges.current.low == 100)
+    wait_until(lambda: edges.connected and edges.current.low == 100)
     edges.follow()
     wait_until(lambda: answers(edges))
     assert edges.current.high == 444

@@ -21,7 +21,7 @@ from ros_visualise.core.completion import complete, words_to_complete
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.core.installation import check_installation
 from ros_visualise.core.limits import set_max_memory
-from ros_visualise.core.printing import say, say_what_is_logged
+from ros_visualise.core.printing import print_log, say
 from ros_visualise.core.registry import Registry, holding
 from ros_visualise.core.signals import interrupt
 from ros_visualise.core.supervision import status_of
@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(options, MemoryOptions):
             set_max_memory(options.max_memory)
         check_installation()
-        say_what_is_logged()
+        print_log()
         interrupt()
         return status_of(command(options))
     except RosVisualiseError as error:

@@ -62,7 +62,7 @@ def answer(lines: Iterable[str]) -> None:
         raise RosVisualiseError(f"standard output: {error.strerror}") from None
 
 
-def say_what_is_logged() -> None:
+def print_log() -> None:
     """Print warnings and errors that are logged from now on, on standard error."""
     handler = logging.StreamHandler()
     handler.setFormatter(Shown("ros-visualise: %(message)s"))

@@ -24,7 +24,7 @@ DONE = 0
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
-def leave_at_once(status: int = STOPPED) -> None:
+def exit_at_once(status: int = STOPPED) -> None:
     """Let signals end the process at once, from now on: while there is nothing to clean up.
 
     A KeyboardInterrupt would become a traceback, or another error, inside an import. Ctrl-C works

@@ -113,4 +113,4 @@ class Ingress:
             RosVisualiseError: a source rejects it.
         """
         with self._turn:
-            self._topic.publish(self._numbering.packet(self._name, message), heeds=True)
+            self._topic.publish(self._numbering.packet(self._name, message), raises=True)

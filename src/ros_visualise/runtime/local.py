@@ -15,7 +15,7 @@ from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.data import ParameterEvent
 from ros_visualise.graph import Graph, Member, Node
 from ros_visualise.runtime.ingress import Ingress, Numbering
-from ros_visualise.runtime.memory import tend_memory
+from ros_visualise.runtime.memory import manage_memory
 from ros_visualise.runtime.node_inputs import node_inputs
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.ordering import origins
@@ -76,7 +76,7 @@ class LocalRuntime:
 
     def start(self) -> None:
         """Begin; the source is open already."""
-        tend_memory()
+        manage_memory()
         self._running = len(self._works)
         for name, work in self._works.items():
             supervision.start(name, partial(self._run, name, work))

@@ -32,7 +32,7 @@ Trim = Callable[[int], int]
 
 
 @cache
-def tend_memory() -> None:
+def manage_memory() -> None:
     """Have the C library keep freed memory for a while, and no longer; done once."""
     keep_freed_images()
     trim = find_trim()

@@ -37,7 +37,7 @@ class RejectedMessages:
     def add(self, topic: str, error: Exception) -> None:
         """Count a message."""
         self.count += 1
-        reason = topic, *_origin(error)
+        reason = topic, *origin(error)
         if reason not in self._logged:
             self._logged.add(reason)
             what = "%s%s: message rejected: %s (further occurrences suppressed)"
@@ -62,7 +62,7 @@ def require_header(message: Any) -> None:
         raise DamagedMessage(f"{kind}: {stamp_ns!r} is not a valid stamp in nanoseconds")
 
 
-def _origin(error: BaseException) -> tuple[object, ...]:
+def origin(error: BaseException) -> tuple[object, ...]:
     """Type of the first cause of an error, and the line that raised it."""
     while error.__cause__ is not None:
         error = error.__cause__

@@ -18,7 +18,7 @@ from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.counters import NodeCounter
 from ros_visualise.runtime.queues import Packet
-from ros_visualise.runtime.rejections import require_header
+from ros_visualise.runtime.rejections import origin, require_header
 from ros_visualise.runtime.report import NodeReport
 
 log = logging.getLogger(__name__)
@@ -52,9 +52,9 @@ class NodeRunner:
         self.stateless = node.type.stateless
         self._type = node.type
         self._parameters = parameters
-        self._state = begun(node.name, lambda: node.type.make(parameters.current))
+        self._state = make_state(node.name, lambda: node.type.make(parameters.current))
         self._epoch: int | None = None  # of the last message
-        self._logged: set[tuple[str, type, str, int | None]] = set()
+        self._logged: set[tuple[object, ...]] = set()
         self._uncalibrated: set[str] = set()  # inputs that were warned about
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
@@ -219,22 +219,17 @@ class NodeRunner:
         self._log(error, topic)
 
     def _log(self, error: BaseException, topic: str = "") -> None:
-        origin = traceback.extract_tb(error.__traceback__)[-1]
-        kind = (topic, type(error), origin.filename, origin.lineno)
-        if kind not in self._logged:
-            self._logged.add(kind)
-            bug = not isinstance(error, RosVisualiseError)
-            where = f"{self.node.name}: {topic}" if topic else self.node.name
-            what = f"{kind[1].__name__}: {error}" if bug else error
-            log.error(
-                "%s: %s (further occurrences suppressed)",
-                where,
-                what,
-                exc_info=error if bug else None,
-            )
+        kind = topic, *origin(error)
+        if kind in self._logged:
+            return
+        self._logged.add(kind)
+        where = f"{self.node.name}: {topic}" if topic else self.node.name
+        bug = None if isinstance(error, RosVisualiseError) else error
+        what = error if bug is None else f"{type(error).__name__}: {error}"
+        log.error("%s: %s (further occurrences suppressed)", where, what, exc_info=bug)
 
 
-def begun(name: str, make: Callable[[], T]) -> T:
+def make_state(name: str, make: Callable[[], T]) -> T:
     """The state of a node or a source of this name, as ``make`` returns it.
 
     Raises:

@@ -21,7 +21,7 @@ from ros_visualise.runtime.ingress import Epochs
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.rejections import RejectedMessages, require_header
 from ros_visualise.runtime.report import NodeReport
-from ros_visualise.runtime.runner import begun
+from ros_visualise.runtime.runner import make_state
 from ros_visualise.runtime.topics import Topic
 from ros_visualise.sources.playback import Playback
 
@@ -223,7 +223,7 @@ class SourceThread:
         self._opened_with = replace(self._opened_with, **live)
 
     def _open(self, params: Any) -> Source:
-        source: Source = begun(self.name, lambda: self._type.make(params, self._playback))
+        source: Source = make_state(self.name, lambda: self._type.make(params, self._playback))
         source.set_demand(lambda port: self._outputs[port].awaited)
         return source
 

@@ -111,12 +111,12 @@ class Topic:
         listeners = self._listeners
         return not listeners or any(self._wants(listener) for listener in listeners)
 
-    def publish(self, packet: Packet, heeds: bool = False) -> None:
+    def publish(self, packet: Packet, raises: bool = False) -> None:
         """Hand on a packet.
 
         Raises:
-            RosVisualiseError: a listener rejects it, and those after it get nothing; only if the
-                publisher ``heeds`` that.
+            RosVisualiseError: a listener rejects it, and those after it get nothing; only
+                if ``raises`` is set.
         """
         with self._lock:  # a listener that connects meanwhile gets it exactly once
             listeners = self._listeners
@@ -128,7 +128,7 @@ class Topic:
             try:
                 listener.put(packet)
             except ERRORS as error:
-                if heeds and isinstance(error, RosVisualiseError):
+                if raises and isinstance(error, RosVisualiseError):
                     raise
                 note(self._who, error)
 

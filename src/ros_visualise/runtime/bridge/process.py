@@ -88,7 +88,7 @@ class Process:
         self._diagnostics = DiagnosticsPublisher(transport)
         self._diagnosed_s = time.monotonic()
         self._compressed = compressed
-        self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
+        self._inputs = {name: self._input(name, kind) for name, kind in self._graph.inputs.items()}
         self._offered: list[Handle] = []
 
     def start(self, active: bool = True) -> None:
@@ -112,7 +112,7 @@ class Process:
         for name, output in self._outputs.items():
             wants = partial(getattr, output, "awaited")
             self.runtime.topic(name).connect(output, output.latched, wants)
-        for one in self._inputs:
+        for one in self._inputs.values():
             one.open()
         self._is_active = True
         self._suspend(False)
@@ -121,7 +121,7 @@ class Process:
         """Take and publish none until the next `activate`; the nodes keep their state."""
         self._suspend(True)
         self._is_active = False
-        for one in self._inputs:
+        for one in self._inputs.values():
             one.close()
         for name, output in self._outputs.items():
             self.runtime.topic(name).disconnect(output)
@@ -144,7 +144,7 @@ class Process:
     def _follow_calibrations(self) -> None:
         """Subscribe to calibrations while those of images made here have subscribers."""
         outputs = [one for one in self._outputs.values() if isinstance(one, ImageOutput)]
-        for one in self._inputs:
+        for one in self._inputs.values():
             if isinstance(one, ImageInput):
                 one.want_info(any(output.wants_info for output in outputs))
 
@@ -186,7 +186,7 @@ class Process:
 
     def stop(self) -> None:
         """End now, and close all services; the last messages are still sent."""
-        for one in (*self._offered, *self._inputs):
+        for one in (*self._offered, *self._inputs.values()):
             one.close()
         self.runtime.stop()
         for output in self._outputs.values():
@@ -199,40 +199,23 @@ class Process:
         self._diagnostics.close()
 
     def _open_output(self, name: str) -> Output:
-        topic = self._graph.topics[name]
-        source = self._graph.source
-        is_camera = source is not None and name in source.outputs.values()
-        if self._is_as_recorded(name):
-            output = self._as_recorded(name, topic.ros)
+        topic, source, declared = self._graph.topics[name], self._graph.source, self._declared[name]
+        is_recorded = source is not None and declared in map(_outside, source.type.ros)
+        if is_recorded:  # played under its own name, and not as a camera's
+            is_static = topic.ros.data_class is Transforms and name.endswith("tf_static")
+            made = replace(topic.ros, qos=LATCHED) if is_static else topic.ros
         elif topic.type is Image:
-            declared, quality = self._declared[name], self._jpeg_quality
-            output = ImageOutput(
-                self._transport, declared, name, is_camera, self._is_unthrottled, quality
-            )
+            is_camera = source is not None and name in source.outputs.values()
+            unthrottled, quality = self._is_unthrottled, self._jpeg_quality
+            return ImageOutput(self._transport, declared, name, is_camera, unthrottled, quality)
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
-            declared = self._declared[name]
-            advertised = self._transport.advertise(_with_others(declared, topic.type), made)
             is_static = topic.type is Transforms and made.qos.transient_local
-            output = (
-                StaticTransformsOutput(advertised, self._frames)
-                if is_static
-                else Output(advertised, made.qos.transient_local, self._is_unthrottled)
-            )
-        return output
-
-    def _as_recorded(self, name: str, recorded: TopicType) -> Output:
-        adds_up = recorded.data_class is Transforms and name.endswith("tf_static")
-        qos = LATCHED if adds_up else recorded.qos
-        publisher = self._transport.advertise(self._declared[name], replace(recorded, qos=qos))
-        if adds_up:
+            declared = _with_others(declared, topic.type)
+        publisher = self._transport.advertise(declared, made)
+        if is_static:
             return StaticTransformsOutput(publisher, self._frames)
-        return Output(publisher, qos.transient_local, self._is_unthrottled)
-
-    def _is_as_recorded(self, name: str) -> bool:
-        """True if a topic is played under its own name, and not as a camera's."""
-        source = self._graph.source
-        return source is not None and self._declared[name] in map(_outside, source.type.ros)
+        return Output(publisher, made.qos.transient_local, self._is_unthrottled)
 
     def _is_unthrottled(self) -> bool:
         """True if the source plays as fast as possible: then it waits for subscribers."""
@@ -279,8 +262,7 @@ class Process:
 
     def _report(self, node: Member, report: NodeReport) -> NodeReport:
         """A node's report, with messages dropped on the way to it and to its subscribers."""
-        opened = zip(self._graph.inputs, self._inputs, strict=False)  # they are opened last
-        inputs = [one for name, one in opened if name in node.inputs.values()]
+        inputs = [one for name, one in self._inputs.items() if name in node.inputs.values()]
         skipped, refused = sum(one.dropped for one in inputs), sum(one.refused for one in inputs)
         dropped = Counter(report.dropped) + Counter(queue=skipped, damaged=refused)
         ended = {"ended": self._is_at_end} if node is self._graph.source else {}

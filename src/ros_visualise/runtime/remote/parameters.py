@@ -7,6 +7,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as TimedOut
 from functools import partial
 from typing import Any
 
@@ -58,7 +60,7 @@ class RemoteParameters(Parameters[Any]):
         return self._ready.wait(timeout_s)
 
     @property
-    def is_there(self) -> bool:
+    def connected(self) -> bool:
         """True if the node is connected."""
         return self._client.connected
 
@@ -67,10 +69,10 @@ class RemoteParameters(Parameters[Any]):
 
         If all nodes end together, this one ends too, before it misses another.
         """
-        is_there = self.is_there
-        if is_there or not self._ready.is_set():
+        connected = self.connected
+        if connected or not self._ready.is_set():
             self._seen_s = time.monotonic()
-        if is_there and self._is_lost:
+        if connected and self._is_lost:
             log.info("%s: connected again", self._name)
             self._is_lost = False
         elif not self._is_lost and time.monotonic() - self._seen_s > _GONE_S:
@@ -119,38 +121,34 @@ class RemoteParameters(Parameters[Any]):
 
     def _set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Have the node set values; returns its answer, or fails in bounded time."""
-        answers: list[Mapping[str, Any] | ParameterError] = []
-        if self._calls.acquire(timeout=_ANSWER_S):
-            try:
-                self._ask_aside(values, answers)
-            finally:
-                self._calls.release()
-        if not answers:
+        if not self._calls.acquire(timeout=_ANSWER_S):
             raise self._no_answer()
-        if isinstance(answers[0], ParameterError):
-            raise answers[0]
-        return answers[0]
+        try:
+            if self._calling is not None and self._calling.is_alive():  # an earlier call hangs
+                raise self._no_answer()
+            answer: Future[Mapping[str, Any]] = Future()
+            self._calling = supervision.start(self._name, partial(self._call, values, answer))
+            return answer.result(_ANSWER_S)
+        except ParameterError as error:
+            raise ParameterError(f"{self._name} rejects it: {error}") from None
+        except (Unreachable, TimedOut) as error:
+            log.debug("%s: %s", self._name, error)
+            raise self._no_answer() from None
+        finally:
+            self._calls.release()
+
+    def _call(self, values: Mapping[str, Any], answer: Future[Mapping[str, Any]]) -> None:
+        """Call the node, on a thread that is abandoned if no answer comes."""
+        try:
+            answer.set_result(self._client.set(values))
+        except (ParameterError, Unreachable) as error:
+            answer.set_exception(error)
+        finally:
+            if not answer.done():  # a bug, which the supervisor reports
+                answer.set_exception(Unreachable("the call failed"))
 
     def _no_answer(self) -> OpenError:
         return OpenError(f"{self._name} does not answer; is it still running?")
-
-    def _ask_aside(
-        self, values: Mapping[str, Any], answers: list[Mapping[str, Any] | ParameterError]
-    ) -> None:
-        """Call on a thread that is abandoned if no answer comes."""
-        if self._calling is None or not self._calling.is_alive():
-            self._calling = supervision.start(self._name, partial(self._ask, values, answers))
-            self._calling.join(_ANSWER_S)
-
-    def _ask(
-        self, values: Mapping[str, Any], answers: list[Mapping[str, Any] | ParameterError]
-    ) -> None:
-        try:
-            answers.append(self._client.set(values))
-        except ParameterError as error:
-            answers.append(ParameterError(f"{self._name} rejects it: {error}"))
-        except Unreachable as error:
-            log.debug("%s: %s", self._name, error)
 
     def _has_come(self, asked: int, answer: Mapping[str, Any]) -> bool:
         return any(number > asked and values == answer for number, values in self._recent)

@@ -22,7 +22,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.runtime.diagnostics import DiagnosticsReader
 from ros_visualise.runtime.ingress import Numbering
-from ros_visualise.runtime.memory import tend_memory
+from ros_visualise.runtime.memory import manage_memory
 from ros_visualise.runtime.middleware import Publisher, Transport
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, Recordings
@@ -79,7 +79,7 @@ class RemoteRuntime:
         self._publishers: dict[str, Publisher] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        tend_memory()
+        manage_memory()
         self._look()
         self._thread = supervision.start("discovery", self._follow, again_s=_LOOK_S)
 
