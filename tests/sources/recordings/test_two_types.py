@@ -138,7 +138,7 @@ def test_nothing_is_written_under_another_type(tmp_path: Path, suffix: str) -> N
     (message,) = [e.message for e in open_recording(source).read(START_NS, START_NS + 2)]
     target = tmp_path / f"out{suffix}"
     recorder = open_recorder(str(target), {"/x": TopicType(STRING)}, live=False)
-    with recorder, pytest.raises(DamagedMessage, match=f"/x is of {STRING}, not of {VECTOR}"):
+    with recorder, pytest.raises(DamagedMessage, match=f"/x: {VECTOR} instead of {STRING}"):
         recorder.write("/x", message)
     with closing(open_recording(target)) as recording:
         assert recording.topics["/x"].messages == 0
