@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Header, Image
-from ros_visualise.nodes.calibrator import Calibrator, CalibratorParams
+from ros_visualise.nodes.calibrator import CalibratorParams, CameraCalibrator
 from ros_visualise.sources.calibration import read_calibration
 
 
 def test_real_pictures_become_a_calibration(recordings, tmp_path):
     params = CalibratorParams(file=str(tmp_path / "camera.yaml"))
-    node = Calibrator(params)
+    node = CameraCalibrator(params)
     for number, path in enumerate(sorted((recordings / "calib" / "opencv").glob("left*.jpg"))):
         image = Image(cv2.imread(str(path)), "bgr8", Header(number, "cam"))
         shown = node.step(image, params)
@@ -25,7 +25,7 @@ def test_real_pictures_become_a_calibration(recordings, tmp_path):
 
 
 def test_too_few_views_are_no_error():
-    node = Calibrator(CalibratorParams())
+    node = CameraCalibrator(CalibratorParams())
     assert node.calibrate() is None
     shown = node.step(Image(np.zeros((48, 64), np.uint8), "mono8"), CalibratorParams())
     assert shown.encoding == "bgr8"
@@ -33,7 +33,7 @@ def test_too_few_views_are_no_error():
 
 
 def test_another_board_begins_anew(recordings):
-    node = Calibrator(CalibratorParams())
+    node = CameraCalibrator(CalibratorParams())
     path = recordings / "calib" / "opencv" / "left01.jpg"
     image = Image(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), "mono8")
     node.step(image, CalibratorParams())

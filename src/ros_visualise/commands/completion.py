@@ -23,8 +23,4 @@ def run(options: CompletionOptions) -> int:
     return 0
 
 
-COMMAND = Command(
-    "print shell code that completes commands and options",
-    CompletionOptions,
-    run,
-)
+COMMAND = Command("print shell code that completes commands and options", CompletionOptions, run)

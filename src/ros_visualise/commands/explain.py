@@ -126,7 +126,5 @@ def _list(as_json: bool) -> None:
 
 
 COMMAND = Command(
-    "lessons: how it works, step by step, on your own picture or recording",
-    ExplainOptions,
-    run,
+    "lessons: how it works, step by step, on your own picture or recording", ExplainOptions, run
 )

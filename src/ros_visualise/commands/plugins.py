@@ -57,7 +57,5 @@ def _lines(found: list[dict[str, str]]) -> Iterator[str]:
 
 
 COMMAND = Command(
-    "list the plug-ins of other packages, and those that failed to load",
-    PluginsOptions,
-    run,
+    "list the plug-ins of other packages, and those that failed to load", PluginsOptions, run
 )

@@ -211,10 +211,7 @@ class Graph:
         return graph._with_one_picture()
 
     def insert(
-        self,
-        added: NodeType,
-        after: str,
-        topics: Mapping[str, str] = MappingProxyType({}),
+        self, added: NodeType, after: str, topics: Mapping[str, str] = MappingProxyType({})
     ) -> Graph:
         """The same graph with a node among the others.
 

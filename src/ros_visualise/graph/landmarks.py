@@ -116,11 +116,7 @@ def with_landmarks(
 
 
 def tags_of_world(name: str) -> str:
-    """The file with the sizes of a simulated world's tags.
-
-    Raises:
-        UsageError: no such world.
-    """
+    """The file with the sizes of a simulated world's tags; raises UsageError if unknown."""
     return str(WORLDS.find(name).tags)
 
 

@@ -69,22 +69,12 @@ def source_named(name: str, **settings: Any) -> SourceNode:
 
 
 def image_pipeline(source: str, **settings: Any) -> Graph:
-    """``source`` -> fps_control -> filters -> edge_detector, on the topics of the ROS launch files.
-
-    Args:
-        source: name of a declared source of images.
-        settings: its parameters.
-    """
+    """A source of images through the image nodes; ``settings`` are the source's parameters."""
     return build(source, "/image_raw").configured({source: settings})
 
 
 def film_pipeline(path: str | Path, **settings: Any) -> Graph:
-    """A video file through the image nodes, and the path of its GPS fixes, if any.
-
-    Args:
-        path: the file.
-        settings: parameters of its source.
-    """
+    """A video file through the image nodes, and the path of its GPS fixes, if any."""
     source = place_source(film(path))
     fixes = source.outputs.get("fix")
     graph = build(source, source.outputs["image"], _path({"fix": fixes}) if fixes else None)
@@ -175,12 +165,12 @@ def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -
     """A simulated robot, its images through the image nodes, and the path of its odometry.
 
     Args:
-        robot: name of a declared source that simulates one.
+        robot: its name.
         size: (width, height) of its images; None: its own.
         settings: its parameters.
 
     Raises:
-        UsageError: no such robot; the known ones are listed.
+        UsageError: no such robot, world or parameter.
     """
     ROBOTS.find(robot)
     source = source_named(robot)

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class CalibratorParams:
-    """Parameters of `Calibrator`."""
+    """Parameters of `CameraCalibrator`."""
 
     pattern: BoardKind = param(BoardKind.CHESSBOARD, "pattern on the board")
     board: str = param(
@@ -60,7 +60,7 @@ class CalibratorParams:
     topics={"coverage": "/coverage"},
     on_demand=("coverage",),
 )
-class Calibrator:
+class CameraCalibrator:
     """Collects views of a board, and calibrates the camera from them when asked."""
 
     def __init__(self, params: CalibratorParams) -> None:

@@ -28,9 +28,7 @@ class FiltersParams:
     """Parameters of `filters`, in the order in which they are applied."""
 
     demosaic: bool = param(
-        True,
-        "demosaicing of Bayer images to colour; other images are unchanged",
-        group="size",
+        True, "demosaicing of Bayer images to colour; other images are unchanged", group="size"
     )
     scale: float = param(
         1.0,
@@ -64,9 +62,7 @@ class FiltersParams:
     )
     gray: bool = param(True, "conversion of colour to gray: 0.299 R + 0.587 G + 0.114 B")
     blur: Blur = param(
-        Blur.OFF,
-        "smoothing; median above size 5 reduces 16-bit images to 256 levels",
-        group="blur",
+        Blur.OFF, "smoothing; median above size 5 reduces 16-bit images to 256 levels", group="blur"
     )
     blur_size: int = param(
         5,
@@ -96,11 +92,7 @@ class FiltersParams:
         1.0, "factor of all values; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
     )
     brightness: int = param(
-        0,
-        "offset of all values (x 257 at 16 bits); 0 is off",
-        min=-255,
-        max=255,
-        group="tone",
+        0, "offset of all values (x 257 at 16 bits); 0 is off", min=-255, max=255, group="tone"
     )
     equalize: Equalize = param(
         Equalize.OFF,
@@ -157,12 +149,7 @@ class FiltersParams:
         255, "highest saturation", min=0, max=255, group="hsv", used=_SELECTS
     )
     value_min: int = param(
-        0,
-        "lowest value (brightness), scaled to 8 bits",
-        min=0,
-        max=255,
-        group="hsv",
-        used=_SELECTS,
+        0, "lowest value (brightness), scaled to 8 bits", min=0, max=255, group="hsv", used=_SELECTS
     )
     value_max: int = param(
         255, "highest value (brightness)", min=0, max=255, group="hsv", used=_SELECTS

@@ -26,8 +26,7 @@ class TagParams(PoseParams):
     """Parameters of `tag_detector`."""
 
     families: str = param(
-        "tag36h11",
-        "tag families to detect, such as tag36h11, tagStandard41h12, 5x5_1000",
+        "tag36h11", "tag families to detect, such as tag36h11, tagStandard41h12, 5x5_1000"
     )
     quad_decimate: float = param(
         1.0,

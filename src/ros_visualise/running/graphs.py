@@ -55,14 +55,7 @@ class Selection:
 def recording(
     path: str, topics: Sequence[str] = (), image: str | None = None, odom: str | None = None
 ) -> Selection:
-    """A recording.
-
-    Args:
-        path: file or folder.
-        topics: those that are played; none: all.
-        image: topic that goes through the nodes, or ``none``; None: the first.
-        odom: topic that the path is drawn from, or ``none``; None: the first.
-    """
+    """A recording; without topics all are played, and the first images and odometry are used."""
 
     def graph(undo: ExitStack) -> Graph:
         opened = undo.enter_context(closing(open_recording(path)))
@@ -73,7 +66,7 @@ def recording(
 
 
 def film(path: str, size: str) -> Selection:
-    """A film, or a folder of pictures; its images are scaled to that size, if one is given."""
+    """A film, or a folder of pictures; its images are scaled to the size, if any."""
 
     def graph(_: ExitStack) -> Graph:
         if os.path.isdir(path):
@@ -84,7 +77,7 @@ def film(path: str, size: str) -> Selection:
 
 
 def sized_to(size: str) -> dict[str, str]:
-    """The parameter of a source of images for a size, if one is given."""
+    """The parameter of a source of images for a size, if any."""
     return {"size": size} if size else {}
 
 
@@ -114,15 +107,7 @@ def following(
 ) -> tuple[Selection, PlayingOptions, Graph]:
     """A file that is opened from the page, its options, and its graph with the current parameters.
 
-    Args:
-        selection: what is shown.
-        options: those of what is shown.
-        path: the other file.
-        runtime: runs what is shown.
-
-    Raises:
-        OpenError: it cannot be opened.
-        UsageError: an option does not fit it.
+    ``selection``, ``options`` and ``runtime`` are those of the run before. Raises as `graph_of`.
     """
     assert runtime.playback is not None
     state, source = runtime.playback.state, runtime.graph.source
@@ -199,16 +184,9 @@ def parse_insertion(text: str) -> Insertion:
 
 
 def with_settings(graph: Graph, options: SettingOptions, is_recording: bool = False) -> Graph:
-    """The graph with the parameters of ``--params`` and ``--set``.
+    """The graph with the parameters of ``--params`` and ``--set``; raises as `graph_of`.
 
-    Args:
-        graph: what they are of.
-        options: those two.
-        is_recording: the command has ``--odom``, which a path follows.
-
-    Raises:
-        OpenError: the file of parameters cannot be opened.
-        UsageError: no such node or parameter, or a value out of its range.
+    ``is_recording``: the command has ``--odom``, which a path follows.
     """
     if options.params:
         try:

@@ -24,9 +24,7 @@ class DetectionOptions:
     GROUP = "landmarks"
 
     families: str = option(
-        "",
-        "families of tags, such as tag25h9 or 5x5_1000 (default: tag36h11)",
-        metavar="NAME,...",
+        "", "families of tags, such as tag25h9 or 5x5_1000 (default: tag36h11)", metavar="NAME,..."
     )
     tags: str = option(
         "",
@@ -46,9 +44,7 @@ class DetectionOptions:
         metavar="FILE.onnx|none",
     )
     calibration: str = option(
-        "",
-        "the camera's calibration, in ROS's format; needed for poses",
-        metavar="FILE.yaml",
+        "", "the camera's calibration, in ROS's format; needed for poses", metavar="FILE.yaml"
     )
 
 
@@ -65,9 +61,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     topic: str = option("", "topic of a recording: images, or recorded tags")
     map: Path | None = option(None, "write the landmarks to this .yaml file", metavar="OUT")
     survey: str = option(
-        "",
-        "measured positions of tags, or distances between them, for --map",
-        metavar="FILE.yaml",
+        "", "measured positions of tags, or distances between them, for --map", metavar="FILE.yaml"
     )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")

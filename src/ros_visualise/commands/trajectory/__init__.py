@@ -90,10 +90,7 @@ class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOption
         "topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD; repeatable",
     )
     beside: Sequence[str] = option(
-        [],
-        "another text file or recording; repeatable",
-        flag="--with",
-        metavar="FILE[@TOPIC,...]",
+        [], "another text file or recording; repeatable", flag="--with", metavar="FILE[@TOPIC,...]"
     )
 
 

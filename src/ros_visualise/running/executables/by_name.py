@@ -9,6 +9,7 @@ from contextlib import closing
 from functools import partial
 
 from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.core.supervision import status_of
 from ros_visualise.graph import IMAGE_NODES
 from ros_visualise.graph.pipelines import alone, build
@@ -18,7 +19,6 @@ from ros_visualise.running.executables.managed import run_managed
 from ros_visualise.running.executables.options import (
     OPTIONS,
     choose_image_transport,
-    choose_memory,
     choose_view,
     switch,
 )
@@ -54,7 +54,7 @@ def run(name: str, host: Host) -> None:
 def _run(name: str, host: Host, work: Work) -> None:
     transport = host.begin(name)
     try:
-        choose_memory(host)
+        set_max_memory(parse_memory(str(host.option("max_memory", DEFAULT_MEMORY))))
         status = work(host, transport)
     except RosVisualiseError as error:
         log.critical("%s", error)
@@ -100,18 +100,11 @@ def _run_viewer(host: Host, transport: Transport) -> int:
     try:
         with closing(offer_saving(transport, parameters, options.record_dir)):
             watch(
-                runtime,
-                lambda: open_view(name, options),
-                host.is_over,
-                reopens=name == "windows",
+                runtime, lambda: open_view(name, options), host.is_over, reopens=name == "windows"
             )
     finally:
         runtime.close()
     return 0
 
 
-_OTHERS: dict[str, Work] = {
-    "pipeline": _run_pipeline,
-    "player": run_player,
-    "viewer": _run_viewer,
-}
+_OTHERS: dict[str, Work] = {"pipeline": _run_pipeline, "player": run_player, "viewer": _run_viewer}

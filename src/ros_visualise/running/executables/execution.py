@@ -20,15 +20,14 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.executables.options import (
     choose_image_transport,
     choose_jpeg_quality,
-    choose_params,
     choose_view,
-    seconds,
+    number,
 )
 from ros_visualise.running.interruptible import begin, is_done
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Host, Transport
 from ros_visualise.runtime.playing import PlayingParams, playing_params
-from ros_visualise.runtime.saving import of_node, save_anew
+from ros_visualise.runtime.saving import load, of_node, save_anew
 from ros_visualise.sources.calibration import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
@@ -201,7 +200,8 @@ def _configured(
     """The graph with the parameters of launch files and of the command line."""
     graph = _extended(host, graph, namespaces)
     source = graph.source
-    loaded = choose_params(host)
+    path = str(host.option("params", "none"))
+    loaded = {} if path == "none" else load(Path(host.find_file(path)))
 
     def configured(member: M) -> M:
         kind = playing_params(source.type) if member is source else type(member.params)
@@ -244,12 +244,12 @@ def _playback(host: Host, transport: Transport, graph: Graph, stays: bool) -> Pl
     if graph.source is None:
         return None
     source, params = graph.source.type, graph.source.params
-    duration_s = seconds(host, "duration")
+    duration_s = number(host, "duration")
     is_played = isinstance(params, PlayingParams)
     return Playback(
         rate=params.rate if is_played else 1.0,
         loop=is_played and params.loop,
-        start_s=seconds(host, "start"),
+        start_s=number(host, "start"),
         duration_s=duration_s or None,
         hold=(stays or bool(source.inputs)) and not duration_s,
         live_stamps=not source.makes_time,

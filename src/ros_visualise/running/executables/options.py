@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.core.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.core.paths import set_folder
 from ros_visualise.runtime.middleware import Host
-from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
 
@@ -20,15 +17,6 @@ OPTIONS = (
     *("clock", "max_memory", "params"),
 )
 """Parameters that every executable reads."""
-
-
-def choose_memory(host: Host) -> None:
-    """Set the limit that ``~max_memory`` gives.
-
-    Raises:
-        UsageError: not an amount of memory.
-    """
-    set_max_memory(parse_memory(str(host.option("max_memory", DEFAULT_MEMORY))))
 
 
 def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
@@ -41,7 +29,7 @@ def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
     folder = Path(host.find_file(str(host.option("record_dir", "."))))
     options = ViewOptions(record_dir=folder, flag=host.flag)
     if name == "web":
-        address, port = str(host.option("host", "127.0.0.1")), _number(host, "port", 8080)
+        address, port = str(host.option("host", "127.0.0.1")), number(host, "port", 8080)
         origins = named_in(host, "allow_origin", "none")
         token = switch(host, "token", True)
         options = replace(options, host=address, port=int(port), origins=origins, token=token)
@@ -69,29 +57,10 @@ def choose_jpeg_quality(host: Host) -> int:
     Raises:
         UsageError: ``~jpeg_quality`` is not from 1 to 100.
     """
-    quality = _number(host, "jpeg_quality", JPEG_QUALITY)
+    quality = number(host, "jpeg_quality", JPEG_QUALITY)
     if quality not in range(1, 101):
         raise UsageError(f"jpeg_quality={quality:g}: must be a whole number from 1 to 100")
     return int(quality)
-
-
-def choose_params(host: Host) -> dict[str, Any]:
-    """The contents of the file ``~params``; see `ros_visualise.runtime.saving.of_node`.
-
-    Raises:
-        OpenError: it cannot be read, or holds something else.
-    """
-    path = host.option("params", "none")
-    return {} if path == "none" else load(Path(host.find_file(str(path))))
-
-
-def seconds(host: Host, option: str) -> float:
-    """An option in seconds; 0 by default.
-
-    Raises:
-        UsageError: not a number.
-    """
-    return _number(host, option, 0.0)
 
 
 def switch(host: Host, option: str, default: bool) -> bool:
@@ -112,7 +81,12 @@ def named_in(host: Host, option: str, default: str) -> list[str]:
     return [] if named == default else named.split()
 
 
-def _number(host: Host, option: str, default: float) -> float:
+def number(host: Host, option: str, default: float = 0.0) -> float:
+    """An option that is a number.
+
+    Raises:
+        UsageError: not a number.
+    """
     given = host.option(option, default)
     try:
         return float(given)
