@@ -125,6 +125,3 @@ class HubTransport:
 
     def clock(self) -> Clock:
         return WallClock()
-
-    def publish_clock(self, now_ns: Callable[[], int]) -> Entry:
-        return Entry({}, "/clock", now_ns)

@@ -324,6 +324,3 @@ class Transport(Handle, Protocol):
 
     def clock(self) -> Clock:
         """The graph's time: simulated where that is used, else the time of day."""
-
-    def publish_clock(self, now_ns: Callable[[], int]) -> Handle:
-        """Publish the graph's time, from now on, a hundred times a second."""

@@ -16,7 +16,6 @@ from ros_visualise.core.params import Parameters, update
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph, M
-from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.executables.options import (
     choose_image_transport,
     choose_jpeg_quality,
@@ -24,6 +23,7 @@ from ros_visualise.running.executables.options import (
     number,
 )
 from ros_visualise.running.interruptible import begin, is_done
+from ros_visualise.runtime.bridge.clock import ClockPublisher, advertise_clock
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Host, Transport
 from ros_visualise.runtime.playing import PlayingParams, playing_params
@@ -48,7 +48,7 @@ T = TypeVar("T")
 def announce_time(host: Host, transport: Transport) -> None:
     """Advertise ``/clock``, unless ``~clock`` is false, before a source that may open slowly."""
     if host.option("clock", True):
-        transport.advertise("/clock", TopicType("rosgraph_msgs/msg/Clock"))
+        advertise_clock(transport)
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def publish_time(
     if playback is None or not makes_time:
         yield
     else:
-        with closing(transport.publish_clock(lambda: now_ns(playback))):
+        with closing(ClockPublisher(transport, lambda: now_ns(playback))):
             yield
 
 

@@ -19,7 +19,6 @@ from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
 from ros_visualise.runtime.ros1 import clock, publishers, services
-from ros_visualise.runtime.ros1.clock import ClockPublisher
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.parameters_client import ReconfigureClient
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
@@ -104,10 +103,6 @@ class Ros1Transport(Transport):
     def clock(self) -> Clock:
         """Simulated time where ``/use_sim_time`` is set, else the time of day."""
         return clock.ros_clock()
-
-    def publish_clock(self, now_ns: Callable[[], int]) -> ClockPublisher:
-        """Publish ``/clock``."""
-        return ClockPublisher(now_ns)
 
 
 def list_graph(

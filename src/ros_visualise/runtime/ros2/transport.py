@@ -12,7 +12,6 @@ from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
 from ros_visualise.runtime.ros2 import clock, publishers, services, session
-from ros_visualise.runtime.ros2.clock import ClockPublisher
 from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.listing import Look
 from ros_visualise.runtime.ros2.parameters import ParameterDesk, ServedParameters
@@ -90,11 +89,6 @@ class Ros2Transport(Transport):
     def clock(self) -> Clock:
         """Simulated time where ``use_sim_time`` is set, else the time of day."""
         return clock.ros_clock(self.session.node)
-
-    @translated("the ROS 2 graph")
-    def publish_clock(self, now_ns: Callable[[], int]) -> ClockPublisher:
-        """Publish ``/clock``."""
-        return self.session.keep(ClockPublisher(self.session, now_ns))
 
     @cached_property
     def _events(self) -> ParameterEvents:
