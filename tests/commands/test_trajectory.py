@@ -337,7 +337,7 @@ class TestRefusals:
     def test_pictures_and_inputs(self, refused, tmp_path):
         for name in ("a.pdf", "a.jpg"):
             said = refused(tmp_path / "a.bag", tmp_path / "out.tum", "--plot", name)
-            assert f"{name}: a picture is drawn as SVG or PNG" in said
+            assert f"{name}: plots are SVG or PNG files" in said
             assert ".png or .svg" in said
         same = tmp_path / "way.svg"
         assert "already in use" in refused(tmp_path / "a.bag", same, "--plot", same)
@@ -347,7 +347,7 @@ class TestRefusals:
         bag, texts = recordings / "bags", recordings / "trajectory" / "evo"
         source, _, truth = compared["kitti"]
         assert "--truth" in refused(source, "--align=se3")
-        assert "can hold only one trajectory" in refused(
+        assert "can store only one trajectory" in refused(
             source, tmp_path / "out.tum", "--with", truth
         )
         assert "no times" in refused(source, tmp_path / "out.tum")

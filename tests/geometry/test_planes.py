@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.geometry.planes import ALL, other_axis, planes_of
+from ros_visualise.plotting.trajectory_plot import ALL, other_axis, planes_of
 
 
 def moved(x, y, z):

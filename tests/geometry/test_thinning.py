@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Header
-from ros_visualise.geometry.thinning import simplify
-from ros_visualise.geometry.track import ThinnedPath
+from ros_visualise.geometry.thinning import ThinnedPath, simplify
 
 
 def wander(count, seed=0, dimensions=3):

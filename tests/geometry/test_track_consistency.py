@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.consistency import NEES_BAND, nees, pose_error
+from ros_visualise.geometry.trajectory_errors import NEES_BAND, nees, pose_error
 
 LEVEL = np.array([0.0, 0, 0, 1])
 

@@ -7,12 +7,13 @@ from evo.core.units import Unit
 from evo.tools import file_interface
 
 from ros_visualise.geometry import rotations, transforms
-from ros_visualise.geometry.alignment import align, fit_similarity
 from ros_visualise.geometry.trajectory_errors import (
     Delta,
     absolute_errors,
+    align,
     associate,
     chain,
+    fit_similarity,
     relative_errors,
     statistics,
 )

@@ -1,24 +1,25 @@
-"""The tree of frames: where they were to one another, as tf2 keeps it."""
+"""The tree of frames over time, as in tf2."""
 
 from __future__ import annotations
 
 import threading
+from bisect import bisect_left
 from collections.abc import Container, Iterator, Sequence
+from typing import NamedTuple
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Transforms, TransformStamped
 from ros_visualise.geometry import rigid
-from ros_visualise.geometry.history import History, Sample
-from ros_visualise.geometry.rigid import IDENTITY, Pose
+from ros_visualise.geometry.rigid import IDENTITY, Pose, interpolate
 
 _S = 1_000_000_000
 
 MOST_FRAMES = 10_000
-"""Frames that a tree keeps: a graph that makes up new names all the time ends there."""
+"""Maximum number of frames, for graphs that create new names all the time."""
 
 
 class WrongTransforms(ValueError):
-    """Transforms that are none; ``wrong`` holds parent, child and what is wrong of each."""
+    """Invalid transforms; ``wrong`` holds parent, child and the reason for each."""
 
     def __init__(self, wrong: Sequence[tuple[str, str, str]]) -> None:
         super().__init__(
@@ -28,7 +29,7 @@ class WrongTransforms(ValueError):
 
 
 class FrameTree:
-    """Transforms between frames over time; all of it may be called from any thread.
+    """Transforms between frames over time; thread-safe.
 
     Args:
         history_s: how far back transforms that move are kept, by their own stamps. Static ones
@@ -37,7 +38,7 @@ class FrameTree:
 
     def __init__(self, history_s: float = 10.0) -> None:
         self._length_ns = history_s * _S
-        self._histories: dict[str, History] = {}
+        self._histories: dict[str, FrameHistory] = {}
         self._lock = threading.Lock()
 
     def add(self, message: TransformStamped | Transforms, static: bool = False) -> None:
@@ -88,7 +89,7 @@ class FrameTree:
         return rigid.to_matrix(rigid.compose(rigid.inverse(targets[common]), sources[common]))
 
     def newest_ns(self, target: str, source: str) -> int | None:
-        """The newest time at which both are known to one another; None if nothing moves.
+        """The newest time at which both are connected; None if nothing moves.
 
         Raises:
             NoTransform: nothing connects the two.
@@ -97,7 +98,7 @@ class FrameTree:
             return self._newest(_name(target), _name(source))
 
     def is_awaited(self, stamp_ns: int, within_s: float, but: Container[str] = ()) -> bool:
-        """Whether some frame that moves is not known at a time yet, but was shortly before.
+        """True if a moving frame is unknown at a time, but was known shortly before.
 
         Args:
             but: frames that do not count.
@@ -113,19 +114,19 @@ class FrameTree:
             return sorted(self._names())
 
     def parent(self, child: str) -> str | None:
-        """The frame that a frame was last known in; None for a root, and for one not known."""
+        """The last parent of a frame; None for a root and for unknown frames."""
         with self._lock:
             history = self._histories.get(_name(child))
         return history.newest.parent if history else None
 
     @property
     def roots(self) -> list[str]:
-        """The frames that are in no other, sorted: one, where all hangs together."""
+        """The roots, sorted: one if all frames are connected."""
         with self._lock:
             return sorted(self._names() - self._histories.keys())
 
     def reset(self) -> None:
-        """Forget all that moves: time jumped."""
+        """Drop all moving frames: time jumped."""
         with self._lock:
             self._forget()
 
@@ -135,7 +136,7 @@ class FrameTree:
             raise ValueError("lacks the name of a frame")
         if parent == child:
             raise ValueError("is a frame in itself")
-        sample = Sample(parent, rigid.pose(one.translation_xyz, one.quat_xyzw))
+        sample = FrameSample(parent, rigid.pose(one.translation_xyz, one.quat_xyzw))
         history = self._histories.get(child)
         if history is None and len(self._histories) >= MOST_FRAMES:
             raise ValueError(f"is one frame too many: {MOST_FRAMES} are kept")
@@ -145,7 +146,7 @@ class FrameTree:
         if child in self._ancestors(parent):
             raise ValueError("would make a loop")
         if history is None or history.static != static:
-            history = self._histories[child] = History(static, self._length_ns)
+            history = self._histories[child] = FrameHistory(static, self._length_ns)
         history.insert(one.header.stamp_ns, sample)
 
     def _forget(self) -> None:
@@ -169,7 +170,7 @@ class FrameTree:
         return found
 
     def _ancestors(self, frame: str) -> Iterator[str]:
-        """A frame and those that it is in by the newest samples, up to the root."""
+        """A frame and its ancestors by the newest samples, up to the root."""
         yield frame
         seen = {frame}
         while frame in self._histories:
@@ -233,3 +234,80 @@ def _name(frame: str) -> str:
 
 def _seconds(stamp_ns: int) -> str:
     return f"{stamp_ns // _S}.{stamp_ns % _S:09d}"
+
+
+class FrameSample(NamedTuple):
+    """The frame's parent at a time, and T_parent_frame."""
+
+    parent: str
+    pose: Pose
+
+
+class FrameHistory:
+    """Samples of one frame in its parent in order of time; only the last one if static.
+
+    Args:
+        static: the transform is valid at all times.
+        length_ns: samples older than the newest by more than this are dropped.
+    """
+
+    def __init__(self, static: bool, length_ns: float) -> None:
+        self.static = static
+        self._length_ns = length_ns
+        self._stamps_ns: list[int] = []
+        self._samples: list[FrameSample] = []
+
+    @property
+    def newest(self) -> FrameSample:
+        """The newest sample."""
+        return self._samples[-1]
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """The times of its first and its newest sample."""
+        return self._stamps_ns[0], self._stamps_ns[-1]
+
+    def is_before(self, stamp_ns: int) -> bool:
+        """True if a time is older than the history: time jumped back."""
+        return not self.static and stamp_ns < self._stamps_ns[-1] - self._length_ns
+
+    def insert(self, stamp_ns: int, sample: FrameSample) -> None:
+        """Add a sample at its place; it replaces another of the same time."""
+        if self.static:
+            self._stamps_ns, self._samples = [stamp_ns], [sample]
+            return
+        place = bisect_left(self._stamps_ns, stamp_ns)
+        if place < len(self._stamps_ns) and self._stamps_ns[place] == stamp_ns:
+            self._samples[place] = sample
+            return
+        self._stamps_ns.insert(place, stamp_ns)
+        self._samples.insert(place, sample)
+        self._forget()
+
+    def at(self, stamp_ns: int, tolerance_ns: float) -> FrameSample | None:
+        """The sample at a time, interpolated; None further than the tolerance from the span.
+
+        Beyond its ends the nearest holds; between two parents the earlier does, as in tf2.
+        """
+        stamps_ns, samples = self._stamps_ns, self._samples
+        if self.static:
+            return samples[0]
+        place = bisect_left(stamps_ns, stamp_ns)
+        if place == len(stamps_ns):
+            return samples[-1] if stamp_ns - stamps_ns[-1] <= tolerance_ns else None
+        after = samples[place]
+        if stamps_ns[place] == stamp_ns:
+            return after
+        if place == 0:
+            return after if stamps_ns[0] - stamp_ns <= tolerance_ns else None
+        before, start = samples[place - 1], stamps_ns[place - 1]
+        if before.parent != after.parent:
+            return before
+        fraction = (stamp_ns - start) / (stamps_ns[place] - start)
+        return FrameSample(before.parent, interpolate(before.pose, after.pose, fraction))
+
+    def _forget(self) -> None:
+        oldest_ns = self._stamps_ns[-1] - self._length_ns
+        if self._stamps_ns[0] < oldest_ns:
+            count = next(i for i, stamp in enumerate(self._stamps_ns) if stamp >= oldest_ns)
+            del self._stamps_ns[:count], self._samples[:count]

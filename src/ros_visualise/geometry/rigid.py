@@ -1,6 +1,6 @@
 """One rigid motion as seven plain numbers, for chains of a few frames.
 
-Of single motions Python's numbers are some ten times as fast as arrays. A `Pose` is T_parent_child:
+For single motions Python's numbers are ten times as fast as arrays. A `Pose` is T_parent_child:
 x, y, z in metres, and a unit quaternion x, y, z, w.
 """
 
@@ -60,7 +60,7 @@ def inverse(motion: Pose) -> Pose:
 
 
 def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
-    """The motion between: straight, and on the shortest turn, as `rotations.slerp` has it."""
+    """The motion in between: along a line, and by the shortest rotation; see `rotations.slerp`."""
     ax, ay, az, a1, a2, a3, a4 = a
     bx, by, bz, b1, b2, b3, b4 = b
     if a1 * b1 + a2 * b2 + a3 * b3 + a4 * b4 < 0:

@@ -1,4 +1,4 @@
-"""How far an estimated trajectory is from the true one: ATE and RPE, as the package evo has them.
+"""Errors of estimated poses and trajectories: ATE and RPE, as in the package evo, and NEES.
 
 ATE, the absolute trajectory error, compares poses of the same time; evo calls it APE. RPE, the
 relative pose error, compares the motions between pairs of poses, so it shows drift.
@@ -22,11 +22,11 @@ Indices = npt.NDArray[np.intp]
 Stamps = npt.NDArray[np.int64]
 
 DELTA_UNITS = {"f": "frames", "m": "m", "deg": "deg", "s": "s"}
-"""What the poses of a pair are apart: poses, way, turning, time."""
+"""Units of the distance between the poses of a pair: number of poses, length, angle, time."""
 
 
 class Delta(NamedTuple):
-    """How far the poses of a pair are apart; the unit is one of `DELTA_UNITS`."""
+    """Distance between the poses of a pair; the unit is one of `DELTA_UNITS`."""
 
     amount: float
     unit: str
@@ -34,18 +34,18 @@ class Delta(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Of each pose or pair: ``translation_m`` and ``rotation_deg`` (N,), not negative."""
+    """Errors of each pose or pair: ``translation_m`` and ``rotation_deg`` (N,), not negative."""
 
     translation_m: Floats
     rotation_deg: Floats
 
 
 def associate(stamps_ns: Stamps, others_ns: Stamps, most_ns: int) -> tuple[Indices, Indices]:
-    """Which poses belong together: to each of the shorter series the nearest of the other.
+    """Pairs of poses: for each of the shorter series the nearest one of the other.
 
     Args:
         stamps_ns, others_ns: (N,) and (M,), both in order.
-        most_ns: pairs whose stamps are further apart are left out.
+        most_ns: maximum difference of their stamps.
 
     Returns:
         As many indices of the first as of the second, in order.
@@ -57,16 +57,16 @@ def associate(stamps_ns: Stamps, others_ns: Stamps, most_ns: int) -> tuple[Indic
 
 
 def absolute_errors(T_truth: Floats, T_estimate: Floats) -> PoseErrors:
-    """Of poses (N, 4, 4) that belong together: the ATE."""
+    """The ATE of pairs of poses (N, 4, 4)."""
     return _size(transforms.inverse(T_truth) @ T_estimate)
 
 
 def relative_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> PoseErrors:
-    """Of the motions from each of these poses to the next of them: the RPE.
+    """The RPE: errors of the motions from each of these poses to the next one.
 
     Args:
-        T_truth, T_estimate: (N, 4, 4), poses that belong together.
-        begins: (P + 1,), as `chain` gives them.
+        T_truth, T_estimate: (N, 4, 4), pairs of poses.
+        begins: (P + 1,) indices; see `chain`.
 
     Returns:
         The errors of P pairs.
@@ -78,7 +78,7 @@ def relative_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> Pos
 
 
 def chain(stamps_ns: Stamps, T: Floats, delta: Delta) -> Indices:
-    """Poses of which each is at least ``delta`` beyond the one before; the first is the first."""
+    """Indices of poses, each at least ``delta`` beyond the one before, beginning with the first."""
     if delta.unit == "f":
         return np.arange(0, len(T), int(delta.amount))
     found, gone = [0], 0.0
@@ -121,7 +121,108 @@ def _steps(stamps_ns: Stamps, T: Floats, unit: str) -> Floats:
 
 
 def _size(T: Floats) -> PoseErrors:
-    """How far motions (N, 4, 4) go and turn."""
+    """Lengths and angles of motions (N, 4, 4)."""
     quats = rotations.from_matrix(T[:, :3, :3])
     angles = 2 * np.arctan2(np.linalg.norm(quats[:, :3], axis=1), quats[:, 3])
     return PoseErrors(np.linalg.norm(T[:, :3, 3], axis=1), np.rad2deg(angles))
+
+
+ALIGNMENTS = ("none", "origin", "se3", "sim3")
+"""Methods: not at all; by the first poses; by all positions; by all positions, with a scale."""
+
+_FLAT = 1e-14  # of the largest singular value: below it, positions lie on a line
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Takes a position p to ``scale * rotation @ p + translation_xyz``.
+
+    ``rotation`` is (3, 3), ``translation_xyz`` (3,) in metres.
+    """
+
+    rotation: Floats
+    translation_xyz: Floats
+    scale: float = 1.0
+
+    def apply(self, T: Floats) -> Floats:
+        """Poses T (N, 4, 4) in the other frame; they are scaled, their rotations are not."""
+        turned = self.rotation @ T[:, :3, :3]
+        moved = self.scale * T[:, :3, 3] @ self.rotation.T + self.translation_xyz
+        return transforms.from_parts(turned, moved)
+
+
+def align(T_truth: Floats, T_estimate: Floats, how: str) -> Similarity:
+    """The motion, and scale, that aligns an estimate with the truth.
+
+    Args:
+        T_truth, T_estimate: (N, 4, 4), pairs of poses.
+        how: one of `ALIGNMENTS`.
+
+    Raises:
+        ValueError: the positions lie on a line, so the rotation about it is unknown.
+    """
+    if how == "none":
+        return Similarity(np.eye(3), np.zeros(3))
+    if how == "origin":
+        T = T_truth[0] @ transforms.inverse(T_estimate[0])
+        return Similarity(T[:3, :3], T[:3, 3])
+    return fit_similarity(T_estimate[:, :3, 3], T_truth[:, :3, 3], with_scale=how == "sim3")
+
+
+def fit_similarity(points_xyz: Floats, targets_xyz: Floats, with_scale: bool) -> Similarity:
+    """The motion, and scale, that takes points (N, 3) nearest to their targets (N, 3).
+
+    Raises:
+        ValueError: the points lie on a line, so the rotation about it is unknown.
+
+    Source: S. Umeyama, Least-squares estimation of transformation parameters between two point
+    patterns, IEEE PAMI 13 (1991), equations 38 to 43.
+    """
+    center, target = points_xyz.mean(axis=0), targets_xyz.mean(axis=0)
+    spread = points_xyz - center
+    covariance = (targets_xyz - target).T @ spread / len(points_xyz)
+    U, singular, Vt = np.linalg.svd(covariance)
+    if singular[1] <= _FLAT * singular[0]:
+        raise ValueError("the positions lie on a line, so the rotation about it is unknown")
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    rotation = (U * signs) @ Vt
+    variance = (spread**2).sum() / len(points_xyz)
+    scale = float(singular @ signs / variance) if with_scale else 1.0
+    return Similarity(rotation, target - scale * rotation @ center, scale)
+
+
+NEES_BAND = (1.2373, 14.4494)
+"""95% of the NEES of consistent poses: quantiles of chi-square with 6 degrees of freedom."""
+
+_SMALL = 1e-9  # of a quaternion's sine: below it, the rotation vector is twice its imaginary part
+
+
+def pose_error(
+    position_xyz: Floats, quat_xyzw: Floats, true_xyz: Floats, true_xyzw: Floats
+) -> Floats:
+    """Error of a pose (6,), in the order of ROS's covariances.
+
+    Metres along the frame's x, y and z, and radians about them: the vector of the rotation that
+    leads from the true attitude to the estimated one.
+    """
+    turn = rotations.multiply(quat_xyzw, rotations.inverse(true_xyzw))
+    turn = rotations.normalise(turn * (1 if turn[3] >= 0 else -1))
+    sine = float(np.linalg.norm(turn[:3]))
+    angle_by_sine = 2 * np.arctan2(sine, turn[3]) / sine if sine > _SMALL else 2.0
+    return np.concatenate([position_xyz - true_xyz, turn[:3] * angle_by_sine])
+
+
+def nees(error: Floats, covariance: Floats) -> float | None:
+    """The normalised estimation error squared; None if the covariance (6, 6) is singular.
+
+    It is 6 on average for consistent poses, and within `NEES_BAND` for 95% of them; above that the
+    covariance is too small, below too large.
+
+    Source: Y. Bar-Shalom et al., Estimation with Applications to Tracking and Navigation (2001),
+    section 5.4.2.
+    """
+    try:
+        squared = float(error @ np.linalg.solve(covariance, error))
+    except np.linalg.LinAlgError:
+        return None
+    return squared if np.isfinite(squared) and squared >= 0 else None

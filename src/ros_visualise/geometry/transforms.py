@@ -51,7 +51,7 @@ def apply(T: Floats, points_xyz: npt.NDArray[np.floating]) -> npt.NDArray[np.flo
 def interpolate(T_a: Floats, T_b: Floats, fraction: npt.ArrayLike) -> Floats:
     """T (..., 4, 4) on the way from a, at fraction 0, to b, at 1.
 
-    Translations go straight and rotations the shortest way, each on its own, as tf2 has it.
+    Translations go straight and rotations the shortest way, independently, as in tf2.
     """
     (from_xyz, a), (to_xyz, b) = to_pose(T_a), to_pose(T_b)
     part = np.asarray(fraction, np.float64)

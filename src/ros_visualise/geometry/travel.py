@@ -11,7 +11,7 @@ _NS = 1_000_000_000
 _WINDOW_NS = _NS
 """Speeds are those over a second: stamps that are 10 ms off change them by 1%."""
 _GRAIN_NS = _WINDOW_NS // 100
-"""How far apart the times are at which a window can begin; so there are few, at any rate."""
+"""Least time between the starts of two windows, so that they are few."""
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.geometry.located import PLANE_FRAME, Located, Locator
-from ros_visualise.geometry.pair import FramePair
-from ros_visualise.geometry.track import ThinnedPath
+from ros_visualise.geometry.located import PLANE_FRAME, FramePair, Located, Locator
+from ros_visualise.geometry.thinning import ThinnedPath
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.nodes import action, node
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.core.synchronizer import Exact
 from ros_visualise.data import Number, Odometry, PoseWithCovarianceStamped
-from ros_visualise.geometry.consistency import NEES_BAND, nees, pose_error
+from ros_visualise.geometry.trajectory_errors import NEES_BAND, nees, pose_error
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import NoParams, node
 

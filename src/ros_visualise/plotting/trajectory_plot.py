@@ -9,7 +9,6 @@ from itertools import cycle, zip_longest
 import numpy as np
 
 from ros_visualise.data import Floats, Path
-from ros_visualise.geometry.planes import AXES, Plane, other_axis
 from ros_visualise.plotting.axes import PlotAxes
 from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, RED, Color
 from ros_visualise.plotting.figure import Box, Figure
@@ -178,3 +177,38 @@ def _draw_series(
     axes.draw(*names)
     for curve, color in curves:
         axes.curve(curve, color)
+
+
+AXES = "xyz"
+Plane = tuple[int, int]
+"""The axes to the right and up."""
+
+ALL: tuple[Plane, ...] = ((0, 1), (0, 2), (1, 2))
+_JITTER = 0.05  # of the greatest extent: less counts as no movement
+_THICK = 0.5  # of the second extent: a movement with a larger third is in no plane
+
+
+def planes_of(positions_xyz: Sequence[Floats], wanted: str = "auto") -> tuple[Plane, ...]:
+    """The planes to draw.
+
+    Args:
+        positions_xyz: positions of each path, (N, 3).
+        wanted: ``xy``, ``xz``, ``yz``, ``all``, or ``auto``: the plane in which the paths move, or
+            all of them if they move in all directions.
+    """
+    if wanted == "all":
+        return ALL
+    if wanted != "auto":
+        return ((AXES.index(wanted[0]), AXES.index(wanted[1])),)
+    low = np.min([one.min(axis=0) for one in positions_xyz], axis=0)
+    extent = np.max([one.max(axis=0) for one in positions_xyz], axis=0) - low
+    extent[extent < _JITTER * extent.max()] = 0
+    first, second, third = np.argsort(-extent, kind="stable").tolist()
+    if extent[third] > _THICK * extent[second]:
+        return ALL
+    return ((min(first, second), max(first, second)),)
+
+
+def other_axis(plane: Plane) -> int:
+    """The axis perpendicular to a plane."""
+    return 3 - sum(plane)

@@ -25,8 +25,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
-from ros_visualise.geometry.located import PLANE_FRAME, Locator
-from ros_visualise.geometry.pair import FramePair
+from ros_visualise.geometry.located import PLANE_FRAME, FramePair, Locator
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.frame_pairs import (
     HISTORY_S,

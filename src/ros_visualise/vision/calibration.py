@@ -42,7 +42,7 @@ def flipped(info: CameraInfo, size: Size, *, horizontal: bool, vertical: bool) -
     stay positive.
 
     Args:
-        info: calibration of the image as it was.
+        info: calibration of the original image.
         size: of the image.
         horizontal, vertical: which ways it is mirrored.
     """

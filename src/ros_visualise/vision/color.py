@@ -17,7 +17,7 @@ from ros_visualise.vision.depth import to_8_bit
 
 
 class HsvMode(Enum):
-    """What is done with the pixels in an HSV range."""
+    """Use of the pixels in an HSV range."""
 
     OFF = "off"
     KEEP = "keep"
@@ -30,7 +30,7 @@ def is_bayer(encoding: str) -> bool:
 
 
 def order_of(encoding: str) -> str:
-    """The order of an encoding's colours, ``BGR`` where it has none."""
+    """The order of an encoding's colours, ``BGR`` by default."""
     return "RGB" if encoding.startswith("rgb") else "BGR"
 
 
@@ -43,7 +43,7 @@ def encoding_of(pixels: Pixels, order: str) -> str:
 
 
 def to_gray(pixels: Pixels, order: str) -> Pixels:
-    """Luma, 0.299 R + 0.587 G + 0.114 B; gray as it is, alpha is left out."""
+    """Luma, 0.299 R + 0.587 G + 0.114 B; gray is unchanged, alpha is dropped."""
     if pixels.ndim == 2:
         return pixels
     alpha = "A" if pixels.shape[2] == 4 else ""
@@ -51,7 +51,7 @@ def to_gray(pixels: Pixels, order: str) -> Pixels:
 
 
 def to_bgr(pixels: Pixels, order: str) -> Pixels:
-    """Three channels in the order BGR; alpha is left out."""
+    """Three channels in the order BGR; alpha is dropped."""
     source = "GRAY" if pixels.ndim == 2 else order + ("A" if pixels.shape[2] == 4 else "")
     return pixels if source == "BGR" else cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{source}2BGR"))
 
@@ -73,7 +73,7 @@ def demosaic(mosaic: Pixels, encoding: str) -> Pixels:
 
 
 def demosaiced(pixels: Pixels, encoding: str) -> Pixels:
-    """The pixels as colours or gray: a mosaic as `demosaic`, others as they are."""
+    """The pixels as colours or gray: mosaics are demosaiced."""
     return demosaic(pixels, encoding) if is_bayer(encoding) else pixels
 
 

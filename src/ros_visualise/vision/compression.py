@@ -29,7 +29,7 @@ JPEG_QUALITY = 80
 def compress(image: Image, quality: int = JPEG_QUALITY) -> CompressedImage:
     """JPEG of 8-bit images, PNG of 16-bit ones and mosaics, whose values JPEG would mix.
 
-    Alpha is left out.
+    Alpha is dropped.
 
     Args:
         image: gray, colours, or depth in millimetres.

@@ -9,7 +9,7 @@ from ros_visualise.data import Pixels
 
 
 def unit(pixels: Pixels) -> int:
-    """What one step of a 0-255 parameter is worth in these pixels: 1, or 257 at 16 bits."""
+    """Size of one step of a 0-255 parameter in these pixels: 1, or 257 at 16 bits."""
     return 257 if pixels.dtype == np.uint16 else 1
 
 

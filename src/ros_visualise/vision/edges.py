@@ -13,7 +13,7 @@ from ros_visualise.vision.depth import to_8_bit, unit
 
 
 class Method(Enum):
-    """How edges are found."""
+    """Method of edge detection."""
 
     CANNY = "canny"
     SOBEL = "sobel"

@@ -23,14 +23,13 @@ Pictures.MAX_IMAGE_PIXELS = None  # the limit is ours
 
 
 def decodable(file: bytes) -> bytes | None:
-    """A picture as OpenCV decodes it without a word of its own; None where it is none.
+    """A file that OpenCV decodes without printing warnings; None if it is not a valid picture.
 
-    A JPEG without its end is none: OpenCV would fill up what lacks with gray. Nor is a PNG that is
-    cut or damaged, of which OpenCV's library would tell in the terminal, as it does of notes in a
-    PNG that it dislikes: those are left out.
+    A truncated JPEG is invalid: OpenCV would fill it up with gray. So is a truncated or damaged
+    PNG, about which OpenCV's library would print warnings. Text chunks of a PNG are removed.
 
     Raises:
-        TooLarge: its pixels would take too much.
+        TooLarge: its pixels would take too much memory.
     """
     try:
         with Pictures.open(BytesIO(file), formats=_KINDS) as picture:
@@ -44,7 +43,7 @@ def decodable(file: bytes) -> bytes | None:
 
 
 def _bare_png(file: bytes) -> bytes | None:
-    """What of a PNG makes its pixels; None where it is damaged."""
+    """The chunks of a PNG that make its pixels; None if damaged."""
     kept, at = [file[: len(_PNG_START)]], len(_PNG_START)
     while at + _PNG_AROUND <= len(file):
         length, kind = struct.unpack_from(">I4s", file, at)

@@ -23,13 +23,13 @@ _COEFFICIENTS = {
     "rational_polynomial": (8, 12, 14),
     "equidistant": (4,),
 }
-"""Models of distortion -> how many coefficients they may have."""
+"""Models of distortion -> possible numbers of coefficients."""
 
 _DEPTHS = ("uint8", "uint16", "int16", "float32", "float64")  # of which OpenCV can make images
 
 
 class Interpolation(Enum):
-    """What a pixel between pixels is made of."""
+    """Interpolation between pixels."""
 
     NEAREST = "nearest"
     LINEAR = "linear"
@@ -49,23 +49,23 @@ class Model(NamedTuple):
 
     @property
     def is_ideal(self) -> bool:
-        """Whether rectifying would change nothing."""
+        """True if rectifying would change nothing."""
         is_turned = not np.array_equal(self.R, np.eye(3))
         is_distorted = self.is_fisheye or self.D.any()
         return not (is_distorted or is_turned) and np.array_equal(self.P[:, :3], self.K)
 
 
 def model_of(info: CameraInfo, alpha: float) -> Model:
-    """How images of a calibrated camera are rectified.
+    """Rectification of the images of a calibrated camera.
 
     Args:
         info: its calibration.
-        alpha: below 0: as the calibration says, by its R and P. Else what the rectified image
-            shows, from 0, nothing but valid pixels, to 1, every pixel that the camera took; laid
-            out by K and D alone, as cameracalibrator does it for a single camera.
+        alpha: below 0: by R and P of the calibration. Else the field of view of the rectified
+            image, from 0, valid pixels only, to 1, every pixel of the camera; by K and D alone, as
+            cameracalibrator does for a single camera.
 
     Raises:
-        UnsupportedImage: its model of distortion is not known.
+        UnsupportedImage: unknown model of distortion.
     """
     is_fisheye, D = distortion_of(info)
     size = (info.width, info.height)
@@ -115,7 +115,7 @@ def rectified(info: CameraInfo, model: Model) -> CameraInfo:
 def _maps(
     size: Size, K: bytes, D: bytes, R: bytes, P: bytes, is_fisheye: bool
 ) -> tuple[Pixels, Pixels]:
-    """Where each pixel comes from, as OpenCV's fast maps of whole pixels and 32nds of them."""
+    """Source of each pixel, as OpenCV's fast maps of whole pixels and 32nds of them."""
     k, d, r, p = (np.frombuffer(numbers) for numbers in (K, D, R, P))
     make = cv2.fisheye.initUndistortRectifyMap if is_fisheye else cv2.initUndistortRectifyMap
     projection = p.reshape(3, 4)[:, :3].copy()
@@ -123,7 +123,7 @@ def _maps(
 
 
 def distortion_of(info: CameraInfo) -> tuple[bool, Floats]:
-    """Whether the model of distortion is the fisheye's, and its coefficients.
+    """True if the model of distortion is the fisheye's, and its coefficients.
 
     Raises:
         UnsupportedImage: the model is unknown, or it has another number of coefficients.

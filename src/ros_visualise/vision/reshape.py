@@ -14,7 +14,7 @@ Size = tuple[int, int]
 
 
 class Flip(Enum):
-    """Which way to mirror."""
+    """Direction of mirroring."""
 
     OFF = "off"
     HORIZONTAL = "horizontal"

@@ -12,7 +12,7 @@ from ros_visualise.vision.depth import to_8_bit, unit
 
 
 class Blur(Enum):
-    """How to blur."""
+    """Method of smoothing."""
 
     OFF = "off"
     GAUSSIAN = "gaussian"

@@ -1,4 +1,4 @@
-"""How many threads OpenCV takes for an image."""
+"""Number of OpenCV's threads by the size of an image."""
 
 from __future__ import annotations
 

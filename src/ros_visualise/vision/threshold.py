@@ -13,7 +13,7 @@ from ros_visualise.vision.depth import full_scale, unit
 
 
 class Threshold(Enum):
-    """What is done with the pixels on each side of the threshold."""
+    """Use of the pixels on each side of the threshold."""
 
     OFF = "off"
     TRUNCATE = "truncate"

@@ -13,7 +13,7 @@ from ros_visualise.vision.depth import full_scale, unit
 
 
 class Equalize(Enum):
-    """How to spread the histogram."""
+    """Method of equalization."""
 
     OFF = "off"
     GLOBAL = "global"

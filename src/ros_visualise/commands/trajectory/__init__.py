@@ -14,7 +14,7 @@ from ros_visualise.running.options import MemoryOptions
 
 
 def _delta(text: str) -> tuple[float, str]:
-    """How much of which of `geometry.trajectory_errors.DELTA_UNITS`."""
+    """An amount, and one of `geometry.trajectory_errors.DELTA_UNITS`."""
     found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(f|m|deg|s)", text)
     amount = float(found[1]) if found else 0.0
     if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
@@ -24,7 +24,7 @@ def _delta(text: str) -> tuple[float, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparisonOptions:
-    """How trajectories are compared."""
+    """Options of the comparison."""
 
     GROUP = "comparing"
 
@@ -47,8 +47,8 @@ class ComparisonOptions:
     )
     delta: tuple[float, str] = option(
         "1f",
-        "how far apart the two poses are that RPE compares: 1f (from one pose to the "
-        "next), 10m, 5deg, 1s (default: %(default)s)",
+        "distance between the two poses that RPE compares: 1f (from one pose to the next), "
+        "10m, 5deg, 1s (default: %(default)s)",
         type=_delta,
         metavar="N",
     )
@@ -56,7 +56,7 @@ class ComparisonOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryOutputOptions:
-    """Files that are written, and what is drawn."""
+    """Options of files and plots."""
 
     GROUP = "output"
 

@@ -1,4 +1,4 @@
-"""A trajectory laid over the truth, and how far it is from it."""
+"""A trajectory aligned with the truth, and its errors."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Path
 from ros_visualise.geometry import transforms
-from ros_visualise.geometry.alignment import Similarity, align
 from ros_visualise.geometry.trajectory_errors import (
     Delta,
     Indices,
     PoseErrors,
+    Similarity,
     absolute_errors,
+    align,
     associate,
     chain,
     relative_errors,
@@ -31,13 +32,13 @@ class Comparison:
     """One trajectory and the truth.
 
     Attributes:
-        trajectory: all of it, laid over the truth.
-        alignment: what did that.
-        moments: the stamps (N,), or the numbers, of the poses that were compared.
-        apart_s: the most that the stamps of two compared poses are apart.
-        ate: of each compared pose.
-        rpe: of each pair of them; None where no two are so far apart.
-        turns: whether both know attitudes; else distances of the ATE are all that can be said.
+        trajectory: the whole trajectory, aligned.
+        alignment: the transform that aligned it.
+        moments: stamps (N,), or numbers, of the compared poses.
+        apart_s: largest difference of the stamps of two compared poses.
+        ate: errors of each compared pose.
+        rpe: errors of each pair of them; None if no two are so far apart.
+        turns: True if both have attitudes; else only the distances of the ATE are valid.
     """
 
     trajectory: Trajectory
@@ -50,10 +51,10 @@ class Comparison:
 
 
 def compare(found: Trajectory, truth: Trajectory, options: TrajectoryOptions) -> Comparison:
-    """Compare with the truth, as the command line says.
+    """Compare with the truth.
 
     Raises:
-        UsageError: no poses belong together, or they cannot be aligned like that.
+        UsageError: no matching poses, or they cannot be aligned like that.
     """
     turns = found.turns and truth.turns
     if options.align == "origin" and not turns:
@@ -72,7 +73,7 @@ def compare(found: Trajectory, truth: Trajectory, options: TrajectoryOptions) ->
     has_pairs = turns and len(begins) > 1
     apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
     return Comparison(
-        _laid(found, T) if options.align != "none" else found,
+        _moved(found, T) if options.align != "none" else found,
         alignment,
         (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.float64),
         float(apart_ns) / _NS,
@@ -83,7 +84,7 @@ def compare(found: Trajectory, truth: Trajectory, options: TrajectoryOptions) ->
 
 
 def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices, Indices]:
-    """The poses of the truth and of the other that belong together."""
+    """Indices of matching poses in the truth and in the other."""
     if found.stamped and truth.stamped:
         pairs = associate(truth.path.stamps_ns, found.path.stamps_ns, most_ns)
         if not len(pairs[0]):
@@ -116,7 +117,7 @@ def _poses(path: Path) -> Floats:
     return transforms.from_pose(path.positions_xyz, path.quats_xyzw)
 
 
-def _laid(found: Trajectory, T: Floats) -> Trajectory:
+def _moved(found: Trajectory, T: Floats) -> Trajectory:
     path: Any = found.path
     positions_xyz, quats_xyzw = transforms.to_pose(T)
     return replace(found, path=replace(path, positions_xyz=positions_xyz, quats_xyzw=quats_xyzw))

@@ -1,4 +1,4 @@
-"""What ``trajectory`` reads: topics of one recording, other files beside it, and the truth."""
+"""Inputs of ``trajectory``: topics of one recording, other files, and the truth."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _TEXTS = (".txt", ".tum", ".kitti", ".csv")
 
 @dataclass
 class Inputs:
-    """What was read.
+    """Trajectories of the command line.
 
     Attributes:
-        trajectories: at least one, in the order in which they were asked for.
-        truth: what they are compared with, if anything.
-        notes: what could not be read, a line each.
+        trajectories: at least one, in the order of the command line.
+        truth: the true trajectory, if any.
+        notes: damage of the inputs, a line each.
     """
 
     trajectories: list[Trajectory] = field(default_factory=list)
@@ -35,22 +35,22 @@ class Inputs:
 
     @property
     def all(self) -> list[Trajectory]:
-        """The truth, too, which is the last."""
+        """All trajectories, the truth last."""
         return [*self.trajectories, *([self.truth] if self.truth else [])]
 
 
 def files_read(options: TrajectoryOptions) -> list[Path]:
-    """All that is going to be read."""
+    """All files to read."""
     named = [*options.beside, *([options.truth] if options.truth else [])]
     return [Path(options.input), *(parse_target(name)[0] for name in named)]
 
 
 def read_inputs(options: TrajectoryOptions) -> Inputs:
-    """Read all that the command line names.
+    """Read all trajectories of the command line.
 
     Raises:
-        UsageError: there is no such file or topic, or it does not say which of several.
-        RosVisualiseError: one holds no poses.
+        UsageError: unknown file or topic, or an ambiguous one.
+        RosVisualiseError: one has no poses.
     """
     inputs = Inputs()
     with _opened(Path(options.input), inputs) as source:
@@ -63,7 +63,7 @@ def read_inputs(options: TrajectoryOptions) -> Inputs:
 
 
 def _truth(source: Path | Recording, name: str | None, inputs: Inputs) -> Trajectory | None:
-    """Of a topic of the recording or, where it has none of that name, of a file."""
+    """The truth: a topic of the recording, or else a file of that name."""
     if name is None:
         return None
     is_topic = not isinstance(source, Path) and has_poses(source, name)
@@ -76,7 +76,7 @@ def _truth(source: Path | Recording, name: str | None, inputs: Inputs) -> Trajec
 
 
 def _read_named(name: str, inputs: Inputs) -> list[Trajectory]:
-    """All of FILE[@TOPIC[,TOPIC...]]; they are named after the file, too."""
+    """The trajectories of FILE[@TOPIC[,TOPIC...]], named after both."""
     path, topics = parse_target(name)
     with _opened(path, inputs) as source:
         found = [_read(source, topic) for topic in topics or (None,)]

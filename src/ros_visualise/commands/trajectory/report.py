@@ -1,4 +1,4 @@
-"""What ``trajectory`` tells: lines for people, an object for programs."""
+"""Report of ``trajectory``: lines for people, an object for programs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLUMNS = ("rmse", "mean", "median", "std", "min", "max")
 def to_json(
     found: Trajectory, compared: Comparison | None, options: TrajectoryOptions
 ) -> dict[str, Any]:
-    """All of it, as the README tells."""
+    """The report as JSON; see the documentation."""
     report = {
         "path": str(options.input),
         "topic": found.topic,
@@ -37,40 +37,40 @@ def to_json(
 
 
 def figures(found: Trajectory) -> dict[str, Any]:
-    """How many poses, how far, how long and how fast."""
+    """Number of poses, length, duration and speeds."""
     travel = Travel()
     for stamp_ns, position in zip(
         found.path.stamps_ns.tolist(), found.path.positions_xyz.tolist(), strict=True
     ):
         travel.add(stamp_ns, position)
-    told = {"poses": len(found.path.stamps_ns), **asdict(travel.summary())}
-    return told if found.stamped else {**told, "duration_s": None}
+    values = {"poses": len(found.path.stamps_ns), **asdict(travel.summary())}
+    return values if found.stamped else {**values, "duration_s": None}
 
 
 def summary(found: Trajectory) -> list[str]:
-    """What it is, and what was odd."""
-    told, frame = figures(found), found.path.header.frame_id
+    """Lines on a trajectory and its oddities."""
+    values, frame = figures(found), found.path.header.frame_id
     where = f" in the frame {frame}" if frame else ""
     lines = [
-        f"{found.topic}: {counted(told['poses'], 'pose')}{where}",
-        f"length:     {told['length_m']:.3f} m",
+        f"{found.topic}: {counted(values['poses'], 'pose')}{where}",
+        f"length:     {values['length_m']:.3f} m",
     ]
     if found.stamped:
-        lines.append(f"duration:   {told['duration_s']:.3f} s")
-    if told["mean_mps"] is not None:
-        lines.append(f"mean speed: {told['mean_mps']:.3f} m/s")
-        lines.append(f"top speed:  {told['top_mps']:.3f} m/s over a second")
+        lines.append(f"duration:   {values['duration_s']:.3f} s")
+    if values["mean_mps"] is not None:
+        lines.append(f"mean speed: {values['mean_mps']:.3f} m/s")
+        lines.append(f"top speed:  {values['top_mps']:.3f} m/s over a second")
     for why, count in found.left_out.items():
-        lines.append(f"left out:   {count} {why}")
+        lines.append(f"skipped:    {count} {why}")
     if found.unordered:
-        lines.append(f"sorted:     {found.unordered} came after later ones")
+        lines.append(f"sorted:     {found.unordered} out of order")
     if found.repeated:
         lines.append(
-            f"stamps:     {found.repeated} are those of the pose before; programs that need each"
-            " once will refuse them"
+            f"stamps:     {found.repeated} repeat that of the pose before; some programs reject"
+            " such files"
         )
     if found.without_attitude:
-        lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
+        lines.append(f"attitude:   {found.without_attitude} missing; written as that of the frame")
     return lines
 
 
@@ -131,12 +131,12 @@ def _errors(compared: Comparison, options: TrajectoryOptions) -> dict[str, Any]:
         "scale": alignment.scale,
         "T_truth_frame": from_parts(alignment.rotation, alignment.translation_xyz).tolist(),
         "delta": f"{amount:g}{unit}",
-        "ate": _told(compared.ate, compared.turns),
-        "rpe": _told(compared.rpe, compared.turns),
+        "ate": _values(compared.ate, compared.turns),
+        "rpe": _values(compared.rpe, compared.turns),
     }
 
 
-def _told(errors: PoseErrors | None, turns: bool) -> dict[str, Any] | None:
+def _values(errors: PoseErrors | None, turns: bool) -> dict[str, Any] | None:
     if errors is None:
         return None
     rotation = statistics(errors.rotation_deg) if turns else None

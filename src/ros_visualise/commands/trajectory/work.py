@@ -14,11 +14,12 @@ from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_in
 from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import answer, answer_json, say, shown
-from ros_visualise.geometry.planes import Plane, planes_of
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import (
+    Plane,
     PlottedTrajectory,
     draw_in_text,
+    planes_of,
     plot_trajectories,
 )
 from ros_visualise.running.interruptible import interruptible
@@ -50,7 +51,7 @@ def assess(options: TrajectoryOptions) -> int:
 
 
 def _check(options: TrajectoryOptions) -> None:
-    """Refuse what cannot be done, before anything is read."""
+    """Reject wrong usage before anything is read."""
     if options.align != "none" and options.truth is None:
         raise UsageError(
             f"--align {options.align}: needs the true trajectory: add --truth TOPIC|FILE"
@@ -59,7 +60,7 @@ def _check(options: TrajectoryOptions) -> None:
     count = max(1, len(options.topic)) + sum(max(1, len(topics)) for topics in beside)
     if options.output is not None and count > 1:
         raise UsageError(
-            f"{options.output}: can hold only one trajectory; ask for one, or leave OUT away"
+            f"{options.output}: can store only one trajectory; choose one, or omit OUT"
         )
     targets = [one for one in (options.output, options.plot) if one is not None]
     for read in files_read(options):
@@ -67,7 +68,7 @@ def _check(options: TrajectoryOptions) -> None:
     if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
-            f"{options.plot}: a picture is drawn as SVG or PNG; give a name that ends in {kinds}"
+            f"{options.plot}: plots are SVG or PNG files; give a name that ends in {kinds}"
         )
     for target in targets:
         TargetFile.check(target, options.overwrite)
@@ -82,7 +83,7 @@ def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
 
 
 def _drawn(inputs: Inputs, compared: Compared) -> list[PlottedTrajectory]:
-    """The truth beneath the others, which lie as they were aligned."""
+    """The truth below the others, which are aligned."""
     truth = inputs.truth
     drawn = (
         [] if truth is None else [PlottedTrajectory(shown(truth.topic), truth.path, is_truth=True)]
@@ -105,7 +106,7 @@ def _files(
     found, one = compared[0]
     if options.output is not None:
         if options.format == "tum" and not found.stamped:
-            raise UsageError(f"{found.topic}: has no times, which TUM needs; take --format kitti")
+            raise UsageError(f"{found.topic}: has no times, which TUM needs; use --format kitti")
         path = one.trajectory.path if one else found.path
         files[options.output] = "".join(FORMATS[options.format](path)).encode()
     if options.plot is not None:
@@ -116,10 +117,10 @@ def _files(
 
 
 def _title(found: Trajectory, count: int) -> str:
-    told = figures(found)
-    lasts = f" in {told['duration_s']:.1f} s" if found.stamped else ""
+    values = figures(found)
+    lasts = f" in {values['duration_s']:.1f} s" if found.stamped else ""
     more = f" and {count - 1} more" if count > 1 else ""
-    return f"{shown(found.topic)}: {told['length_m']:.2f} m{lasts}{more}"
+    return f"{shown(found.topic)}: {values['length_m']:.2f} m{lasts}{more}"
 
 
 def _report(inputs: Inputs, compared: Compared, options: TrajectoryOptions) -> dict[str, Any]:

@@ -101,7 +101,7 @@ class RecordedCurves:
         self._enqueue(lambda: self._try_fill(topic, curves))
 
     def first(self, topic: str, wait_s: float) -> Any:
-        """The first message of a topic; None if it has none, or not in time."""
+        """The first message of a topic; None without any in time."""
         found: Future[Any] = Future()
         self._enqueue(lambda: found.set_result(self._first(topic)))
         try:
