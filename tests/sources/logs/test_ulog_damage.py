@@ -156,7 +156,7 @@ def test_a_large_log_is_refused_before_it_is_read(tmp_path):
     with path.open("wb") as file:
         file.write(LOG)
         file.truncate(600 << 20)
-    with pytest.raises(OpenError, match=r"a flight log of 600 MiB, .* add --max-memory 3G"):
+    with pytest.raises(OpenError, match=r"a flight log of 600 MiB; .* add --max-memory 3G"):
         open_recording(path)
 
 

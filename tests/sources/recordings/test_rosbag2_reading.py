@@ -345,7 +345,7 @@ def test_types_of_ros_need_no_definition_and_others_do(tmp_path: Path) -> None:
     assert found == [Written(names[n], stamp, d) for n, stamp, d in rows[::-1] if n in names]
     unreadable = {topic: info.unreadable for topic, info in recording.topics.items()}
     assert unreadable["/text"] == ""
-    assert "does not define it" in unreadable["/mine"]
+    assert "not defined in the recording" in unreadable["/mine"]
     assert unreadable["/other"] == "protobuf: only ROS messages are read"
     assert recording.loss.messages == 10
 
