@@ -8,12 +8,19 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Twist
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
+from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.simulator import Simulation
 
 BLIND_HUSKY = replace(HuskyParams(), camera=False, lidar=False)
 BLIND_QUADROTOR = replace(QuadrotorParams(), camera=False)
+
+
+def without_camera(robot: str) -> RobotParams:
+    """The default settings of a robot, but for its camera, which takes OpenGL and time."""
+    return replace(ROBOTS.find(robot).params(), camera=False)
 
 
 def collect(simulation: Simulation, seconds: float) -> dict[str, list[Any]]:

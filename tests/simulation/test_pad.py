@@ -43,7 +43,8 @@ def test_on_a_circle_it_goes_around():
 @pytest.mark.parametrize("world", WORLDS.builtin)
 def test_the_file_of_each_world_knows_the_tags_of_the_pad(world):
     tags = Path(tags_of_world(world))
-    assert tags == Path(worlds.__file__).with_name(f"{world}_tags.yaml"), "as launch files name it"
+    own = Path(worlds.__file__).with_name(f"{world}_tags.yaml")  # as launch files name it
+    assert tags == (own if own.exists() else own.with_name("plane_tags.yaml"))
     (bundle,) = read_known_tags(str(tags)).bundles
     assert bundle.name == "pad"
     for tag_id, size, place in PAD_TAGS:

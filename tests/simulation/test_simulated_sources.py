@@ -165,17 +165,12 @@ def test_sought_while_paused_the_image_of_that_time_is_shown():
 def test_steps_go_from_message_to_message_where_there_are_no_images():
     playback = Playback(rate=0, hold=True)
     messages = make("husky", playback).messages()
-    start = [next(messages)[0] for _ in range(9)]
-    assert start == [
-        "robot_description",
-        "tf_static",
-        "scenery",
-        "tf",
-        "odom",
-        "truth",
-        "imu",
-        "fix",
-        "status",
+    start = [
+        name for name, _ in itertools.takewhile(lambda message: message[0] != "status", messages)
+    ]
+    assert start[:8] == [
+        *("robot_description", "tf_static", "scenery"),
+        *("tf", "odom", "truth", "imu", "fix"),
     ]
     playback.pause()
     playback.step()

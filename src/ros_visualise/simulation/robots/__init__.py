@@ -44,5 +44,5 @@ class RobotType:
 
 ROBOTS = Registry("robots", __name__, holding(RobotType, "ROBOT"))
 
-OURS = " or ".join(ROBOTS.builtin)
+OURS = f"{', '.join(ROBOTS.builtin[:-1])} or {ROBOTS.builtin[-1]}"
 """The robots of this package, for a help text."""
