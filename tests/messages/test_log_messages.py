@@ -6,7 +6,7 @@ import pytest
 from through import through_ros1, through_ros2
 
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
-from ros_visualise.data.logs import Log, Ros1Log
+from ros_visualise.data.reports import Log, Ros1Log
 from ros_visualise.messages import from_message
 
 LEVELS = [logging.DEBUG, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL]

@@ -1,6 +1,6 @@
 """Layouts of trees and graphs."""
 
-from ros_visualise.plotting.diagrams import GraphLayout, GraphNode, tree_rows
+from ros_visualise.plotting.diagrams import DiagramNode, GraphLayout, tree_rows
 
 
 def test_a_tree_has_each_name_below_its_parent_and_beside_its_siblings():
@@ -17,7 +17,10 @@ def test_a_cycle_of_frames_is_shown_once_beside_other_trees():
 
 
 def test_a_graph_leads_downwards_and_keeps_its_width():
-    nodes = [GraphNode("camera", [], ["/image"]), GraphNode("filter", ["/image", "/in"], ["/out"])]
+    nodes = [
+        DiagramNode("camera", [], ["/image"]),
+        DiagramNode("filter", ["/image", "/in"], ["/out"]),
+    ]
     layout = GraphLayout(nodes, width=300, row=30, character=6)
     for above, below in layout.arrows:
         assert layout.places[above].y < layout.places[below].y

@@ -21,8 +21,7 @@ from ros_visualise.data import (
     Odometry,
     PointCloud,
 )
-from ros_visualise.data.diagnostics import Level
-from ros_visualise.data.logs import Log
+from ros_visualise.data.reports import Level, Log
 from ros_visualise.ui.look import Looker, link
 from ros_visualise.ui.look.answers import Question, Refusal
 from ros_visualise.ui.look.taps import Taps

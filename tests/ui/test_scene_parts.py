@@ -6,7 +6,7 @@ from scene_messages import LEFT, S, cloud, tf, transform
 
 from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import CameraInfo, Image, LaserScan, Odometry, Transforms
-from ros_visualise.data.frames import is_static
+from ros_visualise.data.poses import is_static
 from ros_visualise.geometry import rotations
 from ros_visualise.ui.scene.axes import clusters
 from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import CameraInfo
-from ros_visualise.vision.calibration import flipped, resized
+from ros_visualise.vision.reshape import flipped, resized
 
 cv2 = pytest.importorskip("cv2")
 

@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from by_definition import differ_by
 
-from ros_visualise.vision.morphology import Morphology, Shape, morph
+from ros_visualise.vision.morphology import KernelShape, Morphology, morph
 
 CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 ELEMENTS = {
-    (Shape.RECT, 2): np.ones((3, 3), bool),
-    (Shape.RECT, 5): np.ones((5, 5), bool),
-    (Shape.CROSS, 3): CROSS,
-    (Shape.ELLIPSE, 3): CROSS,
+    (KernelShape.RECT, 2): np.ones((3, 3), bool),
+    (KernelShape.RECT, 5): np.ones((5, 5), bool),
+    (KernelShape.CROSS, 3): CROSS,
+    (KernelShape.ELLIPSE, 3): CROSS,
 }
 
 
@@ -52,10 +52,10 @@ def test_every_operation_by_its_definition(gray, operation, kernel):
 
 
 def test_opening_twice_is_opening_once(colored):
-    once = morph(colored, Morphology.OPEN, Shape.ELLIPSE, 5)
-    assert differ_by(morph(once, Morphology.OPEN, Shape.ELLIPSE, 5), once) == 0
+    once = morph(colored, Morphology.OPEN, KernelShape.ELLIPSE, 5)
+    assert differ_by(morph(once, Morphology.OPEN, KernelShape.ELLIPSE, 5), once) == 0
     assert (once <= colored).all()
 
 
 def test_off_is_the_same_array(gray):
-    assert morph(gray, Morphology.OFF, Shape.RECT, 3) is gray
+    assert morph(gray, Morphology.OFF, KernelShape.RECT, 3) is gray

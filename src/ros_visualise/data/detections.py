@@ -26,7 +26,9 @@ from ros_visualise.data.ros_fields import TabledMessage
 
 A = TypeVar("A", bound="DetectedArray")
 
-_BOX_3D = ros.Part("vision_msgs/msg/BoundingBox3D", center=ros.POSE, size=ros.vector("size_xyz"))
+_BOX_3D = ros.SubMessage(
+    "vision_msgs/msg/BoundingBox3D", center=ros.POSE, size=ros.vector("size_xyz")
+)
 _NO_PIXELS = {"header": header(Header()), "data": np.zeros(0, np.uint8), "height": 0, "width": 0}
 _NO_IMAGE = {**_NO_PIXELS, "encoding": "", "is_bigendian": 0, "step": 0}
 _NO_CLOUD = {

@@ -1,12 +1,16 @@
-"""Images, and images as files."""
+"""Images, their encodings, and images as files."""
 
 from __future__ import annotations
 
+import math
 import sys
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -14,11 +18,79 @@ from ros_visualise.core.limits import check_image
 from ros_visualise.core.message import Message
 from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.cameras import CameraInfo
-from ros_visualise.data.encodings import ENCODINGS, MEASUREMENTS, Deferred
 from ros_visualise.data.fields import header, read_header
 from ros_visualise.data.header import Header, Pixels, read_only
 from ros_visualise.data.ros_fields import TabledMessage
-from ros_visualise.data.yuv import planes_to_bgr, yuv422_to_bgr
+
+_BAYER = ("rggb", "bggr", "gbrg", "grbg")
+
+ENCODINGS: dict[str, tuple[str, int]] = {
+    "mono8": ("uint8", 1),
+    "mono16": ("uint16", 1),
+    "bgr8": ("uint8", 3),
+    "rgb8": ("uint8", 3),
+    "bgra8": ("uint8", 4),
+    "rgba8": ("uint8", 4),
+    "bgr16": ("uint16", 3),
+    "rgb16": ("uint16", 3),
+    "bgra16": ("uint16", 4),
+    "rgba16": ("uint16", 4),
+    **{f"bayer_{pattern}8": ("uint8", 1) for pattern in _BAYER},
+    **{f"bayer_{pattern}16": ("uint16", 1) for pattern in _BAYER},
+}
+"""Gray and colours: name in sensor_msgs/image_encodings -> (numpy dtype, channels)."""
+
+_COLORLESS = ("8UC2", "16UC1", "16UC2")  # OpenCV's other unsigned types are gray or colours
+
+_TYPES = {"8S": "int8", "16S": "int16", "32S": "int32", "32F": "float32", "64F": "float64"}
+
+MEASUREMENTS: dict[str, tuple[str, int]] = {
+    **{name: (f"uint{name.partition('U')[0]}", int(name[-1])) for name in _COLORLESS},
+    **{
+        f"{name}C{channels}": (dtype, channels)
+        for name, dtype in _TYPES.items()
+        for channels in (1, 2, 3, 4)
+    },
+}
+"""Measurements in place of gray or colours, as in `ENCODINGS`.
+
+Depth is ``32FC1`` in metres, NaN if unknown, or ``16UC1`` in millimetres, 0 if unknown (REP 118);
+``mono16`` has the same bytes and is gray.
+"""
+
+
+class Deferred:
+    """Pixels that are computed once, on first access from any thread.
+
+    Args:
+        shape: (height, width) or (height, width, channels) of the array that ``make`` returns.
+        dtype: its type.
+        make: called at most once.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], dtype: npt.DTypeLike, make: Callable[[], Pixels]
+    ) -> None:
+        self.shape = shape
+        self.dtype = np.dtype(dtype)
+        self._make: Callable[[], Pixels] | None = make
+        self._pixels: Pixels | None = None
+        self._lock = threading.Lock()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the array."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+    def __call__(self) -> Pixels:
+        if self._pixels is None:
+            with self._lock:
+                if self._make is not None:
+                    self._pixels = read_only(self._make())
+                    self._make = None  # frees its inputs
+        assert self._pixels is not None
+        return self._pixels
+
 
 _ALSO_CALLED = {
     "8UC1": "mono8",
@@ -190,3 +262,29 @@ def _need_even(message: Any, *sides: int) -> None:
     if any(side % 2 for side in sides):
         size = f"{message.width}x{message.height}"
         raise ValueError(f"{message.encoding} of an odd size, {size} pixels")
+
+
+def yuv422_to_bgr(packed: Pixels, order: str) -> Pixels:
+    """BGR of two bytes per pixel, where two neighbours share their colour.
+
+    Args:
+        packed: (height, width, 2), of an even width.
+        order: of the bytes of two pixels, ``UYVY`` or ``YUYV``.
+    """
+    return cv2.cvtColor(packed, getattr(cv2, f"COLOR_YUV2BGR_{order}"))
+
+
+def planes_to_bgr(rows: Pixels, kind: str) -> Pixels:
+    """BGR of one byte of gray per pixel, and after all of them pairs of bytes for the colours.
+
+    Args:
+        rows: of nv12 and nv21 (height * 3/2, width), both even, a pair for 2x2 pixels; of nv24
+            (height * 3, width), a pair for each.
+        kind: ``nv12``, ``nv21`` or ``nv24``.
+    """
+    if kind != "nv24":
+        return cv2.cvtColor(rows, getattr(cv2, f"COLOR_YUV2BGR_{kind.upper()}"))
+    height, width = len(rows) // 3, rows.shape[1]
+    gray, colors = rows[:height], rows[height:].reshape(height, 2 * width)
+    doubled = np.concatenate([gray.repeat(2, axis=0).repeat(2, axis=1), colors])  # is nv12 then
+    return np.ascontiguousarray(cv2.cvtColor(doubled, cv2.COLOR_YUV2BGR_NV12)[::2, ::2])

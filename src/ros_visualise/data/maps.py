@@ -78,7 +78,7 @@ class PolygonStamped(TabledMessage):
     plotted: ClassVar[bool] = False
     ros_fields: ClassVar[ros.RosFields] = {
         "header": ros.HEADER,
-        "polygon": ros.Part(
+        "polygon": ros.SubMessage(
             "geometry_msgs/msg/Polygon",
             points=ros.rows("points_xyz", "geometry_msgs/msg/Point32", dtype=np.float32),
         ),

@@ -63,7 +63,7 @@ class Attribute:
         yield self
 
 
-class Part:
+class SubMessage:
     """A message inside another, whose fields are held by attributes of the outer one."""
 
     def __init__(self, type_name: str, **fields: RosField) -> None:
@@ -108,7 +108,7 @@ class Unused:
         return iter(())
 
 
-RosField = Attribute | Part | Unused
+RosField = Attribute | SubMessage | Unused
 RosFields = Mapping[str, RosField]
 """Fields of a ROS message by their ROS 2 names; what a version lacks is not written."""
 
@@ -223,16 +223,18 @@ def quaternion(name: str) -> Attribute:
     return numbers(name, "geometry_msgs/msg/Quaternion", "xyzw")
 
 
-POSE = Part(
+POSE = SubMessage(
     "geometry_msgs/msg/Pose",
     position=numbers("position_xyz", "geometry_msgs/msg/Point"),
     orientation=quaternion("quat_xyzw"),
 )
-TWIST = Part("geometry_msgs/msg/Twist", linear=vector("linear_xyz"), angular=vector("angular_xyz"))
+TWIST = SubMessage(
+    "geometry_msgs/msg/Twist", linear=vector("linear_xyz"), angular=vector("angular_xyz")
+)
 
 
-def pose_with_covariance(covariance: str) -> Part:
+def pose_with_covariance(covariance: str) -> SubMessage:
     """A pose, and its covariance (6, 6) in the order x, y, z and the rotations about them."""
-    return Part(
+    return SubMessage(
         "geometry_msgs/msg/PoseWithCovariance", pose=POSE, covariance=array(covariance, 6, 6)
     )

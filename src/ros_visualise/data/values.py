@@ -1,4 +1,4 @@
-"""Single numbers and texts."""
+"""Single numbers, texts and times."""
 
 from __future__ import annotations
 
@@ -37,3 +37,13 @@ class Text(TabledMessage):
 
     text: str
     header: Header = Header()
+
+
+@dataclass(frozen=True)
+class ClockTime(ros.TabledMessage, known=False):
+    """A time, as on ``/clock``."""
+
+    type_name: ClassVar[str] = "rosgraph_msgs/msg/Clock"
+    ros_fields: ClassVar[ros.RosFields] = {"clock": ros.stamp("time_ns")}
+
+    time_ns: int

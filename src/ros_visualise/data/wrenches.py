@@ -16,7 +16,7 @@ class WrenchStamped(ros.TabledMessage):
     type_name: ClassVar[str] = "geometry_msgs/msg/WrenchStamped"
     ros_fields: ClassVar[ros.RosFields] = {
         "header": ros.HEADER,
-        "wrench": ros.Part(
+        "wrench": ros.SubMessage(
             "geometry_msgs/msg/Wrench",
             force=ros.vector("force_xyz"),
             torque=ros.vector("torque_xyz"),

@@ -70,7 +70,7 @@ def evenly(total: int, count: int) -> Indices:
     return np.linspace(0, total - 1, min(total, count)).astype(np.intp)
 
 
-class _Piece(NamedTuple):
+class _Segment(NamedTuple):
     """The line between two points; the first one in a heap is to be split next."""
 
     order: float
@@ -80,16 +80,16 @@ class _Piece(NamedTuple):
     error_m: float
 
 
-def _measure(points: Floats, errors_m: Floats, first: int, last: int) -> _Piece:
+def _measure(points: Floats, errors_m: Floats, first: int, last: int) -> _Segment:
     away = _distances(points[first : last + 1])
     farthest = int(away.argmax())
     # No point of a line is farther from another line than the farther one of its ends.
     error = float((np.maximum(away[:-1], away[1:]) + errors_m[first:last]).max())
     if last - first == 1:
-        return _Piece(math.inf, first, last, last, error)
+        return _Segment(math.inf, first, last, last, error)
     if not away[farthest]:
-        return _Piece(0.0, first, last, (first + last) // 2, error)
-    return _Piece(-error, first, last, first + farthest, error)
+        return _Segment(0.0, first, last, (first + last) // 2, error)
+    return _Segment(-error, first, last, first + farthest, error)
 
 
 def _distances(points: Floats) -> Floats:

@@ -7,8 +7,8 @@ from typing import Any
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import CameraInfo, ParameterEvent, Transforms
-from ros_visualise.data.frames import is_static
 from ros_visualise.data.header import Header
+from ros_visualise.data.poses import is_static
 from ros_visualise.messages.recorded import TopicType, content
 
 _ALWAYS = (CameraInfo.type_name, ParameterEvent.type_name)

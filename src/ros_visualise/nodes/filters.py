@@ -9,11 +9,11 @@ from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.core.params import param, unless, when
 from ros_visualise.data import CameraInfo, Image, Pixels
 from ros_visualise.nodes import node
-from ros_visualise.vision import calibration, color
+from ros_visualise.vision import color
 from ros_visualise.vision.color import HsvMode
 from ros_visualise.vision.depth import reusable
-from ros_visualise.vision.morphology import Morphology, Shape, morph
-from ros_visualise.vision.reshape import Flip, flip, resize, target_size
+from ros_visualise.vision.morphology import KernelShape, Morphology, morph
+from ros_visualise.vision.reshape import Flip, flip, flipped, resize, resized, target_size
 from ros_visualise.vision.smoothing import Blur, blur, sharpen
 from ros_visualise.vision.threshold import Threshold, threshold
 from ros_visualise.vision.tone import Equalize, adjust, equalize
@@ -188,8 +188,11 @@ class FiltersParams:
     morphology: Morphology = param(
         Morphology.OFF, "morphological operation on bright areas", group="morphology"
     )
-    morphology_shape: Shape = param(
-        Shape.RECT, "morphology: shape of the structuring element", group="morphology", used=_MORPHS
+    morphology_shape: KernelShape = param(
+        KernelShape.RECT,
+        "morphology: shape of the structuring element",
+        group="morphology",
+        used=_MORPHS,
     )
     morphology_size: int = param(
         3,
@@ -268,8 +271,8 @@ def _calibration(image: Image, pixels: Pixels, p: FiltersParams) -> CameraInfo |
     if info is None:
         return None
     if after != before:
-        info = calibration.resized(info, before, after)
+        info = resized(info, before, after)
     if p.flip is not Flip.OFF:
         ways = {"horizontal": p.flip.horizontal, "vertical": p.flip.vertical}
-        info = calibration.flipped(info, after, **ways)
+        info = flipped(info, after, **ways)
     return info

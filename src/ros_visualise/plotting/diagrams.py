@@ -38,7 +38,7 @@ def tree_rows(parents: Mapping[str, str]) -> list[TreeRow]:
     return list(rows.values())
 
 
-class GraphNode(NamedTuple):
+class DiagramNode(NamedTuple):
     """A node of a graph, and the topics that it subscribes to and publishes."""
 
     name: str
@@ -69,7 +69,7 @@ class GraphLayout:
     """
 
     def __init__(
-        self, nodes: Sequence[GraphNode], width: float, row: float, character: float
+        self, nodes: Sequence[DiagramNode], width: float, row: float, character: float
     ) -> None:
         self._character = character
         self.arrows: list[tuple[Key, Key]] = [
@@ -89,7 +89,7 @@ class GraphLayout:
         """Width of a node's box."""
         return len(name) * self._character + 20
 
-    def _layers(self, nodes: Sequence[GraphNode]) -> list[list[Key]]:
+    def _layers(self, nodes: Sequence[DiagramNode]) -> list[list[Key]]:
         """Layers of nodes and topics; topics without subscribers come first in theirs."""
         published = {topic for node in nodes for topic in node.outputs}
         taken = [("topic", topic) for node in nodes for topic in node.inputs]

@@ -7,7 +7,7 @@ import time
 from collections.abc import Collection
 from typing import Any, NamedTuple
 
-from ros_visualise.data.frames import is_static
+from ros_visualise.data.poses import is_static
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.topics import Topic
 

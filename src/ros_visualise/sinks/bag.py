@@ -59,7 +59,7 @@ class BagRecorder(ChunkedRecorder):
         self._connections: dict[str, bytes] = {}
         self._seen: set[str] = set()
         self._chunk_infos: list[bytes] = []
-        self._chunk = _Chunk()
+        self._chunk = _BagChunk()
         super().__init__(path, topics, settings)
 
     def _begin(self, declared: Mapping[str, TopicDeclaration]) -> None:
@@ -129,7 +129,7 @@ class BagRecorder(ChunkedRecorder):
         self._file.write(start)
 
     def _write_chunk(self, first_ns: int, last_ns: int) -> None:
-        chunk, self._chunk = self._chunk, _Chunk()
+        chunk, self._chunk = self._chunk, _BagChunk()
         content = b"".join(chunk.parts)
         compression = "none" if self.unthrottled else self._compression
         compressed = _COMPRESS[compression](content)
@@ -147,7 +147,7 @@ class BagRecorder(ChunkedRecorder):
         counts = [_U32(self._numbers[t]) + _U32(len(found)) for t, found in chunk.index.items()]
         self._chunk_infos.append(_record(header, b"".join(counts)))
 
-    def _chunk_index(self, chunk: _Chunk) -> bytes:
+    def _chunk_index(self, chunk: _BagChunk) -> bytes:
         """Offsets of the messages of each topic in a chunk."""
         return b"".join(_index(self._numbers[t], found) for t, found in chunk.index.items())
 
@@ -175,7 +175,7 @@ class BagRecorder(ChunkedRecorder):
 
 
 @dataclass
-class _Chunk:
+class _BagChunk:
     """The current chunk: its records, and offsets of the messages of each topic in them."""
 
     parts: list[Buffer] = field(default_factory=list)

@@ -63,7 +63,7 @@ _FOOTER_START = struct.Struct("<BQQQ")
 
 
 @dataclass
-class _Chunk:
+class _McapChunk:
     """The current chunk: its records, and channel -> stamp and offset of each message."""
 
     parts: list[Buffer] = field(default_factory=list)
@@ -89,7 +89,7 @@ class McapRecorder(ChunkedRecorder):
         self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._channels: dict[str, Channel] = {}
         self._numbers: dict[str, int] = {}
-        self._chunk = _Chunk()
+        self._chunk = _McapChunk()
         self._chunk_indexes: list[bytes] = []
         self._attachment_indexes: list[AttachmentIndex] = []
         self._metadata_indexes: list[MetadataIndex] = []
@@ -166,7 +166,7 @@ class McapRecorder(ChunkedRecorder):
         self._file.write(b"".join(self._chunk.parts[-2:]))
 
     def _write_chunk(self, first_ns: int, last_ns: int) -> None:
-        chunk, self._chunk = self._chunk, _Chunk()
+        chunk, self._chunk = self._chunk, _McapChunk()
         content = b"".join(chunk.parts)
         compression = self._compression_of(chunk)
         compressed = _COMPRESS[compression](content)
@@ -203,7 +203,7 @@ class McapRecorder(ChunkedRecorder):
         )
         self._chunk_indexes.append(_records([found]))
 
-    def _compression_of(self, chunk: _Chunk) -> str:
+    def _compression_of(self, chunk: _McapChunk) -> str:
         if self.unthrottled:
             return "none"
         if self._compression != "auto":

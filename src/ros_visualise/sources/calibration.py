@@ -15,9 +15,8 @@ import numpy as np
 from ros_visualise.core.errors import OpenError, RecordingError, UnsupportedImage, UsageError
 from ros_visualise.core.yaml_files import BadYaml, load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Image
-from ros_visualise.vision.calibration import resized
 from ros_visualise.vision.rectification import model_of
-from ros_visualise.vision.reshape import Size
+from ros_visualise.vision.reshape import Size, resized
 
 log = logging.getLogger(__name__)
 

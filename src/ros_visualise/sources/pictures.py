@@ -18,7 +18,7 @@ from ros_visualise.core.limits import check_file
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import Image, Pixels
 from ros_visualise.vision.color import encoding_of
-from ros_visualise.vision.pictures import decodable
+from ros_visualise.vision.compression import decodable
 
 log = logging.getLogger(__name__)
 

@@ -22,7 +22,7 @@ class Morphology(Enum):
     BLACKHAT = "blackhat"
 
 
-class Shape(Enum):
+class KernelShape(Enum):
     """The structuring element."""
 
     RECT = "rect"
@@ -30,7 +30,7 @@ class Shape(Enum):
     ELLIPSE = "ellipse"
 
 
-def morph(pixels: Pixels, operation: Morphology, shape: Shape, size: int) -> Pixels:
+def morph(pixels: Pixels, operation: Morphology, shape: KernelShape, size: int) -> Pixels:
     """Apply the operation to each channel; an even size counts as the next odd one."""
     if operation is Morphology.OFF:
         return pixels

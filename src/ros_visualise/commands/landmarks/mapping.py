@@ -22,7 +22,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.data.frames import is_static
+from ros_visualise.data.poses import is_static
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Graph

@@ -14,7 +14,7 @@ from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show
 from ros_visualise.nodes import node
 from ros_visualise.plotting.axes import PlotAxes
 from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, INK, RED
-from ros_visualise.plotting.diagrams import GraphLayout, GraphNode
+from ros_visualise.plotting.diagrams import DiagramNode, GraphLayout
 from ros_visualise.plotting.figure import Figure
 
 _KEPT = 200
@@ -216,10 +216,10 @@ def _draw_graph() -> Figure:
     takes = {step.declared.name: step.after or "picture" for step in LESSON.steps}
     published = {"source": "/image_raw", **{name: f"/{name}" for name in takes.values()}}
     takes = {"picture": "source", **takes}
-    nodes = [GraphNode("source", [], ["/image_raw"])]
+    nodes = [DiagramNode("source", [], ["/image_raw"])]
     for name, before in takes.items():
         outputs = [published[name]] if name in published else []
-        nodes.append(GraphNode(name, [published[before]], outputs))
+        nodes.append(DiagramNode(name, [published[before]], outputs))
     layout = GraphLayout(nodes, WIDTH, _ROW, _CHARACTER)
     figure = Figure(WIDTH, round(layout.height))
     half = np.array([0, _BOX / 2])

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from ros_visualise.core import supervision
-from ros_visualise.data.clocks import ClockTime
+from ros_visualise.data.values import ClockTime
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Publisher, Transport
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import CompressedImage, DiagnosticArray, Image, ParameterEvent, Text
-from ros_visualise.data.logs import Log, Ros1Log
+from ros_visualise.data.reports import Log, Ros1Log
 from ros_visualise.graph import Graph, Node
 from ros_visualise.messages import data_class, type_name
 from ros_visualise.nodes import NodeType

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus
-from ros_visualise.data.logs import Log
+from ros_visualise.data.reports import Log
 from ros_visualise.runtime.base import Runtime, Subscription
 from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.ui.look.logs import Lines

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from ros_visualise.graph import Graph
-from ros_visualise.plotting.diagrams import GraphLayout, GraphNode, Place
+from ros_visualise.plotting.diagrams import DiagramNode, GraphLayout, Place
 
 _ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
 _CHARACTER = 6.6
@@ -22,7 +22,7 @@ def graph_picture(graph: Graph) -> str:
     if not graph.members:
         return '<div class="rv-note">nobody is there yet</div>'
     nodes = [
-        GraphNode(node.name, list(node.inputs.values()), list(node.outputs.values()))
+        DiagramNode(node.name, list(node.inputs.values()), list(node.outputs.values()))
         for node in graph.members
     ]
     layout = GraphLayout(nodes, _WIDTH, _ROW, _CHARACTER)

@@ -14,7 +14,7 @@ import viser
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, JointState, Text, Transforms
-from ros_visualise.data.frames import is_static
+from ros_visualise.data.poses import is_static
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.axes import Axes
 from ros_visualise.ui.scene.data_time import DataTime
