@@ -16,7 +16,7 @@ from ros_visualise.data import Odometry, PointCloud
 from ros_visualise.data.header import Header
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph.pipelines import alone
-from ros_visualise.nodes import choose
+from ros_visualise.nodes import find
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 
@@ -44,7 +44,7 @@ def test_the_nearest_obstacle_is_red_where_the_robot_will_soon_be(speed_mps, gre
         [(9, 0, 1), (4, 0, 1), (1, 0, 0), (np.nan, 0, 0)],
         [(axis, "f4") for axis in "xyz"],
     )
-    declared = choose(NEAREST)
+    declared = find(NEAREST)
     header = Header(5, "base_link")
     odom = Odometry(
         np.zeros(3),
@@ -66,7 +66,7 @@ def test_the_nearest_obstacle_is_red_where_the_robot_will_soon_be(speed_mps, gre
 
 
 def test_the_ball_comes_to_rest_and_rises_when_it_is_kicked():
-    runtime = LocalRuntime(alone(choose(BALL)), Playback(rate=100))
+    runtime = LocalRuntime(alone(find(BALL)), Playback(rate=100))
     images = runtime.subscribe("/image_raw")
     runtime.start()
     assert until(lambda: height(images.take(1)) == 0, 30)

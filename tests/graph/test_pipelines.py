@@ -12,7 +12,7 @@ from ros_visualise.graph.pipelines import (
     image_pipeline,
     simulation_pipeline,
 )
-from ros_visualise.nodes import choose_node, find, find_node, load, node
+from ros_visualise.nodes import find, find_node, load, node
 from ros_visualise.running.graphs import parse_insertion
 from ros_visualise.simulation.rendering import choose_backend
 
@@ -77,7 +77,7 @@ def test_the_path_is_made_of_odometry_from_outside():
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
     found, after, _ = parse_insertion(f"{own}:{name}")
     assert after is None
-    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), "filters"))
+    graph = topics_of(image_pipeline("landscape").insert(find_node(found), "filters"))
     assert list(graph) == ["landscape", "fps_control", "filters", "negative", "edge_detector"]
     assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
     assert graph["edge_detector"][0] == {"image": "/negative"}
@@ -85,7 +85,7 @@ def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
 
 def test_it_may_stand_elsewhere(own):
     found, after, _ = parse_insertion(f"{own}:negative@landscape")
-    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), after))
+    graph = topics_of(image_pipeline("landscape").insert(find_node(found), after))
     assert graph["negative"][0] == {"image": "/image_raw"}
     assert graph["fps_control"][0] == {"image": "/negative"}
 
@@ -228,12 +228,12 @@ def test_inputs_are_chosen_by_name_and_topic(text):
 @pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])
 def test_a_node_is_given_by_file_and_name_or_is_built_in(text):
     with pytest.raises(UsageError, match=r"choose from .*rectify.*FILE\.py:NAME"):
-        choose_node(text)
+        find_node(text)
 
 
 def test_a_built_in_node_is_inserted_under_its_own_topic():
     name, after, _ = parse_insertion("rectify@camera")
-    added = choose_node(name)
+    added = find_node(name)
     camera = image_pipeline("camera")
     graph = topics_of(camera.insert(added, after))
     assert graph["rectify"] == ({"image": "/image_raw"}, {"image_rect": "/image_rect"})
@@ -248,7 +248,7 @@ def test_after_a_source_of_many_topics_a_node_takes_the_images_that_are_processe
 
 def test_a_source_is_no_node_to_insert():
     with pytest.raises(UsageError, match="camera is a source, not a node"):
-        choose_node("camera")
+        find_node("camera")
 
 
 def test_a_file_that_does_not_run_says_why(own):

@@ -28,7 +28,7 @@ class ExplainOptions(PlayingOptions):
         "the lesson; without it, all lessons are listed", default=None, nargs="?", metavar="TOPIC"
     )
     input: str | None = argument(
-        f"a picture, a film, a recording, {OURS} (default: a sample that fits the lesson)",
+        f"a picture, a video, a recording, {OURS} (default: a sample that fits the lesson)",
         default=None,
         nargs="?",
         metavar="FILE",

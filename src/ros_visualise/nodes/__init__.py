@@ -80,8 +80,6 @@ __all__ = [
     "Source",
     "SourceType",
     "action",
-    "choose",
-    "choose_node",
     "find",
     "find_all",
     "find_node",
@@ -114,16 +112,23 @@ NODES = Registry("nodes", __name__, _read, more=ROBOTS)
 
 
 def find(name: str) -> NodeType | SourceType:
-    """The node or source of that name; raises as `ros_visualise.core.registry.Registry.find`."""
-    return NODES.find(name)
+    """The node or source of that name, or one in a file as ``FILE.py:NAME``.
+
+    Raises:
+        OpenError: no such file, or it does not run.
+        UsageError: unknown name; the known ones are listed.
+    """
+    path, _, own = name.rpartition(":")
+    if own and Path(path).suffix == ".py":
+        return load(path, own)
+    try:
+        return NODES.find(name)
+    except UsageError as error:
+        raise UsageError(f"{error}; one of your own is FILE.py:NAME") from None
 
 
 def find_node(name: str) -> NodeType:
-    """The node of that name.
-
-    Raises:
-        UsageError: unknown name, or a source.
-    """
+    """The node of that name; raises as `find`, and UsageError for a source."""
     found = find(name)
     if not isinstance(found, NodeType):
         raise UsageError(f"{name} is a source, not a node")
@@ -131,11 +136,7 @@ def find_node(name: str) -> NodeType:
 
 
 def find_source(name: str) -> SourceType:
-    """The source of that name.
-
-    Raises:
-        UsageError: unknown name, or a node.
-    """
+    """The source of that name; raises as `find`, and UsageError for a node."""
     found = find(name)
     if not isinstance(found, SourceType):
         raise UsageError(f"{name} is a node, not a source")
@@ -145,30 +146,6 @@ def find_source(name: str) -> SourceType:
 def find_all() -> list[NodeType | SourceType]:
     """Every source and node, ours by name before those of other packages."""
     return list(NODES.all())
-
-
-def choose(text: str) -> NodeType | SourceType:
-    """The node or source of that name, or one in a file as ``FILE.py:NAME``.
-
-    Raises:
-        OpenError: no such file, or it does not run.
-        UsageError: it is neither.
-    """
-    path, _, name = text.rpartition(":")
-    if name and Path(path).suffix == ".py":
-        return load(path, name)
-    try:
-        return find(text)
-    except UsageError as error:
-        raise UsageError(f"{error}; one of your own is FILE.py:NAME") from None
-
-
-def choose_node(text: str) -> NodeType:
-    """A node, as `choose` takes it; raises UsageError for a source."""
-    found = choose(text)
-    if not isinstance(found, NodeType):
-        raise UsageError(f"{text} is a source, not a node")
-    return found
 
 
 def load(path: str, name: str) -> NodeType | SourceType:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -120,15 +121,8 @@ class LandmarkLocalizer:
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
         """Write the map; replace its former file when it is complete."""
-        landmarks = self._localizer.landmarks
-        if not landmarks:
-            log.warning("no landmarks yet; nothing saved")
-            return
-        path = Path(self._params.save_to)
         frame_id = self._frame or self._params.fixed_frame
-        check_map_name(path)
-        save_again(path, map_file.to_text(frame_id, landmarks.values()).encode())
-        log.info("%d landmarks saved to %s", len(landmarks), path.absolute())
+        save_landmarks(self._params.save_to, frame_id, self._localizer.landmarks.values())
 
     def step(
         self,
@@ -215,6 +209,19 @@ class LandmarkLocalizer:
             return None
         base = T[:3, :3] @ odom.position_xyz + T[:3, 3]
         return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
+
+
+def save_landmarks(
+    file: str, frame_id: str, tracks: Collection[LandmarkTrack], common: Floats | None = None
+) -> None:
+    """Save landmarks to a map, and log it; see `ros_visualise.landmarks.localization.map_file`."""
+    if not tracks:
+        log.warning("no landmarks yet; nothing saved")
+        return
+    path = Path(file)
+    check_map_name(path)
+    save_again(path, map_file.to_text(frame_id, tracks, common).encode())
+    log.info("%d landmarks saved to %s", len(tracks), path.absolute())
 
 
 def check_map_name(path: Path) -> None:

@@ -40,8 +40,7 @@ from ros_visualise.landmarks.navigation.params import NavigatorParams
 from ros_visualise.landmarks.navigation.rejections import Rejections
 from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 from ros_visualise.nodes import action, node
-from ros_visualise.nodes.landmark_localizer import check_map_name
-from ros_visualise.sinks.files import save_again
+from ros_visualise.nodes.landmark_localizer import save_landmarks
 
 log = logging.getLogger(__name__)
 
@@ -117,13 +116,7 @@ class LandmarkNavigator:
         tracks, common = (
             messages.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
         )
-        if not tracks:
-            log.warning("no landmarks yet; nothing saved")
-            return
-        path = Path(self._params.save_to)
-        check_map_name(path)
-        save_again(path, map_file.to_text(self._frame, tracks, common).encode())
-        log.info("%d landmarks saved to %s", len(tracks), path.absolute())
+        save_landmarks(self._params.save_to, self._frame, tracks, common)
 
     def step(
         self,

@@ -16,7 +16,7 @@ from ros_visualise.graph import IMAGE_NODES, Graph
 from ros_visualise.graph.landmarks import with_tags
 from ros_visualise.graph.pipelines import film_pipeline, image_pipeline, recording_pipeline
 from ros_visualise.graph.presets import preset
-from ros_visualise.nodes import choose_node
+from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.running.options import NodeOptions, PlayingOptions, SettingOptions
 from ros_visualise.runtime.local import LocalRuntime
@@ -152,7 +152,7 @@ def _with_nodes(graph: Graph, texts: Sequence[str]) -> Graph:
     last = "filters" if "filters" in names else names[0]
     for text in texts:
         wanted = parse_insertion(text)
-        added = choose_node(wanted.node)
+        added = find_node(wanted.node)
         graph = graph.insert(added, wanted.after or last, wanted.topics)
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
@@ -169,7 +169,7 @@ class Insertion(NamedTuple):
 
 
 def parse_insertion(text: str) -> Insertion:
-    """``NODE[@AFTER][,INPUT=TOPIC ...]``, NODE as for `ros_visualise.nodes.choose_node`.
+    """``NODE[@AFTER][,INPUT=TOPIC ...]``, NODE as for `ros_visualise.nodes.find_node`.
 
     Raises:
         UsageError: another form.

@@ -13,7 +13,7 @@ from ros_visualise.core.limits import DEFAULT_MEMORY, parse_memory, set_max_memo
 from ros_visualise.core.supervision import status_of
 from ros_visualise.graph import IMAGE_NODES
 from ros_visualise.graph.pipelines import alone, build
-from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
+from ros_visualise.nodes import NodeType, SourceType, find
 from ros_visualise.running.executables.execution import offer_saving, run_graph
 from ros_visualise.running.executables.managed import run_managed
 from ros_visualise.running.executables.options import (
@@ -47,7 +47,7 @@ def run(name: str, host: Host) -> None:
     if name in _OTHERS:
         _run(name, host, _OTHERS[name])
     else:
-        declared = choose(name)  # fails before it takes the name of one that runs
+        declared = find(name)  # fails before it takes the name of one that runs
         _run(declared.name, host, _alone(declared))
 
 
@@ -84,8 +84,7 @@ def _run_pipeline(host: Host, transport: Transport) -> int:
     """
     names = str(host.option("nodes", " ".join(IMAGE_NODES))).split()
     source = str(host.option("source", "none"))
-    through = [choose_node(name) for name in names]
-    graph = build(None if source == "none" else source, "/image_raw", through=through)
+    graph = build(None if source == "none" else source, "/image_raw", through=names)
     namespaces = {node.name: node.name for node in graph.members}
     if switch(host, "managed", False):
         return run_managed(host, transport, graph, namespaces)

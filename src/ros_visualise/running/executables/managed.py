@@ -28,7 +28,7 @@ def run_managed(
     """Run a graph as its manager asks, until this process has to end; the exit status.
 
     Args:
-        host, transport, graph, namespaces: as of `running.run_graph`.
+        host, transport, graph, namespaces: as of `execution.run_graph`.
 
     Raises:
         UsageError: the middleware has no managed nodes.
