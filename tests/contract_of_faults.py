@@ -23,10 +23,10 @@ from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Header, Image, Text
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.report import NodeReport
+from ros_visualise.runtime.topics import Subscription
 
 BAD, FOREIGN = 13, 66
 SEVERAL = 50  # more than is on its way

@@ -29,9 +29,9 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.topics import Subscription
 
 STEP_NS = 40_000_000
 TURN = np.array([0.0, 0, 0, 1])

@@ -20,8 +20,8 @@ from sensor_msgs.msg import Image as ImageMessage
 from std_msgs.msg import String
 from waiting import wait_for
 
-from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.ros2.transport import Ros2Transport
+from ros_visualise.runtime.topics import Subscription
 
 DEAF = """
 import rclpy

@@ -324,7 +324,7 @@ def test_a_node_that_cannot_begin_says_so_in_one_line(
     assert ended.value.code == 1
     [said] = caplog.records
     where = f"{tmp_path / 'broken.py'}, line 8"
-    assert said.getMessage() == f"broken cannot begin: KeyError: 'lens' ({where})"
+    assert said.getMessage() == f"broken cannot start: KeyError: 'lens' ({where})"
     assert said.exc_info is None
 
 

@@ -20,10 +20,10 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.nodes import load
-from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.report import NodeReport
+from ros_visualise.runtime.topics import Subscription
 
 
 class LocalWorld:

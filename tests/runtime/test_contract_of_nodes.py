@@ -16,8 +16,8 @@ from hub import Hub, HubTransport
 from ros_visualise.data import CameraInfo, Image
 from ros_visualise.graph.pipelines import alone
 from ros_visualise.nodes import load
-from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.topics import Subscription
 
 
 class LocalWorld:

@@ -41,7 +41,7 @@ def test_nor_is_who_asks_again_after_a_while():
     clock.now_s += 60
     assert ask(statuses, 500) == (Level.OK, "OK")
     clock.now_s += 1
-    assert ask(statuses, 501) == (Level.WARN, "dropped 1 messages in the last second")
+    assert ask(statuses, 501) == (Level.WARN, "dropped 1 message in the last second")
 
 
 def test_a_topic_may_be_faster_than_the_times_that_are_kept(monkeypatch):

@@ -78,7 +78,7 @@ def test_a_source_that_raises_beside_messages_ends_nobody(where):
 
 
 def test_a_source_that_cannot_begin_says_so_as_a_node_does():
-    with pytest.raises(RosVisualiseError, match="counter cannot begin: ValueError: none"):
+    with pytest.raises(RosVisualiseError, match="counter cannot start: ValueError: none"):
         Run(graph_of(source_type=failing_source(), counter={"frames": -1}))
 
 
@@ -90,5 +90,5 @@ def test_a_source_that_raises_when_it_is_opened_anew_goes_on_as_before(caplog):
     until(lambda: caplog.messages)
     until(lambda: run.runtime.parameters["counter"].current.frames == FRAMES)
     run.runtime.stop()
-    assert "cannot begin: ValueError: none" in caplog.text
+    assert "cannot start: ValueError: none" in caplog.text
     assert not run.runtime.failed

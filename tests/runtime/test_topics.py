@@ -8,7 +8,7 @@ import pytest
 from ros_visualise.data import Header, Text
 from ros_visualise.runtime import topics
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.topics import Topic, TopicSubscription
+from ros_visualise.runtime.topics import Subscription, Topic
 
 
 class Listener:
@@ -76,7 +76,7 @@ def test_a_latched_message_is_never_missed_nor_followed_by_an_older_one():
 
 def test_whoever_looks_on_waits_for_a_message_though_a_node_has_none_for_some_numbers():
     inbox, said = Inbox(lossless=False), threading.Event()
-    subscription = TopicSubscription("/topic", inbox, lambda: None)
+    subscription = Subscription("/topic", inbox, lambda: None)
 
     def publish():
         said.wait(10)

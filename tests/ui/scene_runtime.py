@@ -9,7 +9,7 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
-from ros_visualise.runtime.topics import Topic, TopicSubscription
+from ros_visualise.runtime.topics import Subscription, Topic
 
 
 class Told:
@@ -56,7 +56,7 @@ class Told:
         inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
         self.asked[topic] += 1
-        return TopicSubscription(topic, inbox, partial(self._end, topic, inbox))
+        return Subscription(topic, inbox, partial(self._end, topic, inbox))
 
     def report(self, window_s=None):
         topics = dict.fromkeys(self.graph.topics, TopicReport("", 0, None, None))

@@ -13,7 +13,7 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
-from ros_visualise.runtime.topics import TopicSubscription
+from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.page import Page
 
 
@@ -45,7 +45,7 @@ class Changing:
         shape = (0, 0) if topic == "/empty" else (6, 8)
         inbox.put(Packet(0, Image(np.zeros(shape, np.uint8), "mono8"), 0))
         self.looked_at.append(topic)
-        return TopicSubscription(topic, inbox, lambda: self.looked_at.remove(topic))
+        return Subscription(topic, inbox, lambda: self.looked_at.remove(topic))
 
     def report(self, window_s=None):
         topic = TopicReport("sensor_msgs/msg/Image", 0, None, None)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from ros_visualise.core.printing import counted
 from ros_visualise.core.rate import Clock
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
 from ros_visualise.messages import type_name
@@ -48,7 +49,7 @@ class StatusMaker:
         return DiagnosticStatus(
             name,
             Level.WARN if new else Level.OK,
-            f"dropped {new} messages in the last second" if new else "OK",
+            f"dropped {counted(new, 'message')} in the last second" if new else "OK",
             {key: str(value) for key, value in _flat(figures).items()},
         )
 

@@ -24,7 +24,7 @@ from ros_visualise.runtime.recording import RecorderThread, Recordings
 from ros_visualise.runtime.report import NodeReport, OutputReport, RunReport, TopicReport
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
-from ros_visualise.runtime.topics import Topic, TopicSubscription
+from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sinks.parts import Split
 from ros_visualise.sources.playback import Playback
 
@@ -130,11 +130,11 @@ class LocalRuntime:
             if any(topic == taken for taken, _ in node.listeners):
                 node.inbox.wait_until_taken(timeout_s)
 
-    def subscribe(self, topic: str, depth: int = 1) -> TopicSubscription:
+    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message."""
         inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
-        return TopicSubscription(topic, inbox, partial(self._topics[topic].disconnect, inbox))
+        return Subscription(topic, inbox, partial(self._topics[topic].disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic that comes from outside."""

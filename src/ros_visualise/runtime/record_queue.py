@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ros_visualise.core.printing import counted
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.runtime.ordering import Ordering
 from ros_visualise.runtime.queues import END, Packet
@@ -131,7 +132,7 @@ class ArrivalQueue:
         self.dropped += 1
         if self._clock() - self._logged_s >= _LOG_AGAIN_S:
             self._logged_s = self._clock()
-            count = "1 message" if self.dropped == 1 else f"{self.dropped} messages"
+            count = counted(self.dropped, "message")
             log.warning("%s: %s dropped by now: writing is too slow", self._name, count)
 
 

@@ -40,7 +40,7 @@ class NodeRunner:
     place in the code, and sets ``failed``.
 
     Raises:
-        RosVisualiseError: the node cannot begin.
+        RosVisualiseError: the node cannot start.
     """
 
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
@@ -233,7 +233,7 @@ def make_state(name: str, make: Callable[[], T]) -> T:
     """The state of a node or a source of this name, as ``make`` returns it.
 
     Raises:
-        RosVisualiseError: it cannot begin.
+        RosVisualiseError: it cannot start.
     """
     try:
         return make()
@@ -243,4 +243,4 @@ def make_state(name: str, make: Callable[[], T]) -> T:
         origin = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{type(error).__name__}: {error}".removesuffix(": ")
         where = f"{origin.filename}, line {origin.lineno}"
-        raise RosVisualiseError(f"{name} cannot begin: {what} ({where})") from error
+        raise RosVisualiseError(f"{name} cannot start: {what} ({where})") from error

@@ -39,8 +39,12 @@ class CallbackListener:
     close: Callable[[], None] = lambda: None
 
 
-class TopicSubscription:
-    """Messages of one topic, to be taken; see `ros_visualise.runtime.base.Subscription`."""
+class Subscription:
+    """The newest messages of one topic, to be taken; it never blocks a node.
+
+    Attributes:
+        epoch: number of jumps of time before the message taken last.
+    """
 
     def __init__(self, topic: str, inbox: Inbox, disconnect: Callable[[], None]) -> None:
         self._topic = topic
@@ -82,13 +86,16 @@ class Topic:
     Args:
         name: of the topic.
         on_demand: messages are made only while it has listeners.
+
+    Attributes:
+        listeners: its present listeners.
     """
 
     def __init__(self, name: str, on_demand: bool = False) -> None:
         self.on_demand = on_demand
         self._who = f"listener on {name}"
         self._counter = TopicCounter()
-        self._listeners: tuple[Listener, ...] = ()
+        self.listeners: tuple[Listener, ...] = ()
         self._wanted: dict[Listener, Callable[[], bool]] = {}
         self._last: Packet | None = None
         self._last_s = -math.inf
@@ -103,12 +110,12 @@ class Topic:
     @property
     def reported(self) -> bool:
         """True if a report shows it: an on-demand output only if it has had listeners."""
-        return not self.on_demand or bool(self._listeners) or self._counter.messages > 0
+        return not self.on_demand or bool(self.listeners) or self._counter.messages > 0
 
     @property
     def awaited(self) -> bool:
         """True if a listener wants the next message; also without listeners, as it is counted."""
-        listeners = self._listeners
+        listeners = self.listeners
         return not listeners or any(self._wants(listener) for listener in listeners)
 
     def publish(self, packet: Packet, raises: bool = False) -> None:
@@ -119,7 +126,7 @@ class Topic:
                 if ``raises`` is set.
         """
         with self._lock:  # a listener that connects meanwhile gets it exactly once
-            listeners = self._listeners
+            listeners = self.listeners
             if packet.message is not None:
                 self._last, self._last_s = packet, time.monotonic()
         if packet.message is not None and (listeners or not self.on_demand):
@@ -136,7 +143,7 @@ class Topic:
         """Nothing more comes."""
         with self._lock:
             self._finished = True
-        for listener in self._listeners:
+        for listener in self.listeners:
             attempt(self._who, listener.close)
 
     def connect(
@@ -152,7 +159,7 @@ class Topic:
         with self._lock:
             if wants is not None:
                 self._wanted[listener] = wants
-            self._listeners += (listener,)
+            self.listeners += (listener,)
             if latched and self._last is not None:
                 attempt(self._who, partial(listener.put, self._last))
             if self._finished:
@@ -161,7 +168,7 @@ class Topic:
     def disconnect(self, listener: Listener) -> None:
         """Remove a listener."""
         with self._lock:
-            self._listeners = tuple(one for one in self._listeners if one is not listener)
+            self.listeners = tuple(one for one in self.listeners if one is not listener)
 
     def report(self, type_name: str, window_s: float | None) -> TopicReport:
         """Counts and rates, with messages of that type."""

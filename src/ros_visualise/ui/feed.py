@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.topics import Subscription
 
 
 class Feed:

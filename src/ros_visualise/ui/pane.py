@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Image, Pixels
-from ros_visualise.runtime.base import Subscription
+from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.preview import preview, rgb_preview
 from ros_visualise.ui.tiling import Box

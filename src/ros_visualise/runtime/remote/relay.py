@@ -33,7 +33,6 @@ class Relay:
         self._kind = kind
         self._topic = Topic(name, on_demand=True)
         self._ingress = Ingress(name, self._topic, numbering)
-        self._listeners: list[Listener] = []
         self._input: Input | None = None
         self._dropped = 0
         self._lock = threading.Lock()
@@ -60,7 +59,6 @@ class Relay:
             UsageError: the topic cannot be subscribed to; the listener is not added.
         """
         with self._lock:
-            self._listeners.append(listener)
             self._topic.connect(listener, latched)
             try:
                 if self._input is None:
@@ -68,7 +66,6 @@ class Relay:
                     opened.open()
                     self._input = opened
             except BaseException:
-                self._listeners.remove(listener)
                 self._topic.disconnect(listener)
                 raise
 
@@ -76,8 +73,7 @@ class Relay:
         """Remove a listener; more than once does no harm."""
         with self._lock:
             self._topic.disconnect(listener)
-            self._listeners = [one for one in self._listeners if one is not listener]
-            if not self._listeners and self._input is not None:
+            if not self._topic.listeners and self._input is not None:
                 self._input.close()
                 self._dropped += self._input.dropped
                 self._input = None
@@ -90,7 +86,7 @@ class Relay:
 
     def close(self) -> None:
         """Remove all listeners."""
-        for listener in tuple(self._listeners):
+        for listener in self._topic.listeners:
             self.disconnect(listener)
 
     def report(self, type_name: str, window_s: float | None) -> TopicReport:

@@ -35,7 +35,7 @@ from ros_visualise.runtime.remote.graph_snapshot import (
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.remote.relay import Relay, arrival_listener, steady_time
 from ros_visualise.runtime.report import OutputReport, RunReport, TopicReport
-from ros_visualise.runtime.topics import Listener, TopicSubscription
+from ros_visualise.runtime.topics import Listener, Subscription
 from ros_visualise.sinks.parts import Split
 
 log = logging.getLogger(__name__)
@@ -88,12 +88,12 @@ class RemoteRuntime:
         """Topics of logs and diagnostics, with their types."""
         return self._snapshot.diagnostics
 
-    def subscribe(self, topic: str, depth: int = 1) -> TopicSubscription:
+    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message if it was subscribed before."""
         inbox = Inbox(lossless=False, keep=depth)
         relay = self._relay(topic)
         relay.connect(inbox, self._comes_compressed(topic), latched=True)
-        return TopicSubscription(topic, inbox, partial(relay.disconnect, inbox))
+        return Subscription(topic, inbox, partial(relay.disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic of the graph."""

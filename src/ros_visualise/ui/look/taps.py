@@ -8,7 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.topics import Subscription
 
 _IDLE_S = 5.0
 _STEP_S = 0.02

@@ -13,8 +13,9 @@ import viser
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.paths import inside
 from ros_visualise.graph import Graph
-from ros_visualise.runtime.base import ActiveRecording, Runtime
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.ordering import recordable
+from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.sinks.parts import parse_split, part_path
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.files import Files
@@ -33,7 +34,7 @@ class Recorder:
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, files: Files) -> None:
         self._runtime, self._files, self._folder = runtime, files, files.folder
-        self._recording: ActiveRecording | None = None
+        self._recording: RecorderThread | None = None
         self._series: Path | None = None  # the name that those of several files are made of
         self._begun_s = 0.0
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4")
@@ -82,7 +83,7 @@ class Recorder:
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
 
-    def _show(self, recording: ActiveRecording) -> None:
+    def _show(self, recording: RecorderThread) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         dropped += f" ({recording.refused} refused)" if recording.refused else ""
         files = f" in {recording.files} files" if recording.files > 1 else ""
@@ -91,7 +92,7 @@ class Recorder:
         self._note.content = f'<div class="rv-note">{escape(state)}</div>'
         self._note.visible = True
 
-    def _room(self, recording: ActiveRecording) -> str:
+    def _room(self, recording: RecorderThread) -> str:
         """How large it is, and how long the disk has room for more."""
         try:
             size = sum(map(_size, self._paths(recording)))
@@ -102,7 +103,7 @@ class Recorder:
         left = f", room for {_span(free / per_s)} more" if per_s else ""
         return f", {size / 1e6:.1f} MB{left} in {self._folder.absolute()}"
 
-    def _stop(self, recording: ActiveRecording) -> None:
+    def _stop(self, recording: RecorderThread) -> None:
         self._runtime.stop_recording(recording)
         self._show(recording)
         self._recording = None
@@ -111,11 +112,11 @@ class Recorder:
         set_value(self._name, _new_name())
         self._button.label, self._button.color = _START, None
 
-    def _offer(self, recording: ActiveRecording) -> None:
+    def _offer(self, recording: RecorderThread) -> None:
         for path in self._paths(recording):
             self._files.recorded(path)
 
-    def _paths(self, recording: ActiveRecording) -> list[Path]:
+    def _paths(self, recording: RecorderThread) -> list[Path]:
         """Its files by now, or its folder."""
         if self._series is None:
             return [recording.path]

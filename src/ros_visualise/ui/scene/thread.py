@@ -8,7 +8,8 @@ from typing import Any
 
 from ros_visualise.data import Image, Text
 from ros_visualise.graph import Graph
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.rounds import Rounds
 from ros_visualise.ui.scene.kinds import HELD, is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene
