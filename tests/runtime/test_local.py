@@ -642,7 +642,7 @@ def test_while_paused_the_last_image_that_came_is_repeated():
 def test_a_file_is_recorded_to_once_at_a_time(tmp_path):
     run = Run(graph_of(add))
     run.runtime.start_recording(tmp_path / "out.mcap")
-    with pytest.raises(UsageError, match="recorded already"):
+    with pytest.raises(UsageError, match="recording to it"):
         run.runtime.start_recording(tmp_path / "out.mcap", overwrite=True)
     run.runtime.stop()
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus
 from ros_visualise.data.reports import Log
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.runtime.topics import Subscription
 from ros_visualise.runtime.diagnostics import StatusMaker
+from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.look.logs import Lines
 
 _WAITING = 1000  # messages of a topic between two rounds
