@@ -1,5 +1,8 @@
 """Lessons on what a robot's sensors send, and on the graph that runs."""
 
+from contextlib import ExitStack
+from pathlib import Path
+
 import numpy as np
 import pytest
 from made_mcaps import numbered, write_mcap
@@ -17,6 +20,7 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_rpy
 from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
+from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.lessons.topics import frames, graph, sensors
 
 UP = np.array([0.0, 0, 0, 1])
@@ -82,6 +86,13 @@ def test_the_tree_tells_what_tf_answers():
     tree.reset()
     asked = frames.TreeParams(target="tag", source="{count}")
     assert "there is no frame '{count}'" in tree.step(tf, asked, known)["text"].text
+
+
+def test_the_tree_of_a_robot_holds_its_static_frames_too():
+    with ExitStack() as undo:
+        graph = lesson_pipeline(frames.LESSON, None, Path(), at_end=False, undo=undo)
+        tree = next(node for node in graph.nodes if node.name == "tree")
+        assert tree.inputs == {"tf": "/tf", "tf_static": "/tf_static"}
 
 
 def test_an_imu_is_told_by_its_numbers():

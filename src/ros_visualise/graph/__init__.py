@@ -251,7 +251,7 @@ class Graph:
     def _with_frames(self) -> Graph:
         """The same graph, with transforms for the nodes that need frames, if any are published.
 
-        A node whose step takes transforms is given them as any other input.
+        Those that a node's step takes are given as any other input.
         """
         published = {
             port: f"/{port}"
@@ -260,8 +260,9 @@ class Graph:
         }
 
         def framed(node: Node) -> Node:
-            needs = node.type.frames and not TRANSFORMS.keys() & node.type.stepped.keys()
-            return replace(node, inputs={**published, **node.inputs}) if needs else node
+            needed = published.keys() - node.type.stepped.keys() if node.type.frames else ()
+            inputs = {port: topic for port, topic in published.items() if port in needed}
+            return replace(node, inputs={**inputs, **node.inputs})
 
         return replace(self, nodes=tuple(framed(node) for node in self.nodes))
 
