@@ -172,7 +172,9 @@ def test_a_film_is_no_recording(tmp_path, capsys):
     film = tmp_path / "film.avi"
     film.write_bytes(b"RIFF")
     assert main(["explain", "sensors", str(film), "--view", "none"]) == 2
-    assert "not a recording; sensors takes one," in capsys.readouterr().err
+    assert "not a recording; sensors takes a recording," in capsys.readouterr().err
+    assert main(["explain", "sensors", str(tmp_path / "x.bag"), "--view", "none"]) == 2
+    assert "x.bag: no such file" in capsys.readouterr().err
 
 
 def test_a_recording_without_what_is_needed_is_refused_in_one_line(tmp_path, capsys):

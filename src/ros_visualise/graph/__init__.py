@@ -64,6 +64,10 @@ class Member:
         """Published topics, by name."""
         return {topic: self._topic(port) for port, topic in self.outputs.items()}
 
+    def topics_of(self, kind: Any) -> list[str]:
+        """Published topics of messages of this class."""
+        return [topic for port, topic in self.outputs.items() if self.type.outputs[port] is kind]
+
     def configured(self: M, changes: Mapping[str, Any]) -> M:
         """The same with other starting parameters.
 
@@ -156,6 +160,11 @@ class Graph:
     def topics(self) -> dict[str, TopicSpec]:
         """Every topic by name, in the order of the nodes."""
         return {name: topic for one in self.members for name, topic in one.topics.items()}
+
+    def topics_of(self, kind: type, *names: str) -> list[str]:
+        """Topics of messages of this class, from all members or from those of these names."""
+        members = [one for one in self.members if not names or one.name in names]
+        return [topic for one in members for topic in one.topics_of(kind)]
 
     def node(self, name: str) -> Member:
         """The node or the source of that name.
@@ -311,7 +320,7 @@ class Graph:
         free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
         found |= {port: main for port in free[:1]}
         for port, kind in added.inputs.items():
-            fitting = [topic for topic, made in self.topics.items() if made.type is kind]
+            fitting = self.topics_of(kind)
             named = [topic for topic in fitting if topic == f"/{port}"] or fitting
             if port in added.stepped and port not in found and len(named) == 1:
                 found[port] = named[0]

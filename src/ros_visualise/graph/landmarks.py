@@ -122,7 +122,7 @@ def tags_of_world(name: str) -> str:
 
 def has_frames(graph: Graph) -> bool:
     """True if the pose of its camera is published."""
-    return bool(_first(graph, Transforms))
+    return bool(graph.topics_of(Transforms))
 
 
 def _is_simulated(graph: Graph) -> bool:
@@ -168,5 +168,5 @@ def _pose_error(graph: Graph, navigator: Node) -> list[Node]:
 
 def _first(graph: Graph, type: type[Message], name: str = "") -> str | None:
     """A topic of that type: the one of that name, else the first."""
-    topics = [one for one, topic in graph.topics.items() if topic.type is type]
+    topics = graph.topics_of(type)
     return name if name in topics else next(iter(topics), None)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.graph.pipelines import open_input, recorded_source, source_named
 from ros_visualise.lessons.handout import handout_of, image_of, text_of
@@ -54,8 +55,10 @@ def _source(lesson: Lesson, path: str | None, undo: ExitStack) -> tuple[SourceNo
         topic = "" if lesson.streams else image_topic(opened, None)
         return recorded_source(opened, [topic] if topic else ()), topic
     if lesson.streams and opened.name not in ROBOTS.names():
-        robot = " or ".join(ROBOTS.names())
-        raise UsageError(f"{path}: not a recording; {lesson.name} takes one, {robot}, or no input")
+        inputs = f"{lesson.name} takes a recording, {' or '.join(ROBOTS.names())}, or no input"
+        if not os.path.exists(path):
+            raise OpenError.missing(path, inputs)
+        raise UsageError(f"{path}: not a recording; {inputs}")
     return opened, "/image_raw"
 
 
@@ -85,7 +88,7 @@ def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
 
 def _topic_for(port: str, kind: type, source: SourceNode) -> str | None:
     """The topic of that type whose name is most like the input's."""
-    fitting = [topic for topic, made in source.topics.items() if made.type is kind]
+    fitting = source.topics_of(kind)
     if port == "truth":
         return next((topic for topic in fitting if "truth" in topic), None)
     named = [topic for topic in fitting if topic.strip("/") == port]

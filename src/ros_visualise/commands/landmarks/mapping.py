@@ -63,17 +63,10 @@ class LandmarkMapper:
         self._localizer = next(
             (node.params for node in graph.nodes if node.name == LOCALIZER), LocalizerParams()
         )
-        nodes = {node.name: node for node in graph.nodes if node.name in DETECTORS}
-        found = [
-            topic
-            for node in nodes.values()
-            for topic, made in node.topics.items()
-            if made.type is Detections
-        ]
         assert graph.source is not None
-        given = graph.source.topics.items()
-        frames = [name for name, made in given if made.type is Transforms]
-        imus = [name for name, made in given if made.type is Imu][:1]
+        found = graph.topics_of(Detections, *DETECTORS)
+        frames = graph.source.topics_of(Transforms)
+        imus = graph.source.topics_of(Imu)[:1]
         takers: dict[str, Callable[[Any], None]] = {
             **dict.fromkeys(found, self._gathered.add_found),
             **{topic: self._frames(topic) for topic in frames},

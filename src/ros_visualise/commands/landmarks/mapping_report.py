@@ -26,7 +26,7 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
         f"smoothed: {counted(seen, 'view')} of {counted(len(found.tags.t), 'tag')},"
         f" {counted(len(found.inliers), 'sighting')}, {refused} of them rejected"
     ]
-    larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
+    larger, sigma = _shared(found, LARGER)
     lines.append(
         f"corners: rms {_rms(found.residuals_px[found.inliers]):.2f} px; tags appear"
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
@@ -34,14 +34,14 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     if found.problem.odometry is None and not found.problem.surveyed:
         anchor = shown(found.problem.names[found.problem.anchor])
         lines.append(f"no tf: the map is in the frame of {anchor}")
-    printed, sigma = found.shared[PRINTED], np.sqrt(found.shared_covariance[PRINTED, PRINTED])
+    printed, sigma = _shared(found, PRINTED)
     if found.problem.surveyed or found.problem.distances:
         lines.append(
             f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their given sizes,"
             " according to the survey"
         )
     if _is_longer(found):
-        longer, sigma = found.shared[LONGER], np.sqrt(found.shared_covariance[LONGER, LONGER])
+        longer, sigma = _shared(found, LONGER)
         lines.append(
             f"distances by odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
             " tags: check the given tag size, or the scale of the odometry"
@@ -61,6 +61,11 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     ][:_WORST]
     lines += [f"skipped: {number} {reason}" for reason, number in unused.items()]
     return lines
+
+
+def _shared(found: SmoothedMap, unknown: int) -> tuple[float, float]:
+    """The value and the standard deviation of an unknown that all views share."""
+    return float(found.shared[unknown]), float(found.shared_covariance[unknown, unknown] ** 0.5)
 
 
 def _is_longer(found: SmoothedMap) -> bool:
@@ -101,13 +106,9 @@ def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
             {"name": one.name, "kind": one.kind, "text": one.text} for one in made.outliers
         ],
         "noise": asdict(found.noise),
-        "too_large_px": {
-            "value": float(found.shared[LARGER]),
-            "sigma": float(np.sqrt(found.shared_covariance[LARGER, LARGER])),
-        },
+        "too_large_px": dict(zip(("value", "sigma"), _shared(found, LARGER), strict=True)),
         "odometry_longer": {
-            "value": float(found.shared[LONGER]),
-            "sigma": float(np.sqrt(found.shared_covariance[LONGER, LONGER])),
+            **dict(zip(("value", "sigma"), _shared(found, LONGER), strict=True)),
             "wrong": _is_longer(found),
         },
         "mountings": [

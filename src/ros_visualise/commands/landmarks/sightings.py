@@ -13,6 +13,7 @@ import numpy as np
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detection, Detections, Detections3D, Hypothesis, Image
 from ros_visualise.graph import Graph
+from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Packet
 
@@ -35,21 +36,18 @@ class ImageDetections:
 
 
 class DetectionLog:
-    """Gathers the images and the detections of a graph, and the landmarks made of them.
+    """Gathers the images and the detections of a graph, and the landmarks made of them."""
 
-    Args:
-        images: the topics of images, or of recorded detections, that come from the source.
-        found: the topics of detections.
-        landmarks: the topic of landmarks in a map; empty: none.
-    """
-
-    def __init__(self, images: list[str], found: list[str], landmarks: str) -> None:
+    def __init__(self, graph: Graph) -> None:
+        detectors = [node for node in graph.nodes if node.name in DETECTORS]
+        taken = [topic for node in detectors for topic in node.inputs.values()]
+        found = graph.topics_of(Detections, *DETECTORS)
+        maps = graph.topics_of(Detections3D, LOCALIZER)
         self._takers: dict[str, Callable[[int, Any], None]] = {
             **dict.fromkeys(found, self._add_found),
-            **dict.fromkeys(images, self._add_image),
+            **dict.fromkeys(taken, self._add_image),
+            **dict.fromkeys(maps[:1], self._keep_map),
         }
-        if landmarks:
-            self._takers[landmarks] = self._keep_map
         self._by_number: dict[int, ImageDetections] = {}
         self._lock = threading.Lock()
         self.map: Detections3D | None = None
@@ -108,22 +106,6 @@ class MessageListener:
 
     def close(self) -> None:
         """Nothing more comes."""
-
-
-def listen(graph: Graph, detectors: tuple[str, ...], localizer: str) -> DetectionLog:
-    """A log of the detections of these nodes, of their inputs, and of the localizer's map."""
-    nodes = {node.name: node for node in graph.nodes}
-    found = [
-        topic
-        for name in detectors
-        if name in nodes
-        for topic, made in nodes[name].topics.items()
-        if made.type is Detections
-    ]
-    taken = [topic for name in detectors if name in nodes for topic in nodes[name].inputs.values()]
-    made = nodes[localizer].topics if localizer in nodes else {}
-    maps = [topic for topic, one in made.items() if one.type is Detections3D]
-    return DetectionLog(list(dict.fromkeys(taken)), found, next(iter(maps), ""))
 
 
 def image_json(image: ImageDetections, path: str | None) -> dict[str, Any]:

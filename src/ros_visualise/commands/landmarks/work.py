@@ -11,18 +11,13 @@ from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.commands.landmarks.graph import landmark_graph
 from ros_visualise.commands.landmarks.mapping import LandmarkMapper, MappedLandmarks
 from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
-from ros_visualise.commands.landmarks.sightings import (
-    DetectionLog,
-    image_json,
-    landmarks_json,
-    listen,
-)
+from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import answer, answer_json, counted, say, shown
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
+from ros_visualise.graph.landmarks import LOCALIZER
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.nodes.landmark_localizer import check_map_name
@@ -46,7 +41,7 @@ def find_landmarks(options: LandmarksOptions) -> int:
         rate=0.0, start_s=options.start or 0.0, duration_s=options.duration, frames=options.frames
     )
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
-    found = listen(graph, DETECTORS, LOCALIZER)
+    found = DetectionLog(graph)
     mapper = LandmarkMapper(graph, options.survey) if options.map is not None else None
     for listeners in (found.listeners, mapper.listeners if mapper else {}):
         for topic, listener in listeners.items():

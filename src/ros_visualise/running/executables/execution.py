@@ -151,7 +151,7 @@ def running(
         playback = _playback(host, transport, graph, stays or view.stays)
         takes_images = Image in graph.inputs.values()
         compressed = takes_images and choose_image_transport(host)
-        makes_images = any(topic.type is Image for topic in graph.topics.values())
+        makes_images = bool(graph.topics_of(Image))
         quality = choose_jpeg_quality(host) if makes_images else JPEG_QUALITY
         made = partial(Process, transport, graph, playback, namespaces, compressed, quality)
         process = opened(host, made)
