@@ -27,7 +27,7 @@ LAYERS = [
     {"commands"},
     {"__main__"},
 ]
-RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
+RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2", "zenoh"}]
 """Within the runtime: a room imports those before it; what is not named belongs to the first."""
 
 EVERYWHERE = {
@@ -46,11 +46,12 @@ MIDDLEWARES = {
         *("rclpy", "ament_index_python", "rcl_interfaces"),
         *("rosgraph_msgs", "sensor_msgs", "std_srvs"),
     },
+    "zenoh": {"zenoh"},
 }
 """A middleware's folder under ``runtime`` -> the packages that may be imported there alone."""
 
-CHOOSES = ROOT / "running" / "executables" / "__init__.py"
-"""The only place that chooses a middleware."""
+CHOOSE = {ROOT / "running" / "executables" / "__init__.py", ROOT / "running" / "network.py"}
+"""The only places that choose a middleware: for a ROS executable, and for the command line."""
 
 
 def layer_of(room: str) -> int:
@@ -103,7 +104,7 @@ def test_a_middleware_is_imported_by_nobody_but_itself(path: Path):
         parts = name.split(".")
         if parts[:2] != ["ros_visualise", "runtime"] or len(parts) == 2 or parts[2] == own:
             continue
-        assert parts[2] not in MIDDLEWARES or path == CHOOSES, name
+        assert parts[2] not in MIDDLEWARES or path in CHOOSE, name
         assert not own or level_of(parts[2]) <= level_of(own), name
 
 

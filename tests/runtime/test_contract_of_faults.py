@@ -1,29 +1,36 @@
-"""The contract of faults: in this process, and over a middleware of no ROS."""
+"""The contract of faults: local, a transport for tests, and Zenoh."""
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 from contract_of_faults import *  # noqa: F403  # the tests themselves
 from contract_of_faults import GARBAGE, ThreadWorld, World, picture
 from hub import Hub, HubTransport
+from waiting import wait_for
+from zenoh_net import ZenohNet, zenoh_net
 
 from ros_visualise.data import Image, Text
 from ros_visualise.graph.pipelines import alone
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.recorded import Recorded
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.nodes import load
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.topics import Subscription
+from ros_visualise.runtime.zenoh import keys
+from ros_visualise.sinks.encoding import Encoder
 
 
 class LocalWorld:
@@ -97,13 +104,33 @@ class HubWorld(ThreadWorld):
             one.inbox.put(Packet(0, GARBAGE, time.monotonic_ns()))
 
 
-@pytest.fixture(params=["local", "hub"])
+class ZenohWorld(ThreadWorld):
+    """The node on a Zenoh network."""
+
+    def __init__(self, own: Path, net: ZenohNet) -> None:
+        self._address = net.address
+        super().__init__(own, net.join)
+
+    def give_damaged(self) -> None:
+        declared = Encoder("cdr").declare(TopicType(type_name(Image)))
+        key = keys.topic_key("/picture", declared.name, declared.digest)
+        config = {"mode": "client", "connect": {"endpoints": [self._address]}}
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as stock:
+            publisher = stock.declare_publisher(key)
+            wait_for(lambda: publisher.matching_status, "the node")
+            publisher.put(GARBAGE)
+
+
+@pytest.fixture(params=["local", "hub", "zenoh"])
 def world(request: pytest.FixtureRequest, own: Path) -> Iterator[World]:
     if request.param == "local":
         local = LocalWorld(own)
         yield local
         local.end()
         return
-    hub = HubWorld(own)
-    yield hub
-    hub.close()
+    with ExitStack() as stack:
+        if request.param == "zenoh":
+            made: ThreadWorld = ZenohWorld(own, stack.enter_context(zenoh_net()))
+        else:
+            made = HubWorld(own)
+        yield stack.enter_context(closing(made))

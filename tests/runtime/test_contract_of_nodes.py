@@ -1,22 +1,26 @@
-"""The contract of nodes with several inputs: in this process, and over a middleware of no ROS."""
+"""The contract of nodes with several inputs: local, a transport for tests, and Zenoh."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from contract_of_nodes import *  # noqa: F403  # the tests themselves
 from contract_of_nodes import GraphWorld, World
+from hosts import GivenHost, running
 from hub import Hub, HubTransport
+from zenoh_net import zenoh_net
 
 from ros_visualise.data import CameraInfo, Image
 from ros_visualise.graph.pipelines import alone
 from ros_visualise.nodes import load
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.topics import Subscription
 
 
@@ -36,7 +40,7 @@ class LocalWorld:
         return self.runtime.subscribe("/locator", depth=100)
 
 
-@pytest.fixture(params=["local", "hub"])
+@pytest.fixture(params=["local", "hub", "zenoh"])
 def world(request: pytest.FixtureRequest, own: Path) -> Iterator[World]:
     if request.param == "local":
         made = LocalWorld(own)
@@ -44,7 +48,14 @@ def world(request: pytest.FixtureRequest, own: Path) -> Iterator[World]:
         yield made
         made.runtime.stop()
         return
-    hub = Hub()
-    with hub.running("node", f"{own}:locator"), closing(GraphWorld(HubTransport(hub))) as graph:
+    with ExitStack() as stack:
+        if request.param == "zenoh":
+            join: Callable[[str], Transport] = stack.enter_context(zenoh_net()).join
+        else:
+            join = partial(HubTransport, Hub())
+        stack.enter_context(running("node", GivenHost(join, args=[f"{own}:locator"])))
+        transport = join("tests")
+        stack.callback(transport.close)
+        graph = stack.enter_context(closing(GraphWorld(transport)))
         graph.wait()
         yield graph

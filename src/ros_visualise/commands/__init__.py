@@ -76,7 +76,7 @@ COMMANDS = Registry(
     __name__,
     holding(Command, "COMMAND"),
     first=(
-        *("demo", "sim", "video", "camera", "bag", "kitti", "explain"),
+        *("demo", "sim", "video", "camera", "bag", "kitti", "view", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),
         *("nodes", "plugins", "completion"),
     ),

@@ -207,7 +207,33 @@ class OutputOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayingOptions(ViewingOptions, PaceOptions, NodeOptions, OutputOptions, MemoryOptions):
+class NetworkOptions:
+    """Other machines that a run is shared with."""
+
+    GROUP = "network"
+
+    connect: Sequence[str] = option(
+        [],
+        "join a Zenoh network at this address, such as tcp/192.168.1.10:7447; repeatable",
+        metavar="ADDRESS",
+    )
+    listen: Sequence[str] = option(
+        [],
+        "let other machines join here, such as tcp/0.0.0.0:7447, which is not encrypted (tls/ is);"
+        " repeatable",
+        metavar="ADDRESS",
+    )
+    node_name: str = option(
+        "",
+        "name on that network, with a namespace for its topics: uav1/camera",
+        metavar="NAME",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayingOptions(
+    ViewingOptions, PaceOptions, NodeOptions, NetworkOptions, OutputOptions, MemoryOptions
+):
     """Options of a command that plays a source through nodes."""
 
 

@@ -6,7 +6,8 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,8 +19,10 @@ from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph import Graph
 from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
 from ros_visualise.running.interruptible import in_time, interruptible, opened_within
-from ros_visualise.running.options import OutputOptions, PlayingOptions
+from ros_visualise.running.network import Running, join, running
+from ros_visualise.running.options import OutputOptions, PlayingOptions, ViewingOptions
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
 from ros_visualise.sinks.names import check_targets, parse_target
@@ -45,25 +48,39 @@ def play(selection: Selection, options: PlayingOptions) -> int:
     set_folder(options.record_dir, options.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     shelf = _shelf(selection.path, options.record_dir)
-    view_options = ViewOptions(
+    viewed = view_options(options, options.record_dir, selection.name, shelf)
+    transport = interruptible(lambda: join(options, "pipeline"))
+    with closing(transport) if transport else nullcontext():
+        graph = interruptible(lambda: graph_of(selection, options))
+        with closing(open_view(options.view, viewed)) as view:
+            opening = partial(_open, view=view, transport=transport)
+            process = interruptible(lambda: opening(options, graph))
+            return _run(_Played(selection, options, process, opening), view, shelf)
+
+
+def view_options(
+    options: ViewingOptions, record_dir: Path, name: str, shelf: Shelf | None = None
+) -> ViewOptions:
+    """How a view is opened, by the options of a command.
+
+    Args:
+        options: how it is shown.
+        record_dir: the only folder in which the page records.
+        name: of what is shown.
+        shelf: the files that can be opened from the page.
+    """
+    return ViewOptions(
         options.host,
         options.port,
         options.allow_origin,
-        options.record_dir,
-        title=f"{selection.name} - ros_visualise",
+        record_dir,
+        title=f"{name} - ros_visualise",
         browser=has_desktop(os.environ) if options.open is None else options.open,
         arrangement=read_arrangement(options.layout) if options.layout else {},
         shelf=shelf,
         token=options.token,
         urdf=options.urdf,
     )
-    graph = interruptible(lambda: graph_of(selection, options))
-    view = open_view(options.view, view_options)
-    try:
-        runtime = interruptible(lambda: _open(options, graph, view))
-        return _run(_Played(selection, options, runtime), view, shelf)
-    finally:
-        view.close()
 
 
 def _split(options: OutputOptions) -> Split | None:
@@ -96,7 +113,9 @@ def _run(played: _Played, view: View, shelf: Shelf) -> int:
     return STOPPED if stopped else int(played.lost)
 
 
-def _open(options: PlayingOptions, graph: Graph, view: View) -> LocalRuntime:
+def _open(
+    options: PlayingOptions, graph: Graph, view: View, transport: Transport | None
+) -> Running:
     is_seamless = graph.source is not None and graph.source.type.seamless
     playback = Playback(
         rate=1.0 if options.rate is None else options.rate,
@@ -109,7 +128,7 @@ def _open(options: PlayingOptions, graph: Graph, view: View) -> LocalRuntime:
     if options.paused:
         playback.pause()
     playback.step_topic = stepped_topic(graph)
-    return LocalRuntime(graph, playback)
+    return running(graph, playback, transport)
 
 
 class _Played:
@@ -120,12 +139,22 @@ class _Played:
     """
 
     def __init__(
-        self, selection: Selection, options: PlayingOptions, runtime: LocalRuntime
+        self,
+        selection: Selection,
+        options: PlayingOptions,
+        process: Running,
+        opening: Callable[[PlayingOptions, Graph], Running],
     ) -> None:
-        self.selection, self.options, self.runtime = selection, options, runtime
+        self.selection, self.options, self.process = selection, options, process
         self.lost = False
+        self._opening = opening
         self.recordings: list[RecorderThread] = []
         self._recorded: dict[str, RecordingReport] = {}
+
+    @property
+    def runtime(self) -> LocalRuntime:
+        """The runtime of what is played."""
+        return self.process.runtime
 
     @property
     def is_over(self) -> bool:
@@ -137,13 +166,13 @@ class _Played:
         """The report of a run that was stopped; prints its summary."""
         report = self.runtime.report()
         _print_summary(report)
-        self.lost |= self.runtime.failed or report.is_incomplete
+        self.lost |= self.process.failed
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
-    def follow(self, path: Path, view: View, request: StopRequest) -> bool:
+    def follow(self, path: Path, request: StopRequest) -> bool:
         """Open another file in its place; True if that worked, else it is logged."""
-        opening = partial(self._open_next, path, view)
+        opening = partial(self._open_next, path)
         try:
             opened = opened_within(path, _OPEN_S, request, opening, lambda late: late[-1].stop())
         except RosVisualiseError as error:
@@ -151,15 +180,16 @@ class _Played:
             return False
         if opened is None:
             return False
-        self.runtime.stop()
+        self.process.stop()
         self.report()
-        self.selection, self.options, self.runtime = opened
+        self.process.leave()
+        self.selection, self.options, self.process = opened
         self.recordings = []
         return True
 
-    def _open_next(self, path: Path, view: View) -> tuple[Selection, PlayingOptions, LocalRuntime]:
+    def _open_next(self, path: Path) -> tuple[Selection, PlayingOptions, Running]:
         selection, options, graph = following(self.selection, self.options, path, self.runtime)
-        return selection, options, _open(options, graph, view)
+        return selection, options, self._opening(options, graph)
 
 
 def _play(played: _Played, view: View, request: StopRequest, shelf: Shelf) -> bool:
@@ -171,20 +201,21 @@ def _play(played: _Played, view: View, request: StopRequest, shelf: Shelf) -> bo
         view.open(runtime)  # before latched messages can have passed
         if not runtime.graph.live:
             _await_browser(view, request)
-        runtime.start()
+        played.process.start()
         while not (played.is_over or view.closed):
             if request.asked:
                 return True
             path = shelf.take()
-            if path is not None and played.follow(path, view, request):
+            if path is not None and played.follow(path, request):
                 shelf.current = path
                 view.open(played.runtime)
-                played.runtime.start()
+                played.process.start()
             view.spin(_SPIN_S)
+            played.process.follow()
         return False
     finally:
         view.close()
-        played.runtime.stop()
+        played.process.stop()
 
 
 def _await_browser(view: View, request: StopRequest) -> None:
