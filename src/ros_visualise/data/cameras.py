@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +22,8 @@ class CameraInfo(Message):
     that goes with an image has the image's header.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/CameraInfo"
-    plotted: ClassVar[bool] = False
+    type_name = "sensor_msgs/msg/CameraInfo"
+    plotted = False
 
     height: int
     width: int

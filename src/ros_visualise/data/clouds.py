@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +29,9 @@ class PointCloud(Message):
     ``rgb``. Other layouts of the bytes, with gaps and in any order, are kept as they are.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/PointCloud2"
-    waiting: ClassVar[int] = 1
-    plotted: ClassVar[bool] = False
+    type_name = "sensor_msgs/msg/PointCloud2"
+    waiting = 1
+    plotted = False
 
     points: npt.NDArray[np.void]
     is_dense: bool = True

@@ -80,8 +80,8 @@ class DetectedArray(Message):
     """All things detected at one time; ``kind`` is the class of each."""
 
     kind: ClassVar[type[Detected]]
-    plotted: ClassVar[bool] = False
-    renamed: ClassVar[bool] = True
+    plotted = False
+    renamed = True
 
     detections: tuple[Any, ...]
     header: Header = Header()
@@ -194,13 +194,13 @@ class Detections(DetectedArray):
     number, and things have no ``id``.
     """
 
-    type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
-    also_read: ClassVar[tuple[str, ...]] = (
+    type_name = "vision_msgs/msg/Detection2DArray"
+    also_read = (
         "apriltag_msgs/msg/ApriltagArrayStamped",
         "apriltag_msgs/msg/AprilTagDetectionArray",
         "apriltag_ros/msg/AprilTagDetectionArray",
     )
-    kind: ClassVar[type[Detected]] = Detection
+    kind = Detection
 
     detections: tuple[Detection, ...]
     camera_info: CameraInfo | None = None
@@ -241,8 +241,8 @@ class Detection3D(Detected):
 class Detections3D(DetectedArray):
     """All things detected in space at one time; see `Detections` on ROS 1."""
 
-    type_name: ClassVar[str] = "vision_msgs/msg/Detection3DArray"
-    kind: ClassVar[type[Detected]] = Detection3D
+    type_name = "vision_msgs/msg/Detection3DArray"
+    kind = Detection3D
 
     detections: tuple[Detection3D, ...]
 
@@ -256,12 +256,9 @@ class VisionInfo(TabledMessage):
     ``database_version`` counts the changes of that list.
     """
 
-    type_name: ClassVar[str] = "vision_msgs/msg/VisionInfo"
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(method=str, database_location=str, database_version=int),
-    }
+    type_name = "vision_msgs/msg/VisionInfo"
+    plotted = False
+    ros_fields = ros.table(method=str, database_location=str, database_version=int)
 
     method: str
     database_location: str = ""

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -120,10 +120,10 @@ class Image(Message):
         ValueError: shape or type do not fit the encoding, or the calibration is invalid.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/Image"
-    has_calibration: ClassVar[bool] = True
-    waiting: ClassVar[int] = 1
-    plotted: ClassVar[bool] = False
+    type_name = "sensor_msgs/msg/Image"
+    has_calibration = True
+    waiting = 1
+    plotted = False
 
     data: Pixels | Deferred
     encoding: str
@@ -203,13 +203,9 @@ class Image(Message):
 class CompressedImage(TabledMessage):
     """An image as JPEG or PNG; ``format`` is as image_transport writes it."""
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/CompressedImage"
-    on_topics: ClassVar[bool] = False  # nodes see it as an `Image`
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(format=str),
-        "data": ros.array("data", -1, dtype=np.uint8),
-    }
+    type_name = "sensor_msgs/msg/CompressedImage"
+    on_topics = False  # nodes see it as an `Image`
+    ros_fields = ros.table(format=str, data=ros.array("data", -1, dtype=np.uint8))
 
     data: npt.NDArray[np.uint8]
     format: str

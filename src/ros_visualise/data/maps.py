@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,8 @@ class OccupancyGrid(Message):
     frame of the header. ``loaded_ns`` is the time of loading, nanoseconds.
     """
 
-    type_name: ClassVar[str] = "nav_msgs/msg/OccupancyGrid"
-    plotted: ClassVar[bool] = False
+    type_name = "nav_msgs/msg/OccupancyGrid"
+    plotted = False
 
     cells: npt.NDArray[np.int8]
     resolution: float
@@ -74,15 +74,14 @@ class OccupancyGrid(Message):
 class PolygonStamped(TabledMessage):
     """Corners (N, 3) of a closed polygon, metres, such as the footprint of a robot."""
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "polygon": ros.SubMessage(
+    type_name = "geometry_msgs/msg/PolygonStamped"
+    plotted = False
+    ros_fields = ros.table(
+        polygon=ros.SubMessage(
             "geometry_msgs/msg/Polygon",
             points=ros.rows("points_xyz", "geometry_msgs/msg/Point32", dtype=np.float32),
-        ),
-    }
+        )
+    )
 
     points_xyz: npt.NDArray[np.float32]
     header: Header = Header()

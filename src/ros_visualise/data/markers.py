@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -62,22 +61,27 @@ class Marker(TabledMessage):
     Source: visualization_msgs/Marker; wiki.ros.org/rviz/DisplayTypes/Marker.
     """
 
-    type_name: ClassVar[str] = "visualization_msgs/msg/Marker"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(ns=str, id=int, type=int, action=int, frame_locked=bool),
-        "pose": ros.POSE,
-        "scale": ros.vector("scale_xyz"),
-        "color": ros.numbers("color_rgba", _COLOR, "rgba", np.float32),
-        "lifetime": ros.lifetime("lifetime_ns"),
-        "points": ros.rows("points_xyz", "geometry_msgs/msg/Point"),
-        "colors": ros.rows("colors_rgba", _COLOR, "rgba", np.float32),
-        **ros.plain(text=str, mesh_resource=str, mesh_use_embedded_materials=bool),
-        "texture_resource": ros.Unused(""),
-        "texture": ros.Unused(Fields("sensor_msgs/msg/CompressedImage", _NO_IMAGE)),
-        "uv_coordinates": ros.Unused([]),
-        "mesh_file": ros.Unused(Fields("visualization_msgs/msg/MeshFile", _NO_FILE)),
-    }
+    type_name = "visualization_msgs/msg/Marker"
+    ros_fields = ros.table(
+        ns=str,
+        id=int,
+        type=int,
+        action=int,
+        frame_locked=bool,
+        pose=ros.POSE,
+        scale=ros.vector("scale_xyz"),
+        color=ros.numbers("color_rgba", _COLOR, "rgba", np.float32),
+        lifetime=ros.lifetime("lifetime_ns"),
+        points=ros.rows("points_xyz", "geometry_msgs/msg/Point"),
+        colors=ros.rows("colors_rgba", _COLOR, "rgba", np.float32),
+        text=str,
+        mesh_resource=str,
+        mesh_use_embedded_materials=bool,
+        texture_resource=ros.Unused(""),
+        texture=ros.Unused(Fields("sensor_msgs/msg/CompressedImage", _NO_IMAGE)),
+        uv_coordinates=ros.Unused([]),
+        mesh_file=ros.Unused(Fields("visualization_msgs/msg/MeshFile", _NO_FILE)),
+    )
 
     type: int
     position_xyz: Floats = field(default_factory=lambda: np.zeros(3))
@@ -101,11 +105,9 @@ class Marker(TabledMessage):
 class MarkerArray(TabledMessage):
     """Several markers sent at once."""
 
-    type_name: ClassVar[str] = "visualization_msgs/msg/MarkerArray"
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "markers": ros.several("markers", Marker),
-    }
+    type_name = "visualization_msgs/msg/MarkerArray"
+    plotted = False
+    ros_fields = ros.table(markers=ros.several("markers", Marker))
 
     markers: tuple[Marker, ...]
 

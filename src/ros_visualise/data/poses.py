@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +29,8 @@ from ros_visualise.data.ros_fields import TabledMessage, columns
 class PoseStamped(TabledMessage):
     """A pose in the frame of its header: position (3,) in metres, quaternion (4,)."""
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/PoseStamped"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "pose": ros.POSE,
-    }
+    type_name = "geometry_msgs/msg/PoseStamped"
+    ros_fields = ros.table(pose=ros.POSE)
 
     position_xyz: Floats
     quat_xyzw: Floats
@@ -48,17 +45,16 @@ class Odometry(TabledMessage):
     ``angular_xyz`` (3,) in rad/s; covariances 6x6 in the order x, y, z, and rotations about them.
     """
 
-    type_name: ClassVar[str] = "nav_msgs/msg/Odometry"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(child_frame_id=str),
-        "pose": ros.pose_with_covariance("pose_covariance"),
-        "twist": ros.SubMessage(
+    type_name = "nav_msgs/msg/Odometry"
+    ros_fields = ros.table(
+        child_frame_id=str,
+        pose=ros.pose_with_covariance("pose_covariance"),
+        twist=ros.SubMessage(
             "geometry_msgs/msg/TwistWithCovariance",
             twist=ros.TWIST,
             covariance=ros.array("twist_covariance", 6, 6),
         ),
-    }
+    )
 
     position_xyz: Floats
     quat_xyzw: Floats
@@ -74,11 +70,8 @@ class Odometry(TabledMessage):
 class PoseWithCovarianceStamped(TabledMessage):
     """A `PoseStamped` with its covariance, 6x6 in the order x, y, z, rotations."""
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/PoseWithCovarianceStamped"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "pose": ros.pose_with_covariance("covariance"),
-    }
+    type_name = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    ros_fields = ros.table(pose=ros.pose_with_covariance("covariance"))
 
     position_xyz: Floats
     quat_xyzw: Floats
@@ -90,11 +83,8 @@ class PoseWithCovarianceStamped(TabledMessage):
 class TwistStamped(TabledMessage):
     """Velocities in the frame of the header: (3,) in m/s and (3,) in rad/s."""
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "twist": ros.TWIST,
-    }
+    type_name = "geometry_msgs/msg/TwistStamped"
+    ros_fields = ros.table(twist=ros.TWIST)
 
     linear_xyz: Floats
     angular_xyz: Floats
@@ -108,12 +98,9 @@ class Twist(TabledMessage):
     The ROS message has no header; this one's is not sent on a ROS graph.
     """
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/Twist"
-    has_header: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "linear": ros.vector("linear_xyz"),
-        "angular": ros.vector("angular_xyz"),
-    }
+    type_name = "geometry_msgs/msg/Twist"
+    has_header = False
+    ros_fields = ros.table(linear=ros.vector("linear_xyz"), angular=ros.vector("angular_xyz"))
 
     linear_xyz: Floats
     angular_xyz: Floats
@@ -131,8 +118,8 @@ class Path(Message):
     ``stamps_ns`` (N,), ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
     """
 
-    type_name: ClassVar[str] = "nav_msgs/msg/Path"
-    plotted: ClassVar[bool] = False
+    type_name = "nav_msgs/msg/Path"
+    plotted = False
 
     stamps_ns: npt.NDArray[np.int64]
     positions_xyz: Floats
@@ -175,9 +162,9 @@ class PoseArray(Message):
     ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
     """
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/PoseArray"
-    also_read: ClassVar[tuple[str, ...]] = ("nav2_msgs/msg/ParticleCloud",)  # by amcl of ROS 2
-    plotted: ClassVar[bool] = False
+    type_name = "geometry_msgs/msg/PoseArray"
+    also_read = ("nav2_msgs/msg/ParticleCloud",)  # by amcl of ROS 2
+    plotted = False
 
     positions_xyz: Floats
     quats_xyzw: Floats
@@ -225,16 +212,15 @@ class TransformStamped(TabledMessage):
     frame of the header.
     """
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/TransformStamped"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(child_frame_id=str),
-        "transform": ros.SubMessage(
+    type_name = "geometry_msgs/msg/TransformStamped"
+    ros_fields = ros.table(
+        child_frame_id=str,
+        transform=ros.SubMessage(
             "geometry_msgs/msg/Transform",
             translation=ros.vector("translation_xyz"),
             rotation=ros.quaternion("quat_xyzw"),
         ),
-    }
+    )
 
     child_frame_id: str
     translation_xyz: Floats
@@ -246,12 +232,10 @@ class TransformStamped(TabledMessage):
 class Transforms(TabledMessage):
     """Several transforms sent at once, as on ``/tf``."""
 
-    type_name: ClassVar[str] = "tf2_msgs/msg/TFMessage"
-    also_read: ClassVar[tuple[str, ...]] = ("tf/msg/tfMessage",)
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "transforms": ros.several("transforms", TransformStamped),
-    }
+    type_name = "tf2_msgs/msg/TFMessage"
+    also_read = ("tf/msg/tfMessage",)
+    plotted = False
+    ros_fields = ros.table(transforms=ros.several("transforms", TransformStamped))
 
     transforms: tuple[TransformStamped, ...]
 

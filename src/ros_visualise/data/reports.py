@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +31,8 @@ _LEVELS = {
 class Log(Message, known=False):
     """One line of a node's log, in ROS 2; ``level`` is one of Python's logging."""
 
-    type_name: ClassVar[str] = "rcl_interfaces/msg/Log"
-    plotted: ClassVar[bool] = False
+    type_name = "rcl_interfaces/msg/Log"
+    plotted = False
 
     node: str
     level: int
@@ -56,7 +56,7 @@ class Log(Message, known=False):
 class Ros1Log(Log, known=False):
     """The same in ROS 1."""
 
-    type_name: ClassVar[str] = "rosgraph_msgs/msg/Log"
+    type_name = "rosgraph_msgs/msg/Log"
 
     def fields(self) -> dict[str, Any]:
         level = next(theirs for theirs, ours in _LEVELS.items() if ours >= self.level)
@@ -81,7 +81,7 @@ class Level(IntEnum):
 class DiagnosticStatus:
     """The state of one part of a robot: a sentence, and values by name."""
 
-    type_name: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticStatus"
+    type_name = "diagnostic_msgs/msg/DiagnosticStatus"
 
     name: str
     level: Level = Level.OK
@@ -118,12 +118,9 @@ class DiagnosticStatus:
 class DiagnosticArray(TabledMessage):
     """The states of several parts of a robot."""
 
-    type_name: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "status": ros.several("statuses", DiagnosticStatus),
-    }
+    type_name = "diagnostic_msgs/msg/DiagnosticArray"
+    plotted = False
+    ros_fields = ros.table(status=ros.several("statuses", DiagnosticStatus))
 
     statuses: tuple[DiagnosticStatus, ...]
     header: Header = Header()
@@ -142,7 +139,7 @@ _FIELDS: dict[type, tuple[int, str]] = {
 class ParameterEvent(Message):
     """Parameters of one node: ``new`` when it starts, ``changed`` later."""
 
-    type_name: ClassVar[str] = "rcl_interfaces/msg/ParameterEvent"
+    type_name = "rcl_interfaces/msg/ParameterEvent"
 
     node: str
     new: Mapping[str, Value] = field(default_factory=dict)

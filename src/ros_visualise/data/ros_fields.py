@@ -66,8 +66,8 @@ class Attribute:
 class SubMessage:
     """A message inside another, whose fields are held by attributes of the outer one."""
 
-    def __init__(self, type_name: str, **fields: RosField) -> None:
-        self._type_name, self._fields = type_name, fields
+    def __init__(self, type_name: str, **fields: RosField | type) -> None:
+        self._type_name, self._fields = type_name, table(**fields)
 
     def read(self, value: Any, found: dict[str, Any]) -> None:
         """Add the attributes to those found."""
@@ -114,7 +114,7 @@ RosFields = Mapping[str, RosField]
 
 
 class TabledMessage(Message):
-    """A message that is read and written by a table."""
+    """A message that is read and written by a table of its fields other than the header."""
 
     ros_fields: ClassVar[RosFields]
     _arrays: ClassVar[Sequence[tuple[str, np.dtype[Any], tuple[int, ...]]]] = ()
@@ -122,6 +122,8 @@ class TabledMessage(Message):
     def __init_subclass__(cls, known: bool = True) -> None:
         super().__init_subclass__(known)
         if "ros_fields" in vars(cls):
+            if cls.has_header and "header" in cls.__annotations__:
+                cls.ros_fields = {"header": HEADER, **cls.ros_fields}
             every = [one for field in cls.ros_fields.values() for one in field.attributes()]
             cls._arrays = [(o.name, o.dtype, o.shape) for o in every if o.shape is not None]
 
@@ -143,9 +145,9 @@ class TabledMessage(Message):
 HEADER = Attribute("header", read_header, header)
 
 
-def plain(**kinds: type) -> dict[str, RosField]:
-    """Fields of numbers, texts and truth values, held by attributes of their names."""
-    return {name: Attribute(name, kind) for name, kind in kinds.items()}
+def table(**fields: RosField | type) -> RosFields:
+    """Fields of a ROS message; a type stands for an attribute of the field's name and this type."""
+    return {n: Attribute(n, one) if isinstance(one, type) else one for n, one in fields.items()}
 
 
 def stamp(name: str) -> Attribute:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,16 +32,15 @@ class Imu(TabledMessage):
     element of -1 that the field is not measured.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/Imu"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "orientation": ros.quaternion("quat_xyzw"),
-        "orientation_covariance": ros.array("orientation_covariance", 3, 3),
-        "angular_velocity": ros.vector("angular_xyz"),
-        "angular_velocity_covariance": ros.array("angular_covariance", 3, 3),
-        "linear_acceleration": ros.vector("linear_xyz"),
-        "linear_acceleration_covariance": ros.array("linear_covariance", 3, 3),
-    }
+    type_name = "sensor_msgs/msg/Imu"
+    ros_fields = ros.table(
+        orientation=ros.quaternion("quat_xyzw"),
+        orientation_covariance=ros.array("orientation_covariance", 3, 3),
+        angular_velocity=ros.vector("angular_xyz"),
+        angular_velocity_covariance=ros.array("angular_covariance", 3, 3),
+        linear_acceleration=ros.vector("linear_xyz"),
+        linear_acceleration_covariance=ros.array("linear_covariance", 3, 3),
+    )
 
     quat_xyzw: Floats
     angular_xyz: Floats
@@ -61,17 +59,15 @@ class NavSatFix(TabledMessage):
     fix. ``covariance`` is 3x3 in m^2, east, north, up. ``service`` are the systems used, as bits.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/NavSatFix"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "status": ros.SubMessage(
-            "sensor_msgs/msg/NavSatStatus",
-            **ros.plain(status=int, service=int),
-        ),
-        **ros.plain(latitude=float, longitude=float, altitude=float),
-        "position_covariance": ros.array("covariance", 3, 3),
-        "position_covariance_type": ros.Attribute("covariance_type", int),
-    }
+    type_name = "sensor_msgs/msg/NavSatFix"
+    ros_fields = ros.table(
+        status=ros.SubMessage("sensor_msgs/msg/NavSatStatus", status=int, service=int),
+        latitude=float,
+        longitude=float,
+        altitude=float,
+        position_covariance=ros.array("covariance", 3, 3),
+        position_covariance_type=ros.Attribute("covariance_type", int),
+    )
 
     latitude: float
     longitude: float
@@ -87,12 +83,11 @@ class NavSatFix(TabledMessage):
 class MagneticField(TabledMessage):
     """The magnetic field (3,) in tesla in the frame of the header; covariance 3x3."""
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/MagneticField"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "magnetic_field": ros.vector("field_xyz"),
-        "magnetic_field_covariance": ros.array("covariance", 3, 3),
-    }
+    type_name = "sensor_msgs/msg/MagneticField"
+    ros_fields = ros.table(
+        magnetic_field=ros.vector("field_xyz"),
+        magnetic_field_covariance=ros.array("covariance", 3, 3),
+    )
 
     field_xyz: Floats
     covariance: Floats = field(default_factory=lambda: np.zeros((3, 3)))
@@ -103,12 +98,8 @@ class MagneticField(TabledMessage):
 class FluidPressure(TabledMessage):
     """A pressure in pascal, and its variance in pascal^2."""
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/FluidPressure"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "fluid_pressure": ros.Attribute("pressure", float),
-        **ros.plain(variance=float),
-    }
+    type_name = "sensor_msgs/msg/FluidPressure"
+    ros_fields = ros.table(fluid_pressure=ros.Attribute("pressure", float), variance=float)
 
     pressure: float
     variance: float = 0.0
@@ -123,13 +114,12 @@ class LaserScan(TabledMessage):
     outside ``range_min`` to ``range_max`` are no measurements. ``intensities`` (N,), or empty.
     """
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/LaserScan"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        **ros.plain(**dict.fromkeys(_SCAN_NUMBERS, float)),
-        "ranges": ros.array("ranges", -1, dtype=np.float32),
-        "intensities": ros.array("intensities", -1, dtype=np.float32),
-    }
+    type_name = "sensor_msgs/msg/LaserScan"
+    ros_fields = ros.table(
+        **dict.fromkeys(_SCAN_NUMBERS, float),
+        ranges=ros.array("ranges", -1, dtype=np.float32),
+        intensities=ros.array("intensities", -1, dtype=np.float32),
+    )
 
     ranges: npt.NDArray[np.float32]
     angle_min: float
@@ -147,12 +137,8 @@ class LaserScan(TabledMessage):
 class TimeReference(TabledMessage):
     """Another clock's time, ``time_ns``, at the stamp of the header; ``source`` names the clock."""
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/TimeReference"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "time_ref": ros.stamp("time_ns"),
-        **ros.plain(source=str),
-    }
+    type_name = "sensor_msgs/msg/TimeReference"
+    ros_fields = ros.table(time_ref=ros.stamp("time_ns"), source=str)
 
     time_ns: int
     source: str = ""
@@ -167,14 +153,13 @@ def _none() -> Floats:
 class JointState(TabledMessage):
     """Positions (N,) in rad or m, velocities, and efforts in N m or N; each may be empty."""
 
-    type_name: ClassVar[str] = "sensor_msgs/msg/JointState"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "name": ros.Attribute("names", lambda names: tuple(map(str, names)), list),
-        "position": ros.array("positions", -1),
-        "velocity": ros.array("velocities", -1),
-        "effort": ros.array("efforts", -1),
-    }
+    type_name = "sensor_msgs/msg/JointState"
+    ros_fields = ros.table(
+        name=ros.Attribute("names", lambda names: tuple(map(str, names)), list),
+        position=ros.array("positions", -1),
+        velocity=ros.array("velocities", -1),
+        effort=ros.array("efforts", -1),
+    )
 
     names: tuple[str, ...]
     positions: Floats

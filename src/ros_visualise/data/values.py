@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.header import Header
@@ -14,11 +13,9 @@ from ros_visualise.data.ros_fields import TabledMessage
 class Number(TabledMessage):
     """A number, as std_msgs/Float64; the header is not sent on a ROS graph."""
 
-    type_name: ClassVar[str] = "std_msgs/msg/Float64"
-    has_header: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "data": ros.Attribute("number", float),
-    }
+    type_name = "std_msgs/msg/Float64"
+    has_header = False
+    ros_fields = ros.table(data=ros.Attribute("number", float))
 
     number: float
     header: Header = Header()
@@ -28,12 +25,10 @@ class Number(TabledMessage):
 class Text(TabledMessage):
     """A text, as std_msgs/String; the header is not sent on a ROS graph."""
 
-    type_name: ClassVar[str] = "std_msgs/msg/String"
-    has_header: ClassVar[bool] = False
-    plotted: ClassVar[bool] = False
-    ros_fields: ClassVar[ros.RosFields] = {
-        "data": ros.Attribute("text", str),
-    }
+    type_name = "std_msgs/msg/String"
+    has_header = False
+    plotted = False
+    ros_fields = ros.table(data=ros.Attribute("text", str))
 
     text: str
     header: Header = Header()
@@ -43,7 +38,7 @@ class Text(TabledMessage):
 class ClockTime(ros.TabledMessage, known=False):
     """A time, as on ``/clock``."""
 
-    type_name: ClassVar[str] = "rosgraph_msgs/msg/Clock"
-    ros_fields: ClassVar[ros.RosFields] = {"clock": ros.stamp("time_ns")}
+    type_name = "rosgraph_msgs/msg/Clock"
+    ros_fields = ros.table(clock=ros.stamp("time_ns"))
 
     time_ns: int

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.header import Floats, Header
@@ -13,15 +12,14 @@ from ros_visualise.data.header import Floats, Header
 class WrenchStamped(ros.TabledMessage):
     """A force (3,) in N and a torque (3,) in N m at the origin of the frame of the header."""
 
-    type_name: ClassVar[str] = "geometry_msgs/msg/WrenchStamped"
-    ros_fields: ClassVar[ros.RosFields] = {
-        "header": ros.HEADER,
-        "wrench": ros.SubMessage(
+    type_name = "geometry_msgs/msg/WrenchStamped"
+    ros_fields = ros.table(
+        wrench=ros.SubMessage(
             "geometry_msgs/msg/Wrench",
             force=ros.vector("force_xyz"),
             torque=ros.vector("torque_xyz"),
-        ),
-    }
+        )
+    )
 
     force_xyz: Floats
     torque_xyz: Floats
