@@ -205,7 +205,7 @@ def build_thing(random: Random, material: str) -> str:
 
 
 def _build_person(random: Random) -> str:
-    """Somebody who stands or walks, with legs, arms and a head, sometimes with a bag."""
+    """A standing or walking person with legs, arms and a head, sometimes with a bag."""
     tall = random.uniform(1.2, 1.95)
     hip, neck = 0.48 * tall, 0.82 * tall
     wide = tall * random.uniform(0.1, 0.14)

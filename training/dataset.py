@@ -11,17 +11,17 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 _QUARTERED = 0.6
-"""Of the pictures, those that are made of four parts."""
+"""Fraction of pictures composed of four parts."""
 _AROUND = 0.9
-"""Of the parts, those around a landmark, where there is one."""
+"""Fraction of parts centred on a landmark, if there is one."""
 _EMPTY = 0.5
-"""How often a picture without a landmark is taken, by one with."""
+"""Frequency of pictures without a landmark, relative to those with one."""
 _SHRUNK, _LEAST_SCALE = 0.15, 0.5
-"""Of the parts, those of a picture at another scale, in a gray frame as a letterbox makes it."""
+"""Fraction of parts at another scale, in a gray letterbox."""
 _HALF_BELOW = 0.75  # at smaller scales the picture of half the size is looked at
 _GRAY = 114 / 255
 _LEAST_SHARE, _LEAST_PX = 0.3, 5.0
-"""What shows less, or is smaller, is neither landmark nor background to the training."""
+"""Below these, a landmark is neither positive nor background in training."""
 _COLOURS = Recolouring(turned=0.2, contrast=0.5, gain=(0.7, 1.3), brightness=0.5, lift=0.1)
 
 

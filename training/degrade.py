@@ -1,4 +1,4 @@
-"""What a real camera does to a picture."""
+"""Effects of a real camera on a picture."""
 
 from __future__ import annotations
 

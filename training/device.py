@@ -1,4 +1,4 @@
-"""Where it is trained, a graphics card or the processor, and how that is fastest."""
+"""Choice of the hardware, GPU or CPU, and its fastest use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ torch.backends.cudnn.benchmark = True  # tries which way is fastest: batches are
 
 
 def _has_bfloat16() -> bool:
-    """Whether there are instructions for bfloat16; without them it is 15 times as slow."""
+    """True if the CPU has instructions for bfloat16; without them it is 15 times as slow."""
     if DEVICE.type == "cuda":
         return torch.cuda.get_device_capability() >= (8, 0)
     words = set(_INFO.read_text().split()) if _INFO.exists() else set()

@@ -87,7 +87,7 @@ def coco_cases(path: Path, kind: int) -> Iterator[Case]:
 
 
 def frames(path: Path, step: int) -> Iterator[npt.NDArray[np.uint8]]:
-    """Every so manieth frame of a video, or all pictures of a folder."""
+    """Every n-th frame of a video, or all pictures of a folder."""
     if path.is_dir():
         yield from (_read(each) for each in sorted(path.iterdir()) if _is_picture(each))
         return
@@ -163,7 +163,7 @@ def _points_of(result: Result, kind: int) -> Iterator[tuple[float, float]]:
 
 
 def report_nothing(network: Network, path: Path, step: int) -> None:
-    """Print how many things are found where there are none but perhaps vehicles."""
+    """Print the number of detections in pictures without landmarks, except possibly vehicles."""
     count, tally = 0, np.zeros(len(network.names), int)
     for picture in frames(path, step):
         found = network.detect(picture, "BGR", SelectionRules(min_score=0.5))
@@ -176,7 +176,7 @@ def report_nothing(network: Network, path: Path, step: int) -> None:
 def _of_kind(
     result: Result, kind: int, least: float = 0.0
 ) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
-    """What `match` takes, of one class."""
+    """Arguments for `match`, for one class."""
     mine = result.found.take((result.found.classes == kind) & (result.found.scores >= least))
     rows = result.rows[result.rows[:, 0] == kind]
     side = (rows[:, 3:5] - rows[:, 1:3]).max(axis=1) if len(rows) else np.zeros(0)

@@ -33,7 +33,7 @@ _SIDE = 640
 _OPSET = 16  # has GridSample
 _LEAST_SCORE = 0.1  # of boxes that are looked at
 _MOST, _OVERLAP = 24, 0.7
-"""Of one image, the best so many boxes are looked at, which do not overlap more than that."""
+"""Number of refined boxes per image, and their largest overlap."""
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more
 _WITHIN = 0.8  # of a box in another one: it shows a part of the same thing
 _LARGE = 1000  # numbers from which on weights are stored as halves
@@ -62,7 +62,7 @@ class First(nn.Module):
 
 
 class Look(NamedTuple):
-    """What the second network says of N boxes, in pixels counted from the middle of the first."""
+    """Output of the refinement head for N boxes, in pixels from the centre of the first pixel."""
 
     kinds: Tensor
     """(N, classes + 1) probabilities; the last one: that it is nothing."""
@@ -75,7 +75,7 @@ class Look(NamedTuple):
 
 
 class Last(nn.Module):
-    """The second look at the chosen boxes, and once more, mirrored, where it finds something.
+    """The refinement head for the chosen boxes, applied again, mirrored, to detections.
 
     Args:
         widen: factor for the variances of the points, as `evaluate.py` measures it.
@@ -124,7 +124,7 @@ class Last(nn.Module):
 
 
 def _are_parts(boxes: Tensor, sure: Tensor, kinds: Tensor) -> Tensor:
-    """Which of N boxes lie within a surer one of their class."""
+    """Mask of N boxes that lie inside a more certain one of their class."""
     low = torch.maximum(boxes[:, None, :2], boxes[None, :, :2])
     high = torch.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
     shared = (high - low).clamp(min=0).prod(dim=2)
@@ -135,7 +135,7 @@ def _are_parts(boxes: Tensor, sure: Tensor, kinds: Tensor) -> Tensor:
 
 
 def _grid(images: Tensor) -> tuple[Tensor, Tensor]:
-    """As `make_grid`, of the image's own size when the file is run."""
+    """`make_grid` for the size of the image at run time."""
     centres, strides = [], []
     for stride in STRIDES:
         y = torch.arange(images.shape[2] // stride)[:, None]
@@ -155,7 +155,8 @@ def write_onnx(
     pictures: Iterable[Images],
     widen: float = 1.0,
 ) -> None:
-    """Write the file, for images of any size: the network, the choice of boxes, the second look.
+    """Write the file, for images of any size: the network, the choice of boxes, the refinement
+    head.
 
     Args:
         about: more lines for its metadata.
@@ -292,7 +293,7 @@ def first_layer(model: onnx.ModelProto) -> dict[str, str]:
 
 
 def save_second(second: Second, path: Path) -> None:
-    """Write the weights of the second look."""
+    """Write the weights of the refinement head."""
     state = {"classes": second.classes, "width": second.width, "weights": second.cpu().state_dict()}
     torch.save(state, path)
 

@@ -24,10 +24,10 @@ _NATURAL = np.array(
 )
 _PHOTOS = ("grass", "gravel", "brick", "coffee", "chelsea", "astronaut", "hubble_deep_field")
 _PHOTOS += ("coins", "page", "moon", "ihc", "text")
-"""Of scikit-image; those of a motorcycle, a launch tower and a tripod show vehicles and posts."""
+"""Photos of scikit-image without vehicles and posts: not the motorcycle, launch tower and tripod."""
 
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (2, -1), (1, 2), (1, -2))
-"""Of painted lines; along each a line that leaves a surface comes in again where it would go on."""
+"""Directions of painted lines: leaving a surface, a line re-enters where it would continue."""
 
 
 def draw_surface(random: np.random.Generator, side: int, photos: Sequence[Canvas] = ()) -> Canvas:

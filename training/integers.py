@@ -1,8 +1,8 @@
-"""Convolutions in whole numbers of 8 bits, which processors do faster than in floats.
+"""Convolutions with 8-bit integers, which are faster than with floats.
 
-What each of them gives is measured on pictures, to choose the whole numbers for it. That is done
-to the network that proposes, whose work is the largest: its boxes are looked at again anyway. Its
-layer that sees pixels and its heads stay as they are, and so does the second look, which decides.
+The ranges of their outputs are measured on pictures, to choose the scale of the integers. Only the
+proposing network is quantized: it takes most of the time, and its boxes are refined anyway. Its
+first layer and its heads stay in floats, and so does the refinement head, which decides.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the second look learns from: parts of pictures where the first network sees something."""
+"""Training data of the refinement head: crops around the proposals of the first network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from store import ABSENT, Store
 from torch import Tensor
 
 _LEAST_SCORE, _MOST, _OVERLAP = 0.05, 24, 0.6
-"""Of a picture, the best so many boxes are learned from, which do not overlap more than that."""
+"""Number of proposals per picture, and their largest overlap."""
 _CELLS = 200  # of a picture, the best, among which these are chosen
 _BATCH = 128
 NONE, UNSURE = -1, -2
@@ -58,7 +58,7 @@ class Views(NamedTuple):
 
 
 def collect(network: Network, store: Store, random: Random) -> Looks:
-    """What is learned from in all pictures."""
+    """Collect the training crops of all pictures."""
     network = network.to(DEVICE, memory_format=FORMAT).eval()
     found = []
     for start in range(0, store.count, _BATCH):
@@ -68,7 +68,7 @@ def collect(network: Network, store: Store, random: Random) -> Looks:
         boxes, scores = propose(network, pictures.permute(0, 3, 1, 2))
         found.append(_looks(which, store.rows[which], boxes, scores, random))
         if start % (40 * _BATCH) == 0:
-            print(f"second look: {start} of {store.count} pictures", flush=True)
+            print(f"refinement head: {start} of {store.count} pictures", flush=True)
     return Looks(*(torch.cat(parts) for parts in zip(*found, strict=True)))
 
 
@@ -104,7 +104,7 @@ def _choose(boxes: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _looks(which: Tensor, rows: Tensor, boxes: Tensor, scores: Tensor, random: Random) -> Looks:
-    """What was proposed in pictures, and what is about their landmarks."""
+    """Proposals in pictures, and boxes around their landmarks."""
     sides = rows[..., 3:5] - rows[..., 1:3]
     seen = (rows[..., 7] >= _LEAST_SHARE) & (sides.amax(dim=2) >= _LEAST_PX)
     seen &= rows[..., 0] != ABSENT

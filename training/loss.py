@@ -1,4 +1,4 @@
-"""Which cells answer for which landmark, and how wrong they are.
+"""Assignment of cells to landmarks, and the loss.
 
 Source: Feng et al., TOOD, 2021 (assignment by score and overlap); Li et al., Generalized Focal
 Loss, 2020 (scores that mean overlap); Seitzer et al., 2022 (beta-NLL for the ground point).
@@ -22,7 +22,7 @@ class Truth(NamedTuple):
     """The landmarks of B pictures, at most n in each."""
 
     kinds: Tensor
-    """(B, n) classes; -1 where there is none."""
+    """(B, n) classes; -1 for padding."""
     boxes: Tensor
     """(B, n, 4)."""
     points: Tensor
@@ -64,11 +64,11 @@ def detection_loss(
 
 
 def assign(score: Tensor, boxes: Tensor, truth: Truth, grid: tuple[Tensor, Tensor]) -> Taken:
-    """Which cells answer for which landmark.
+    """Assign cells to landmarks.
 
     Args:
         score: (B, cells, classes).
-        boxes: (B, cells, 4) that they tell.
+        boxes: (B, cells, 4) predicted boxes.
     """
     overlap = iou(boxes[:, :, None], truth.boxes[:, None]).clamp(min=1e-3)  # (B, cells, n)
     kinds = truth.kinds.clamp(min=0)[:, None].expand(overlap.shape)

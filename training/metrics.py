@@ -1,4 +1,4 @@
-"""How good detections are: average precision, recall at a precision, ground points.
+"""Metrics of detections: average precision, recall at a precision, ground points.
 
 Source: Everingham et al., The PASCAL Visual Object Classes Challenge, 2015.
 """

@@ -109,7 +109,7 @@ def follow(average: nn.Module, network: nn.Module, steps: int) -> None:
 
 
 def grid_of(pictures: Tensor) -> tuple[Tensor, Tensor]:
-    """Of the cells of pictures (B, 3, H, W): see `make_grid`."""
+    """Cells of pictures (B, 3, H, W): see `make_grid`."""
     return make_grid(pictures.shape[2], pictures.shape[3], pictures.device)
 
 

@@ -139,7 +139,7 @@ def turned_sides(polygons: list[Array]) -> Array:
 def visible_share(
     world: Any, view: View, body: int, polygons: list[Array], random: np.random.Generator
 ) -> float:
-    """How much of a body is not hidden by others, 0 to 1, by rays through its silhouette.
+    """Visible fraction of a body, 0 to 1, by rays through its silhouette.
 
     Args:
         world: with the ``model`` and its ``data``.

@@ -27,7 +27,7 @@ _TURNS = {
     "octagon": math.pi / 8,
 }
 _ROOM = {"triangle": 0.6, "diamond": 0.75}
-"""What of a letter's usual size is in a frame with sharp corners."""
+"""Scale of a letter in a frame with sharp corners."""
 _LEGIBLE = 1.5  # standard deviations
 _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 
@@ -89,7 +89,7 @@ def draw_any_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Ca
 
 
 def _stands_out(picture: Canvas, letter: Canvas) -> float:
-    """How far the letter's colour is from that around it, in standard deviations of both."""
+    """Contrast of the letter to its surroundings, in standard deviations of both."""
     x, y, w, h = cv2.boundingRect(letter)
     part, inside = picture[y : y + h, x : x + w], letter[y : y + h, x : x + w] > 127
     a, b = (part[each].astype(np.float64) for each in (inside, ~inside))
@@ -105,7 +105,7 @@ def _draw_frame(
     fill: tuple[int, ...] | None,
     ink: tuple[int, ...],
 ) -> npt.NDArray[np.float64] | None:
-    """Paint the frame; its outline, or None where there is none."""
+    """Paint the frame; returns its outline, or None without a frame."""
     if frame in ("none", "cross"):
         return _draw_cross(random, canvas, radius, fill) if frame == "cross" else None
     shape = _polygon(frame, radius, random)
@@ -208,7 +208,7 @@ def _leant(shape: npt.NDArray[np.float64], lean: float) -> npt.NDArray[np.float6
 
 
 def _widened(mask: Canvas, edge: float) -> Canvas:
-    """What is no further from the mask than ``edge`` half sides."""
+    """Points no further from the mask than ``edge`` half sides."""
     side = 2 * round(edge * SIDE / 2) + 1
     return np.asarray(cv2.dilate(mask, np.ones((side, side), np.uint8)), np.uint8)
 

@@ -96,7 +96,7 @@ def row(seen: Seen) -> list[float]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What pictures and training both take."""
+    """Add the arguments of both pictures and training."""
     parser.add_argument("--seed", type=int, default=0, help="of the worlds")
     parser.add_argument("--per-world", type=int, default=PER_WORLD, help="pictures of each world")
     parser.add_argument(

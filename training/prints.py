@@ -51,7 +51,7 @@ def _tag(random: np.random.Generator, dictionary: cv2.aruco.Dictionary) -> npt.N
 
 
 def draw_distractor(random: np.random.Generator) -> Print:
-    """What could be taken for a pad or a tag and is none."""
+    """A print that resembles a pad or a tag."""
     canvas = draw_surface(random, SIDE)
     draws = (_sign, _sign, _notice, _notice, _cross, _rings, _checks, _bars)
     draw = draws[random.integers(len(draws))]

@@ -1,4 +1,4 @@
-"""How the commands of this folder end."""
+"""Exit of the commands in this folder."""
 
 from __future__ import annotations
 

@@ -1,10 +1,12 @@
-"""The second look: each thing that the network may have found, cut out and looked at by itself.
+"""The refinement head: a second network for a crop of each proposal.
 
-Cells that see a whole picture at once learn slowly what tells a pad from a sign with a letter.
-A part of the picture that is as large as the thing, whatever its size, shows it at once. With it
-goes a wider one, which shows what is about it: a body above legs, a line that goes on.
+Cells that see a whole picture at once learn slowly to distinguish a pad from a sign with a letter.
+A crop of the size of the object, whatever that is, shows it at once. A wider crop shows the
+surroundings: a body above legs, a line that continues. Boxes, points and their variances are
+estimated anew, in half sides of the crop.
+
 Source of the idea: Girshick et al., Rich Feature Hierarchies, 2014; Cai and Vasconcelos, Cascade
-R-CNN, 2018. Boxes, points and their variances are told anew, in half sides of the part.
+R-CNN, 2018.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ SIDE = 64
 MARGIN = 1.4
 """By how much the part is larger than the box."""
 CHANNELS = 6
-"""Of what is looked at: the part, RGB, then the wider one."""
+"""Input channels: the crop, RGB, then the wider one."""
 WIDER = 2.0
 """By how much the sides of the wider part are longer."""
 _NARROWEST = 0.5

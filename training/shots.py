@@ -15,7 +15,7 @@ from ros_visualise.geometry import rotations
 
 Array = npt.NDArray[np.float64]
 EMPTY_SHARE = 0.3
-"""Of the pictures, those without a landmark."""
+"""Fraction of pictures without a landmark."""
 MOST_THINGS = 14
 """In a picture."""
 _HEIGHTS_M = 0.6, 60.0
@@ -93,7 +93,7 @@ def _hide(world: World, thing: Thing) -> None:
 
 
 def _cosine(world: World, view: View, thing: Thing) -> float:
-    """Of the angle between where a board looks and the camera; below 0 from behind."""
+    """Cosine of the angle between a board's normal and the camera; negative from behind."""
     ahead = view.position_xyz - world.data.xpos[thing.body]
     R = world.data.xmat[thing.body].reshape(3, 3)
     return float((R @ thing.facing) @ ahead / np.linalg.norm(ahead))
@@ -156,7 +156,7 @@ def _pick(world: World, random: np.random.Generator, kind: int) -> Thing:
 
 
 def _ground_at(view: View, uv: Array) -> Array | None:
-    """Where the ground is seen at a pixel, if it is and not too far."""
+    """The ground at a pixel, if visible and not too far."""
     ahead = view.ray(uv)
     if ahead[2] > -0.03:
         return None

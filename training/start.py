@@ -28,14 +28,14 @@ _SCALE = 2.0  # of a layer's weights, by those of a fresh one: what follows make
 
 
 class Layer(NamedTuple):
-    """What a file has of a convolution or a dense layer."""
+    """A convolution or dense layer in a file."""
 
     weight: Tensor
     bias: Tensor
 
 
 class Start(NamedTuple):
-    """What a file has of both networks, in the order in which they are run."""
+    """Both networks in a file, in the order of execution."""
 
     first: list[Layer]
     second: list[Layer]
@@ -75,7 +75,7 @@ def start_first(network: Network, start: Start, classes: tuple[str, ...], pictur
 def start_second(
     second: Second, start: Start, classes: tuple[str, ...], parts: tuple[Tensor, Tensor, Tensor]
 ) -> None:
-    """As `start_first`; ``parts`` are what `Second` takes."""
+    """`start_first` for the refinement head; ``parts`` are the inputs of `Second`."""
     rows = _rows((*start.classes, ""), (*classes, ""))  # the last one: none of them
     _fill(second, start.second, {second.head}, rows, parts)
 
@@ -91,7 +91,7 @@ def _layers(graph: onnx.GraphProto, prefix: str) -> Iterator[Layer]:
 
 
 def _weights(graph: onnx.GraphProto) -> dict[str, npt.NDArray[Any]]:
-    """What the file has, and what becomes of it where it is stored as halves or whole numbers."""
+    """The weights in the file, converted from half floats or integers."""
     values = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     for node in graph.node:
         if node.op_type == "Cast" and node.input[0] in values:

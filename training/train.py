@@ -3,8 +3,8 @@
     python training/train.py OUT --minutes 90
 
 Renders worlds into ``OUT/pictures`` while it trains on those that are there; every few minutes it
-writes ``OUT/checkpoint.pt``. The same command again goes on. Then comes the second look, and
-``OUT/aerial.onnx`` is written.
+writes ``OUT/checkpoint.pt``. The same command again continues. Then it trains the refinement head,
+and writes ``OUT/aerial.onnx``.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _RATE, _RATE_ON = 2e-3, 1e-3  # from nothing, and from a network that has learne
 _DECAY = 0.03
 _WARM = 0.01  # of the time
 _WEIGHTS = 8.0, 1.0, 0.1
-"""Of classes, boxes and points, such that classes move the shared layers most: they learn last."""
+"""Weights of classes, boxes and points: classes dominate the shared layers, as they learn last."""
 _MEASURED = 96  # pictures by which a network that goes on from a file is normalised
 _CROP, _WHOLE_FROM = 192, 0.85
 """Most of the time it learns from parts of pictures, which takes a third of the time of a whole."""
@@ -206,9 +206,9 @@ def _say(trainer: Trainer, store: Store, losses: list[float]) -> None:
 
 
 def look_again(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) -> None:
-    """Train the second look, and write the network."""
+    """Train the refinement head, and write the network."""
     looks = collect(trainer.average, store, Random(asked.seed, 2))
-    print(f"second look: at {len(looks.labels)} parts", flush=True)
+    print(f"refinement head: {len(looks.labels)} parts", flush=True)
     if not (looks.labels >= 0).any():
         raise OpenError("there is no landmark in the pictures: ask for more --worlds")
     random, count = Random(asked.seed, 3), len(trainer.classes)
@@ -236,7 +236,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     many = "%(default)s pictures are learned from in one step"
     parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help=many)
-    parts = "%(default)s parts in one step of the second look"
+    parts = "%(default)s crops in one step of the refinement head"
     parser.add_argument("--second-batch", type=int, default=_LARGER * BATCH, help=parts)
     fresh = "channels; with --start, those of the file count (default: %(default)s)"
     parser.add_argument("--width", type=int, default=16, help=fresh)

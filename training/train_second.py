@@ -1,4 +1,4 @@
-"""Train the second look on what the first network proposes."""
+"""Training of the refinement head on the proposals of the first network."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DECAY = 0.05
 _WARM = 0.01  # of the time
 _MEASURED = 400  # parts by which a network that goes on from a file is normalised
 _WEIGHTS = 1.0, 2.0, 0.1
-"""Of classes, boxes and points."""
+"""Weights of classes, boxes and points."""
 _FLAT = tuple(CLASSES.index(name) for name in ("helipad", "tag"))
 _FAR = 2.0  # half sides; a ground point beyond is not looked for in this part
 
@@ -84,7 +84,7 @@ def train_second(
             sums, count = sums + losses.detach(), count + 1
             if time.monotonic() - said > SAY_S:
                 told = ", ".join(f"{each:.3f}" for each in (sums / count).tolist())
-                print(f"second look: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
+                print(f"refinement head: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
                 sums, count, said = torch.zeros_like(sums), 0, time.monotonic()
     return average
 
@@ -105,7 +105,7 @@ def second_loss(raw: Tensor, seen: Views) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def _groups(looks: Looks, classes: int, batch: int) -> list[tuple[Tensor, int]]:
-    """The looks of each label that there is, and how many of them a batch has."""
+    """Crops by label, and the number of each in a batch."""
     shares = {NONE: _OF_NONE, **dict.fromkeys(range(classes), (1 - _OF_NONE) / classes)}
     found = []
     for label, share in shares.items():

@@ -1,4 +1,4 @@
-"""What nobody could see of a landmark counts as not seen."""
+"""Landmarks that nobody could recognise count as not visible."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
 
 
 def difference(box: Array, picture: Canvas, bare: Canvas) -> float:
-    """How much a landmark changes the picture: root mean square over its box, gray levels."""
+    """Change of the picture by a landmark: root mean square over its box, gray levels."""
     a, b = (_smooth(_part(box, each)) for each in (picture, bare))
     return float(np.sqrt(np.mean((a - b) ** 2)))
 
@@ -60,9 +60,9 @@ def contrast(hull: Array, picture: Canvas) -> float:
 
 
 def colour(box: Array, picture: Canvas, bare: Canvas) -> float:
-    """How far from gray a landmark is: highest channel less the lowest one, gray levels.
+    """Colourfulness of a landmark: highest channel minus the lowest one, gray levels.
 
-    Of the pixels of its box that it changes, the most colourful quarter has at least that.
+    Of the changed pixels of its box, the most colourful quarter has at least that.
     """
     a, b = (_smooth(_part(box, each)) for each in (picture, bare))
     changed = np.abs(a - b).max(axis=2) > _LEAST_DIFFERENCE
@@ -70,7 +70,7 @@ def colour(box: Array, picture: Canvas, bare: Canvas) -> float:
 
 
 def _is_outside(point: Array, picture: Canvas) -> bool:
-    """Whether a point, as u and v in pixels, is beyond the picture's edges."""
+    """True if a point, u and v in pixels, is outside the picture."""
     return bool((point < 0).any() or (point > np.array(picture.shape[1::-1]) - 1).any())
 
 

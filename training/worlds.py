@@ -64,7 +64,7 @@ class Thing:
 
     @cached_property
     def radius(self) -> float:
-        """Of the ball around the origin that it is in, metres."""
+        """Radius of the bounding ball around its origin, metres."""
         return max(float(np.linalg.norm(part, axis=1).max()) for part in self.parts)
 
 

@@ -16,7 +16,7 @@ from ros_visualise.data import Floats
 _FAR = 7.0  # standard deviations; beyond, densities are subnormal numbers, which are slow
 
 
-class Appearance(NamedTuple):
+class TagAppearance(NamedTuple):
     """T tags at N points of the image each."""
 
     white: Floats
@@ -31,7 +31,7 @@ class Appearance(NamedTuple):
     """(T, N) fraction of the surroundings of the print."""
 
 
-def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats) -> Appearance:
+def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats) -> TagAppearance:
     """Render tags.
 
     Args:
@@ -61,7 +61,7 @@ def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats)
     m_uu = x_u * x_u * m_xx + 2 * x_u * y_u * m_xy + y_u * y_u * m_yy
     m_uv = x_u * x_v * m_xx + (x_u * y_v + x_v * y_u) * m_xy + y_u * y_v * m_yy
     m_vv = x_v * x_v * m_xx + 2 * x_v * y_v * m_xy + y_v * y_v * m_yy
-    return Appearance(
+    return TagAppearance(
         _dot(rows, up) + xy * m_xy,
         np.stack([x_u * m_x + y_u * m_y, x_v * m_x + y_v * m_y], axis=1),
         np.stack([m_uu / 2, m_uv, m_vv / 2], axis=1),

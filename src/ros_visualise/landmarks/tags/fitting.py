@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
-from ros_visualise.landmarks.tags.appearance import Appearance, appearance
+from ros_visualise.landmarks.tags.appearance import TagAppearance, appearance
 from ros_visualise.landmarks.tags.samples import LEAST, TagSamples, homographies, sample_tags
 
 _ROUNDS = 8
@@ -155,7 +155,7 @@ def _linearised(state: _FitState, samples: TagSamples, patterns: Floats, square:
     return _Linear(gray - _sum(levels, weights), J, weights[:, 1:4].sum(axis=1), cell)
 
 
-def _levels(seen: Appearance, u: Floats, v: Floats) -> Floats:
+def _levels(seen: TagAppearance, u: Floats, v: Floats) -> Floats:
     """(T, 10, N) basis of the levels of gray."""
     m, one = seen.white, np.ones_like(u)
     grown = np.linalg.norm(seen.slope, axis=1)
