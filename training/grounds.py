@@ -24,7 +24,7 @@ _NATURAL = np.array(
 )
 _PHOTOS = ("grass", "gravel", "brick", "coffee", "chelsea", "astronaut", "hubble_deep_field")
 _PHOTOS += ("coins", "page", "moon", "ihc", "text")
-"""Photos of scikit-image without vehicles and posts: not the motorcycle, launch tower and tripod."""
+"""Photos of scikit-image without vehicles and posts: no motorcycle, launch tower or tripod."""
 
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (2, -1), (1, 2), (1, -2))
 """Directions of painted lines: leaving a surface, a line re-enters where it would continue."""
