@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
 
-from ros_visualise.core.printing import Shown, shown, without_secrets
+from ros_visualise.core.printing import EscapingFormatter, escaped, without_secrets
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
@@ -61,9 +61,9 @@ def unknown(folder):
 
 
 def test_escapes_are_idempotent_and_leave_letters_alone():
-    assert shown(EVIL) == shown(shown(EVIL)) == SHOWN
-    assert shown("\udcff") == r"\udcff"
-    assert shown("C:\\tmp\\größe 日本 ½°") == "C:\\tmp\\größe 日本 ½°"
+    assert escaped(EVIL) == escaped(escaped(EVIL)) == SHOWN
+    assert escaped("\udcff") == r"\udcff"
+    assert escaped("C:\\tmp\\größe 日本 ½°") == "C:\\tmp\\größe 日本 ½°"
 
 
 def test_info_shows_names_in_straight_columns(bag, unknown):
@@ -120,7 +120,7 @@ def test_logs_are_shown_and_a_traceback_keeps_its_lines():
         raise ValueError(EVIL)
     except ValueError:
         record = logging.LogRecord("n", 40, "f", 1, "of %s", (EVIL,), sys.exc_info())
-    lines = Shown("%(message)s").format(record).split("\n")
+    lines = EscapingFormatter("%(message)s").format(record).split("\n")
     assert lines[0] == f"of {SHOWN}"
     assert lines[1].startswith("Traceback")
     assert all(line.isprintable() for line in lines)

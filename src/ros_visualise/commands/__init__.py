@@ -21,7 +21,7 @@ from ros_visualise.core.completion import complete, words_to_complete
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.core.installation import check_installation
 from ros_visualise.core.limits import set_max_memory
-from ros_visualise.core.printing import print_log, say
+from ros_visualise.core.printing import print_log, print_status
 from ros_visualise.core.registry import Registry, holding
 from ros_visualise.core.signals import interrupt
 from ros_visualise.core.supervision import status_of
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         interrupt()
         return status_of(command(options))
     except RosVisualiseError as error:
-        say(f"ros-visualise: {error}")
+        print_status(f"ros-visualise: {error}")
         return error.exit_status
     except BrokenPipeError:  # the reader of the output has ended
         return 1
@@ -136,7 +136,7 @@ class _Parser(argparse.ArgumentParser):
         elif found:
             there = re.findall(r"[^', ]+", found["there"])
             message = f"{found['what']}: no '{found['given']}'{did_you_mean(found['given'], there)}"
-        say(f"{self.prog}: {message}; see {self.prog} --help")
+        print_status(f"{self.prog}: {message}; see {self.prog} --help")
         self.exit(2)
 
 

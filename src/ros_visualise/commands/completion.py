@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ros_visualise.commands import Command
 from ros_visualise.core.completion import SHELLS, shell_code
-from ros_visualise.core.printing import answer
+from ros_visualise.core.printing import print_result
 from ros_visualise.running.arguments import argument
 
 
@@ -19,7 +19,7 @@ class CompletionOptions:
 
 def run(options: CompletionOptions) -> int:
     """Print the code; 0."""
-    answer(shell_code(options.shell).splitlines())
+    print_result(shell_code(options.shell).splitlines())
     return 0
 
 

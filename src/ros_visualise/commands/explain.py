@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.printing import answer, answer_json, say
+from ros_visualise.core.printing import print_json, print_result, print_status
 from ros_visualise.running.arguments import argument, option
 from ros_visualise.running.options import PlayingOptions
 from ros_visualise.simulation.robots import OURS, ROBOTS
@@ -62,7 +62,7 @@ def run(options: ExplainOptions) -> int:
     finally:
         _remove_empty(made)
     if page.exists():
-        say(f"{page}: written")
+        print_status(f"{page}: written")
     return status
 
 
@@ -119,10 +119,10 @@ def _list(as_json: bool) -> None:
 
     lessons = list(LESSONS.all())
     if as_json:
-        answer_json({lesson.name: lesson.about for lesson in lessons})
+        print_json({lesson.name: lesson.about for lesson in lessons})
         return
     width = max(len(lesson.name) for lesson in lessons)
-    answer([f"{lesson.name.ljust(width)}  {lesson.about}" for lesson in lessons])
+    print_result([f"{lesson.name.ljust(width)}  {lesson.about}" for lesson in lessons])
 
 
 COMMAND = Command(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.commands import Command
-from ros_visualise.core.printing import answer, answer_json, counted, shown, sized
+from ros_visualise.core.printing import counted, escaped, print_json, print_result, sized
 from ros_visualise.running.arguments import argument, option
 from ros_visualise.running.options import MemoryOptions
 
@@ -32,15 +32,15 @@ def run(options: InfoOptions) -> int:
 
     found = interruptible(lambda: sources.info(options.input, options.check))
     if options.json:
-        answer_json(found)
+        print_json(found)
     else:
-        answer(_lines(found))
+        print_result(_lines(found))
     return int(bool(found["lost"]["notes"]))
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
     """Lines as of ``rosbag info``; for a video, with its images."""
-    written = _written_in_ros1 if found["format"].startswith("rosbag ") else shown
+    written = _written_in_ros1 if found["format"].startswith("rosbag ") else escaped
     rows: list[tuple[str, list[str]]] = [
         ("path", [found["path"]]),
         ("format", [found["format"]]),
@@ -73,7 +73,7 @@ def _types(types: dict[str, str], written: Callable[[str], str]) -> list[str]:
 
 
 def _topics(topics: dict[str, dict[str, Any]], written: Callable[[str], str]) -> list[str]:
-    topics = {shown(name): topic for name, topic in topics.items()}
+    topics = {escaped(name): topic for name, topic in topics.items()}
     name_width = max(map(len, topics), default=0)
     count_width = max((len(str(topic["messages"])) for topic in topics.values()), default=0)
     rates = {name: _rate(topic["hz"]) for name, topic in topics.items()}
@@ -101,7 +101,7 @@ def _lost(lost: dict[str, Any]) -> list[str]:
 
 
 def _written_in_ros1(type_name: str) -> str:
-    return shown(type_name.replace("/msg/", "/"))
+    return escaped(type_name.replace("/msg/", "/"))
 
 
 def _rate(hz: float | None) -> str:

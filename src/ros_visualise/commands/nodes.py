@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ros_visualise.commands import Command
-from ros_visualise.core.printing import answer, answer_json
+from ros_visualise.core.printing import print_json, print_result
 from ros_visualise.running.arguments import option
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ def run(options: NodesOptions) -> int:
 
     described = {found.name: _describe(found) for found in find_all()}
     if options.json:
-        answer_json(described)
+        print_json(described)
     else:
-        answer(_lines(described))
+        print_result(_lines(described))
     return 0
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ros_visualise.commands import COMMANDS, Command
-from ros_visualise.core.printing import answer, answer_json, shown
+from ros_visualise.core.printing import escaped, print_json, print_result
 from ros_visualise.core.registry import GROUP, Plugin, Registry, unknown_groups
 from ros_visualise.running.arguments import option
 
@@ -37,9 +37,9 @@ def run(options: PluginsOptions) -> int:
         why = f"unknown group {group}; choose from {', '.join(GROUP + kind for kind in known)}"
         found.append({"kind": "?", "name": "*", "package": package, "failure": why})
     if options.json:
-        answer_json(found)
+        print_json(found)
     else:
-        answer(_lines(found))
+        print_result(_lines(found))
     return int(any(one["failure"] for one in found))
 
 
@@ -53,7 +53,7 @@ def _lines(found: list[dict[str, str]]) -> Iterator[str]:
     for one in found:
         whose = f"{one['package']} {one.get('version', '')}".strip()
         state = f": {one['failure']}" if one["failure"] else ""
-        yield shown(f"{one['kind']:<10} {one['name']:<20} {whose}{state}")
+        yield escaped(f"{one['kind']:<10} {one['name']:<20} {whose}{state}")
 
 
 COMMAND = Command(

@@ -21,8 +21,8 @@ _PASSWORD = re.compile(r"(://[^/?#:]*):[^/?#]*@")
 _QUERY = re.compile(r"(://[^?\s]*\?)\S+")
 
 
-def shown(text: str) -> str:
-    r"""Text in which everything but printable characters is escaped: ``\x1b``, ``\n``, ``\u202e``.
+def escaped(text: str) -> str:
+    r"""Text with all but printable characters escaped: ``\x1b``, ``\n``, ``\u202e``.
 
     So no terminal executes it, it stays on one line, and it reads in the order of its letters.
     Escaping it again changes nothing.
@@ -37,20 +37,20 @@ def without_secrets(address: str) -> str:
     return _QUERY.sub(r"\1***", _PASSWORD.sub(r"\1:***@", address))
 
 
-def say(line: str) -> None:
+def print_status(line: str) -> None:
     """Print a line on standard error; if that is closed, print nothing."""
     with suppress(OSError):
-        print(_encodable(shown(line), sys.stderr.encoding), file=sys.stderr, flush=True)
+        print(_encodable(escaped(line), sys.stderr.encoding), file=sys.stderr, flush=True)
 
 
-def answer(lines: Iterable[str]) -> None:
+def print_result(lines: Iterable[str]) -> None:
     """Print results on standard output, and flush it.
 
     Raises:
         BrokenPipeError: the reader has closed the pipe.
         RosVisualiseError: it cannot be written, as on a full disk.
     """
-    text = "\n".join(map(shown, lines))
+    text = "\n".join(map(escaped, lines))
     try:
         print(_encodable(text, sys.stdout.encoding), flush=True)
     except OSError as error:
@@ -65,7 +65,7 @@ def answer(lines: Iterable[str]) -> None:
 def print_log() -> None:
     """Print warnings and errors that are logged from now on, on standard error."""
     handler = logging.StreamHandler()
-    handler.setFormatter(Shown("ros-visualise: %(message)s"))
+    handler.setFormatter(EscapingFormatter("ros-visualise: %(message)s"))
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
 
 
@@ -76,7 +76,7 @@ def forward_log(levels: Mapping[int, Callable[[str], object]]) -> logging.Handle
         levels: level of `logging` -> the function for texts of that level.
     """
     handler = _Forwarder(levels)
-    handler.setFormatter(Shown())
+    handler.setFormatter(EscapingFormatter())
     log = logging.getLogger("ros_visualise")
     log.addHandler(handler)
     log.setLevel(logging.INFO)
@@ -93,12 +93,12 @@ class _Forwarder(logging.Handler):
         self._levels[level](self.format(record))
 
 
-class Shown(logging.Formatter):
-    """Formats log records with their texts `shown`; a traceback keeps its lines."""
+class EscapingFormatter(logging.Formatter):
+    """Formats log records with their texts `escaped`; a traceback keeps its lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
         """The record's own line."""
-        return shown(super().formatMessage(record))
+        return escaped(super().formatMessage(record))
 
     def formatException(  # noqa: N802
         self,
@@ -106,7 +106,7 @@ class Shown(logging.Formatter):
         | tuple[None, None, None],
     ) -> str:
         """The lines of a traceback."""
-        return "\n".join(map(shown, super().formatException(ei).split("\n")))
+        return "\n".join(map(escaped, super().formatException(ei).split("\n")))
 
 
 def _encodable(text: str, encoding: str | None) -> str:
@@ -114,11 +114,11 @@ def _encodable(text: str, encoding: str | None) -> str:
     return text.encode(known, "backslashreplace").decode(known)
 
 
-def answer_json(found: Any, **how: Any) -> None:
+def print_json(found: Any, **how: Any) -> None:
     """Print results as one line of JSON; ``how`` goes to `json.dumps`."""
     import json  # not at each --help
 
-    answer([json.dumps(found, **how)])
+    print_result([json.dumps(found, **how)])
 
 
 def counted(number: int, noun: str) -> str:

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 from ros_visualise.core.signals import STOPPED, StopRequest
 
 T = TypeVar("T")
@@ -127,5 +127,7 @@ def _leave_if_stuck(
         if now is None or now != done or not request.asked:
             done, since_s = now, now_s
         elif now_s - since_s > _PATIENCE_S:
-            say(f"ros-visualise: forced exit: a message did not finish within {_PATIENCE_S:g} s")
+            print_status(
+                f"ros-visualise: forced exit: a message did not finish within {_PATIENCE_S:g} s"
+            )
             os._exit(STOPPED)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.paths import set_folder
-from ros_visualise.core.printing import answer_json, counted, say
+from ros_visualise.core.printing import counted, print_json, print_status
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph import Graph
 from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
@@ -109,7 +109,7 @@ def _run(played: _Played, view: View, shelf: Shelf) -> int:
             stopped = _play(played, view, request, shelf)
         report = played.report()
         if played.options.json:
-            answer_json(to_json(report), default=str)
+            print_json(to_json(report), default=str)
     return STOPPED if stopped else int(played.lost)
 
 
@@ -251,14 +251,16 @@ def _start_recordings(
 def _print_summary(report: RunReport) -> None:
     for name, topic in report.topics.items():
         rates = f"{topic.hz or 0:g} Hz by the stamps, {topic.wall_hz or 0:g} per second"
-        say(f"{name}: {counted(topic.messages, 'message')}, {rates}")
+        print_status(f"{name}: {counted(topic.messages, 'message')}, {rates}")
     for name, node in report.nodes.items():
         of = f" of {node.received}" if node.received > node.processed else ""  # not of a source
         for reason, count in node.dropped.items():
-            say(f"{name}: {count}{of} dropped ({'queue full' if reason == 'queue' else reason})")
+            print_status(
+                f"{name}: {count}{of} dropped ({'queue full' if reason == 'queue' else reason})"
+            )
     for name, recording in report.recordings.items():
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         dropped += f" ({recording.refused} rejected)" if recording.refused else ""
         messages = counted(recording.messages, "message")
         files = f" in {recording.files} files" if recording.files > 1 else ""
-        say(f"{name}: {messages} recorded{files}{dropped}")
+        print_status(f"{name}: {messages} recorded{files}{dropped}")

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from ros_visualise.commands.calibrate import CalibrateOptions
 from ros_visualise.commands.calibrate.report import draw, summary, to_json
 from ros_visualise.core.errors import OpenError, UsageError
-from ros_visualise.core.printing import answer, answer_json, counted, say
+from ros_visualise.core.printing import counted, print_json, print_result, print_status
 from ros_visualise.core.rate import WallClock
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.landmarks.calibration.boards import Board, BoardKind, board_of
@@ -47,7 +47,7 @@ def calibrate_camera(options: CalibrateOptions) -> int:
     if options.board is not None:
         sheet = lay_out(board, options.page, options.square)
         save({options.board: SHEET_FORMATS[options.board.suffix.lower()](sheet)}, options.overwrite)
-        say(f"{options.board}: {sheet.caption}; print it at 100%")
+        print_status(f"{options.board}: {sheet.caption}; print it at 100%")
     return _calibrate(options, board) if options.input else 0
 
 
@@ -94,11 +94,11 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
         )
     save(files, options.overwrite)
     if options.json:
-        answer_json(to_json(found, collector, better))
+        print_json(to_json(found, collector, better))
     else:
-        answer(summary(found, collector, better))
+        print_result(summary(found, collector, better))
     for loss in losses:
-        say(f"ros-visualise: {loss}")
+        print_status(f"ros-visualise: {loss}")
     return 1 if losses else 0
 
 
@@ -153,7 +153,7 @@ def _follow(
     clock = WallClock()
     start_ns = clock.monotonic_ns()
     advice = ""
-    say(f"{source}: show the board to the camera; Ctrl-C ends this and calibrates")
+    print_status(f"{source}: show the board to the camera; Ctrl-C ends this and calibrates")
     with closing(Camera(source)) as camera:
         for newest in camera.images():
             gone_s = (clock.monotonic_ns() - start_ns) / 1e9
@@ -166,6 +166,6 @@ def _follow(
             coverage = collector.coverage
             if len(collector.views) > before and coverage.advice != advice:
                 advice = coverage.advice
-                say(f"{counted(len(collector.views), 'view')}; {advice or 'a few more'}")
+                print_status(f"{counted(len(collector.views), 'view')}; {advice or 'a few more'}")
             if len(collector.views) >= _ENOUGH_VIEWS and not coverage.advice:
                 return

@@ -19,7 +19,7 @@ from ros_visualise.core.errors import (
     RosVisualiseError,
     UsageError,
 )
-from ros_visualise.core.printing import answer_json, counted, say, sized
+from ros_visualise.core.printing import counted, print_json, print_status, sized
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.interruptible import in_time, interruptible
@@ -170,19 +170,19 @@ def _finish(
     if conversion.recorder.path != target and not isinstance(error, RecordingError):
         notes.append(f"{target} unchanged; partial output in {conversion.recorder.path}")
     for note in notes:
-        say(f"ros-visualise: {note}")
+        print_status(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
-        say(f"ros-visualise: {options.input}: {_describe_empty(options)}")
+        print_status(f"ros-visualise: {options.input}: {_describe_empty(options)}")
     if unplaced := conversion.recorder.unplaced:
         extras = ", ".join(counted(count, noun) for noun, count in unplaced.items())
-        say(f"ros-visualise: {target} cannot store {extras}")
+        print_status(f"ros-visualise: {target} cannot store {extras}")
     report = _report(conversion, unwritable, notes)
     if Path(report["path"]).exists():
         on = counted(len(report["topics"]), "topic")
         what = f"{counted(report['messages'], 'message')} on {on}, {sized(report['bytes'])}"
-        say(f"{report['path']}: {what}")
+        print_status(f"{report['path']}: {what}")
     if options.json:
-        answer_json(report)
+        print_json(report)
     return STOPPED if interrupted else int(bool(notes))
 
 

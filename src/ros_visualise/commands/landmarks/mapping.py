@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.commands.landmarks.sightings import MessageListener
 from ros_visualise.core.errors import NoTransform
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 from ros_visualise.data import (
     Detection,
     Detection3D,
@@ -88,7 +88,7 @@ class LandmarkMapper:
         try:
             made = map_of(problem, self._gathered.gyro) if problem.sightings else None
         except np.linalg.LinAlgError:
-            say("ros-visualise: map not smoothed: too few sightings to estimate all poses")
+            print_status("ros-visualise: map not smoothed: too few sightings to estimate all poses")
             return None
         if made is None:
             return None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.core.printing import counted, shown
+from ros_visualise.core.printing import counted, escaped
 from ros_visualise.landmarks.mapping.mapping import TagMap
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
@@ -32,7 +32,7 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
     )
     if found.problem.odometry is None and not found.problem.surveyed:
-        anchor = shown(found.problem.names[found.problem.anchor])
+        anchor = escaped(found.problem.names[found.problem.anchor])
         lines.append(f"no tf: the map is in the frame of {anchor}")
     printed, sigma = _shared(found, PRINTED)
     if found.problem.surveyed or found.problem.distances:
@@ -49,7 +49,7 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     lines += [one.text for one in made.mountings]
     lines += _outliers(made)
     lines += [
-        f"{shown(name)}: ambiguous, two poses fit its views"
+        f"{escaped(name)}: ambiguous, two poses fit its views"
         for name, open_ in zip(found.problem.names, found.undecided, strict=True)
         if open_
     ]
@@ -79,7 +79,7 @@ def _outliers(made: TagMap) -> list[str]:
     explained = [one for one in made.outliers if one.kind != UNSTEADY]
     rest = sorted((one for one in made.outliers if one.kind == UNSTEADY), key=lambda o: -o.value)
     named = [*explained, *rest[:_WORST]]
-    lines = [f"{shown(one.name)}: {one.text}" for one in named]
+    lines = [f"{escaped(one.name)}: {one.text}" for one in named]
     if more := rest[_WORST:]:
         lines.append(f"{counted(len(more), 'more tag')} with sightings that do not fit; see --json")
     return lines

@@ -13,7 +13,7 @@ from ros_visualise.commands.landmarks.mapping import LandmarkMapper, MappedLandm
 from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
 from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
 from ros_visualise.core.errors import RosVisualiseError, UsageError
-from ros_visualise.core.printing import answer, answer_json, counted, say, shown
+from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
 from ros_visualise.graph import Graph
@@ -57,7 +57,7 @@ def find_landmarks(options: LandmarksOptions) -> int:
         _print(graph, found, mapped, report, options)
         for node in report.nodes.values():
             for note in node.unread:
-                say(f"ros-visualise: {options.input}: {note}")
+                print_status(f"ros-visualise: {options.input}: {note}")
     return STOPPED if stopped else int(runtime.failed or report.is_incomplete)
 
 
@@ -104,7 +104,7 @@ def _save_map(
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:
-        say(f"ros-visualise: {options.map}: not written: no landmarks in the map yet")
+        print_status(f"ros-visualise: {options.map}: not written: no landmarks in the map yet")
         return
     if is_empty:
         raise RosVisualiseError(
@@ -113,7 +113,7 @@ def _save_map(
         )
     runtime.act(LOCALIZER, "save_map")
     if stopped:
-        say(f"ros-visualise: {options.map}: holds the landmarks without smoothing")
+        print_status(f"ros-visualise: {options.map}: holds the landmarks without smoothing")
 
 
 def _print(
@@ -132,7 +132,7 @@ def _print(
     if options.json:
         values: dict[str, Any] = {"images": images, "landmarks": landmarks}
         values |= {"smoothing": report_values(mapped.map, mapped.unused)} if mapped else {}
-        answer_json(values, allow_nan=False)
+        print_json(values, allow_nan=False)
         return
     if paths and not mapped:
         rows = _of_pictures(images)
@@ -140,7 +140,9 @@ def _print(
         heads = ("landmark", "seen", "position, metres", "+-", "frame")
         rows = [heads, *((*_named(one), *_placed(one)) for one in landmarks)]
     total = f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}"
-    answer([*_table(rows, total), *(report_lines(mapped.map, mapped.unused) if mapped else [])])
+    print_result(
+        [*_table(rows, total), *(report_lines(mapped.map, mapped.unused) if mapped else [])]
+    )
 
 
 def _paths(graph: Graph) -> dict[int, str]:
@@ -157,17 +159,17 @@ def _of_pictures(images: list[dict[str, Any]]) -> list[tuple[str, ...]]:
     """Each landmark in each picture; for several pictures, after the picture's name."""
     rows: list[tuple[str, ...]] = [("picture", "landmark", "position, metres", "+-", "frame")]
     for image in images:
-        name = shown(os.path.basename(image["path"]))
-        rows += [(name, shown(one["name"]), *_placed(one)) for one in image["detections"]]
+        name = escaped(os.path.basename(image["path"]))
+        rows += [(name, escaped(one["name"]), *_placed(one)) for one in image["detections"]]
     return rows if len(images) > 1 else [row[1:] for row in rows]
 
 
 def _named(one: dict[str, Any]) -> tuple[str, str]:
-    return shown(one["name"]), str(one["seen"])
+    return escaped(one["name"]), str(one["seen"])
 
 
 def _placed(one: dict[str, Any]) -> tuple[str, str, str]:
-    return *_place(one["pose"]), shown(one["frame_id"])
+    return *_place(one["pose"]), escaped(one["frame_id"])
 
 
 def _table(rows: list[tuple[str, ...]], total: str) -> list[str]:

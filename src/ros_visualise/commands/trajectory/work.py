@@ -13,7 +13,7 @@ from ros_visualise.commands.trajectory.comparison import Comparison, compare
 from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_inputs
 from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
 from ros_visualise.core.errors import UsageError
-from ros_visualise.core.printing import answer, answer_json, say, shown
+from ros_visualise.core.printing import escaped, print_json, print_result, print_status
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import (
     Plane,
@@ -42,11 +42,11 @@ def assess(options: TrajectoryOptions) -> int:
     planes = planes_of([one.path.positions_xyz for one in drawn], options.plane)
     save(_files(inputs, compared, drawn, planes, options), options.overwrite)
     if options.json:
-        answer_json(_report(inputs, compared, options))
+        print_json(_report(inputs, compared, options))
     else:
-        answer(_lines(inputs, compared, drawn, planes, options))
+        print_result(_lines(inputs, compared, drawn, planes, options))
     for note in inputs.notes:
-        say(f"ros-visualise: {note}")
+        print_status(f"ros-visualise: {note}")
     return 1 if inputs.notes or any(one.left_out.get("damaged") for one in inputs.all) else 0
 
 
@@ -86,12 +86,14 @@ def _drawn(inputs: Inputs, compared: Compared) -> list[PlottedTrajectory]:
     """The truth below the others, which are aligned."""
     truth = inputs.truth
     drawn = (
-        [] if truth is None else [PlottedTrajectory(shown(truth.topic), truth.path, is_truth=True)]
+        []
+        if truth is None
+        else [PlottedTrajectory(escaped(truth.topic), truth.path, is_truth=True)]
     )
     for found, one in compared:
         path = one.trajectory.path if one else found.path
         errors = (one.moments, one.ate.translation_m) if one else None
-        drawn.append(PlottedTrajectory(shown(found.topic), path, errors=errors))
+        drawn.append(PlottedTrajectory(escaped(found.topic), path, errors=errors))
     return drawn
 
 
@@ -120,7 +122,7 @@ def _title(found: Trajectory, count: int) -> str:
     values = figures(found)
     lasts = f" in {values['duration_s']:.1f} s" if found.stamped else ""
     more = f" and {count - 1} more" if count > 1 else ""
-    return f"{shown(found.topic)}: {values['length_m']:.2f} m{lasts}{more}"
+    return f"{escaped(found.topic)}: {values['length_m']:.2f} m{lasts}{more}"
 
 
 def _report(inputs: Inputs, compared: Compared, options: TrajectoryOptions) -> dict[str, Any]:

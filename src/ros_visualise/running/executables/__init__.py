@@ -12,7 +12,7 @@ from importlib import import_module
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.core.installation import check_installation
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 from ros_visualise.core.registry import module_names
 from ros_visualise.simulation.robots import ROBOTS
 
@@ -48,5 +48,5 @@ def run(name: str) -> None:
             host = import_module("ros_visualise.runtime.ros1.host").Ros1Host()
         import_module("ros_visualise.running.executables.by_name").run(name, host)
     except RosVisualiseError as error:
-        say(f"{name}: {error}")
+        print_status(f"{name}: {error}")
         sys.exit(error.exit_status)

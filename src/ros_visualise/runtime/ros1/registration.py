@@ -28,7 +28,7 @@ from rospy.impl.registration import (
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import Unreachable, UsageError
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def wait_for_master() -> None:
     except ValueError as error:
         raise UsageError(f"{error}; set ROS_MASTER_URI=http://HOST:11311") from None
     if not is_online:
-        say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
+        print_status(f"no ROS master at {uri} yet, waiting; start one with: roscore")
     while not rosgraph.is_master_online():
         time.sleep(_CHECK_S)
     rospy.core._xmlrpc_cache[uri] = rospy.core._LockedServerProxy(uri, transport=BoundedTransport())

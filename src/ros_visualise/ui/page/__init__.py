@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import Answer, Looker
@@ -104,7 +104,7 @@ class Page:
             return
         self._show(runtime)
         for line in self._addresses:
-            say(line)
+            print_status(line)
         if self._browser is not None:
             self._browser.open()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ros_visualise.core import supervision
-from ros_visualise.core.printing import say
+from ros_visualise.core.printing import print_status
 
 _FORWARD = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
 <meta http-equiv="refresh" content="0;url={0}"><a href="{0}">ros_visualise</a>
@@ -49,7 +49,7 @@ class Browser:
             path = Path(folder, "page.html")
             path.write_text(_FORWARD.format(escape(self._url)))
             if not (webbrowser.open(path.as_uri()) and self._wait()):
-                say("no browser has opened the page: open its address in one")
+                print_status("no browser has opened the page: open its address in one")
 
     def _wait(self) -> bool:
         """Whether a browser came, or nobody waits for one any more."""
