@@ -44,7 +44,7 @@ def run(options: ViewerOptions) -> int:
     import time
     from contextlib import closing
 
-    from ros_visualise.core.printing import answer_json
+    from ros_visualise.core.printing import print_json
     from ros_visualise.core.signals import STOPPED, noticed
     from ros_visualise.running.interruptible import interruptible
     from ros_visualise.running.network import join
@@ -72,7 +72,7 @@ def run(options: ViewerOptions) -> int:
         pending.close()
         report = runtime.report()
         if options.json:
-            answer_json(to_json(report), default=str)
+            print_json(to_json(report), default=str)
     return STOPPED if stop.asked else int(pending.failed)
 
 
