@@ -10,7 +10,7 @@ import pytest
 from made_videos import numbered, write_video
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.ui.shelf import Shelf
+from ros_visualise.ui.file_chooser import FileChooser
 
 QUICK = ["--view", "none", "--rate", "0"]
 
@@ -89,7 +89,7 @@ def test_pipes_in_a_bag_and_a_drive_are_damage(run, recordings, tmp_path, caplog
 def test_a_page_offers_no_pipe(tmp_path):
     os.mkfifo(tmp_path / "x.bag")
     (tmp_path / "y.bag").touch()
-    shelf = Shelf(tmp_path, tmp_path)
+    shelf = FileChooser(tmp_path, tmp_path)
     assert list(shelf.files()) == ["y.bag"]
     with pytest.raises(UsageError):
         shelf.ask(tmp_path / "x.bag")

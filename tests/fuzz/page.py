@@ -17,6 +17,7 @@ from websockets.exceptions import WebSocketException
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 _ELEMENT = "00000000-0000-4000-8000-000000000000"
@@ -88,7 +89,7 @@ class _Shown(logging.Handler):
         playback.pause()
         runtime = LocalRuntime(image_pipeline("landscape"), playback)
         runtime.start()
-        self._page = Page(port=self.port)
+        self._page = Page(ViewOptions(port=self.port))
         self._page.open(runtime)
 
     def emit(self, record: logging.LogRecord) -> None:

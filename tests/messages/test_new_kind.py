@@ -23,8 +23,8 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui.look import Looker
-from ros_visualise.ui.look.answers import Question
+from ros_visualise.ui.look import Inspector
+from ros_visualise.ui.look.answers import Query
 
 WRENCHES = [
     WrenchStamped(np.array([0, 0, 10.0 + n]), np.zeros(3), sample(WrenchStamped).header)
@@ -64,18 +64,18 @@ def test_it_is_recorded_played_and_plotted(name: str, tmp_path: Path) -> None:
     assert graph.topics["/wrench"].type is WrenchStamped
     runtime = LocalRuntime(graph, Playback(hold=True))
     runtime.start()
-    looker = Looker(runtime)
+    inspector = Inspector(runtime)
     try:
-        fields = ask(looker, "ask=fields&topic=/wrench")["fields"]
+        fields = ask(inspector, "ask=fields&topic=/wrench")["fields"]
         assert "wrench.force.z" in fields
-        message = ask(looker, "ask=message&topic=/wrench")["message"]
+        message = ask(inspector, "ask=message&topic=/wrench")["message"]
         assert message["wrench"]["torque"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     finally:
-        looker.close()
+        inspector.close()
         runtime.stop()
 
 
-def ask(looker: Looker, query: str) -> dict[str, object]:
-    answer = looker.answer(Question(query))
+def ask(inspector: Inspector, query: str) -> dict[str, object]:
+    answer = inspector.answer(Query(query))
     assert answer is not None
     return json.loads(bytes(answer.body))

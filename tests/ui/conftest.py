@@ -13,8 +13,9 @@ from page_client import TOKEN, VIEW_TOKEN, Client
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.door import open_door
+from ros_visualise.ui.page.access import access_rules
 from ros_visualise.ui.page.server import close_server, open_server
 from ros_visualise.ui.scene.scene import Scene
 
@@ -60,7 +61,7 @@ def runtime() -> Iterator[LocalRuntime]:
 @pytest.fixture
 def page(port: int, runtime: LocalRuntime) -> Iterator[Page]:
     """A page that shows it."""
-    shown = Page(port=port)
+    shown = Page(ViewOptions(port=port))
     shown.open(runtime)
     yield shown
     shown.close()
@@ -119,7 +120,7 @@ def clock() -> Clock:
 @pytest.fixture
 def server(port: int) -> Iterator[viser.ViserServer]:
     """An empty page."""
-    server = open_server("127.0.0.1", port, "test", open_door("127.0.0.1"))
+    server = open_server("127.0.0.1", port, "test", access_rules("127.0.0.1"))
     yield server
     close_server(server)
 

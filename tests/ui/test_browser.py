@@ -8,6 +8,7 @@ import pytest
 from page_client import TOKEN
 from waiting import wait_for
 
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 
@@ -27,7 +28,7 @@ def path_of(url):
 def test_the_token_is_in_a_file_of_its_owner_until_a_browser_has_come(
     port, runtime, asked, chromium
 ):
-    page = Page(port=port, browser=True)
+    page = Page(ViewOptions(port=port, browser=True))
     page.open(runtime)
     try:
         (url,) = wait_for(lambda: asked, "the browser")
@@ -46,7 +47,7 @@ def test_the_token_is_in_a_file_of_its_owner_until_a_browser_has_come(
 
 
 def test_no_file_is_left_of_a_page_that_nobody_opened(port, runtime, asked):
-    page = Page(port=port, browser=True)
+    page = Page(ViewOptions(port=port, browser=True))
     page.open(runtime)
     (url,) = wait_for(lambda: asked, "the browser")
     assert path_of(url).exists()
@@ -56,11 +57,11 @@ def test_no_file_is_left_of_a_page_that_nobody_opened(port, runtime, asked):
 
 def test_without_a_browser_a_person_is_asked_to_open_it(port, runtime, monkeypatch, capfd):
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
-    page = Page(port=port, browser=True)
+    page = Page(ViewOptions(port=port, browser=True))
     page.open(runtime)
     said = []
     wait_for(
-        lambda: said.append(capfd.readouterr().err) or "no browser has opened" in "".join(said),
+        lambda: said.append(capfd.readouterr().err) or "no browser opened" in "".join(said),
         "the line",
     )
     page.close()

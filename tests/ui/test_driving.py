@@ -14,8 +14,9 @@ from ros_visualise.graph.pipelines import simulation_pipeline
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.driving import velocity_topic
+from ros_visualise.ui.page.robot import velocity_topic
 
 
 def graph_of(robot: str) -> Graph:
@@ -66,7 +67,7 @@ class Told:
 def husky(port) -> Iterator[Told]:
     running = LocalRuntime(graph_of("husky"), Playback(hold=True))
     told = Told(running)
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(told)
     running.start()
     yield told
@@ -76,7 +77,7 @@ def husky(port) -> Iterator[Told]:
 
 def test_an_action_of_the_robot_ends_the_driving(port):
     running = LocalRuntime(graph_of("quadrotor"), Playback(hold=True))
-    told, page = Told(running), Page(port=port)
+    told, page = Told(running), Page(ViewOptions(port=port))
     page.open(told)
     running.start()
     client = Client(port)
@@ -85,11 +86,11 @@ def test_an_action_of_the_robot_ends_the_driving(port):
         truth = told.subscribe("/ground_truth/odom")
         hold = Hold(client, "down")
         client.read_until(lambda: hold() and len(told.velocities) > 2)
-        client.set("clear", True)
+        client.set("Clear", True)
         client.read_until(lambda: hold() and told.actions == [("path", "clear")])
         before = len(told.velocities)
         client.read_until(lambda: hold() and len(told.velocities) > before + 1)
-        client.set("ask it to", "take off")
+        client.set("Commands", "Take off")
         client.read_until(lambda: truth.take(10).position_xyz[2] > 1.0)
         after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
         assert after == [(0.0, 0.0, 0.0)], "one that stops it, then none any more"
@@ -118,7 +119,7 @@ def test_it_drives_while_a_button_is_held(client, husky):
     def now():
         return truth.take(10)
 
-    client.set("speed", 0.5)
+    client.set("Speed", 0.5)
     hold = Hold(client, "forward")
     client.read_until(lambda: hold() and len(husky.velocities) > 3)
     assert set(husky.velocities) == {(0.5, 0.0, 0.0)}
@@ -127,9 +128,9 @@ def test_it_drives_while_a_button_is_held(client, husky):
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
     client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
     sent = len(husky.velocities)
-    client.set("speed", 2.0)
-    client.set("turn", 1.5)
-    client.read_until(lambda: client.values["turn"] == 1.5 and now() is not None)
+    client.set("Speed", 2.0)
+    client.set("Turn speed", 1.5)
+    client.read_until(lambda: client.values["Turn speed"] == 1.5 and now() is not None)
     assert len(husky.velocities) == sent, "sliders do not move a robot"
 
 
@@ -168,8 +169,8 @@ def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
     husky.parameters["path"].update = set_slowly
     hold = Hold(client, "forward")
     client.read_until(lambda: hold() and len(husky.velocities) > 3)
-    client.set("clear", True)
-    client.set("max poses", 5000)
+    client.set("Clear", True)
+    client.set("Max poses", 5000)
     client.read_until(lambda: hold() and set(told) == {"clear", "slow"})
     Hold(client, "stop")()  # from whichever browser
     hold()
@@ -203,7 +204,7 @@ def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
     declared = Blimp.declared
     blimp = SourceNode("blimp", declared, NoParams(), {"cmd_vel": "/cmd_vel"}, {"odom": "/odom"})
     running = LocalRuntime(Graph(blimp, ()), Playback(hold=True))
-    told, page = Told(running), Page(port=port)
+    told, page = Told(running), Page(ViewOptions(port=port))
     page.open(told)
     running.start()
     client = Client(port)
@@ -225,6 +226,6 @@ def test_a_rover_goes_neither_up_nor_down(client, husky):
 
 
 def test_an_action_is_a_button(client, husky):
-    client.set("clear", True)
+    client.set("Clear", True)
     client.read_until(lambda: husky.actions)
     assert husky.actions == [("path", "clear")]

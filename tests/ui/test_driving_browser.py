@@ -5,7 +5,8 @@ from test_driving import Told, graph_of
 
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui.page import Page, driving
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.page import Page, robot
 
 STOP = (0.0, 0.0, 0.0)
 
@@ -14,7 +15,7 @@ STOP = (0.0, 0.0, 0.0)
 def husky(port):
     running = LocalRuntime(graph_of("husky"), Playback(hold=True))
     told = Told(running)
-    page = Page(port=port, title="husky <1>")
+    page = Page(ViewOptions(port=port, title="husky <1>"))
     page.open(told)
     told.url = page.url
     yield told
@@ -48,9 +49,9 @@ def is_stopped(husky):
 
 
 def test_it_moves_while_a_button_or_key_is_held(tab, husky, monkeypatch):
-    monkeypatch.setattr(driving, "_LAPSE_S", 20)  # a machine may be busy
+    monkeypatch.setattr(robot, "_LAPSE_S", 20)  # a machine may be busy
     assert tab.title() == "husky <1>"
-    file = tab.locator("xpath=//label[.='file']/ancestor::div[.//input][1]//input").first
+    file = tab.locator("xpath=//label[.='File']/ancestor::div[.//input][1]//input").first
     file.click()
     tab.keyboard.type("limit")  # is no driving
     assert file.input_value().count("limit") == 1

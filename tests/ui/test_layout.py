@@ -34,7 +34,7 @@ def arranged(monkeypatch):
 def test_wide_images_beside_a_scene_get_a_wide_column_once(
     server, arranged, aspects, scene, expected
 ):
-    choice = layout.Choice(
+    choice = layout.WindowSwitches(
         server.gui, server.gui.add_folder("windows"), Worker(print, lambda: None, 1.0)
     )
     windows = [

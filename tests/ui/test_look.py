@@ -22,8 +22,9 @@ from ros_visualise.data import (
     PointCloud,
 )
 from ros_visualise.data.reports import Level, Log
-from ros_visualise.ui.look import Looker, link
-from ros_visualise.ui.look.answers import Question, Refusal
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.look import Inspector, link
+from ros_visualise.ui.look.answers import Query, Refusal
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.page import Page
 
@@ -40,15 +41,15 @@ def told():
 
 
 @pytest.fixture
-def looker(told):
-    looker = Looker(told)
-    yield looker
-    looker.close()
+def inspector(told):
+    inspector = Inspector(told)
+    yield inspector
+    inspector.close()
 
 
-def ask(looker, query):
+def ask(inspector, query):
     try:
-        return looker.answer(Question(query))
+        return inspector.answer(Query(query))
     except Refusal as refused:
         return refused.answer
 
@@ -60,37 +61,37 @@ def said(answer):
 @pytest.mark.parametrize(
     ("topic", "pixels", "encoding"), [("deep", DEEP, "rgb16"), ("depth", DEPTH, "32FC1")]
 )
-def test_pixels_come_as_they_are(told, looker, topic, pixels, encoding):
+def test_pixels_come_as_they_are(told, inspector, topic, pixels, encoding):
     told.say(**{topic: Image(pixels, encoding, Header(2**62 + 1, "camera"))})
-    answer = ask(looker, f"ask=pixels&topic=/{topic}")
+    answer = ask(inspector, f"ask=pixels&topic=/{topic}")
     facts = json.loads(answer.headers["X-Image"])
     assert (facts["encoding"], facts["width"], facts["height"]) == (encoding, *pixels.shape[1::-1])
     assert facts["stamp"] == str(2**62 + 1)
     found = np.frombuffer(answer.body, facts["dtype"]).reshape(pixels.shape)
     np.testing.assert_array_equal(found, pixels)
-    again = ask(looker, f"ask=pixels&topic=/{topic}&after={2**62 + 1}")
+    again = ask(inspector, f"ask=pixels&topic=/{topic}&after={2**62 + 1}")
     assert (again.status, again.body) == (204, b"")
 
 
-def test_16_bits_are_saved_as_they_are(told, looker):
+def test_16_bits_are_saved_as_they_are(told, inspector):
     told.say(deep=Image(DEEP, "rgb16", Header(7)))
-    answer = ask(looker, "ask=png&topic=/deep")
+    answer = ask(inspector, "ask=png&topic=/deep")
     read = cv2.imdecode(np.frombuffer(answer.body, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read[..., ::-1], DEEP)
     assert 'filename="deep_7.png"' in answer.headers["Content-Disposition"]
 
 
-def test_of_two_topics_the_images_of_one_stamp_are_found(told, looker):
+def test_of_two_topics_the_images_of_one_stamp_are_found(told, inspector):
     def image(value):
         return Image(np.full((2, 2), value, np.uint8), "mono8", Header(value))
 
-    assert ask(looker, "ask=pixels&topic=/deep").status == 404  # from now on they are kept
+    assert ask(inspector, "ask=pixels&topic=/deep").status == 404  # from now on they are kept
     for value in (1, 2, 3):
         told.say(deep=image(value))
-    assert ask(looker, "ask=pixels&topic=/deep&stamp=2").body == bytes([2] * 4)
-    assert ask(looker, "ask=pixels&topic=/deep").body == bytes([3] * 4)
-    assert ask(looker, "ask=pixels&topic=/deep&stamp=9&near=1").body == bytes([3] * 4)
-    assert "of that stamp" in said(ask(looker, "ask=pixels&topic=/deep&stamp=9"))["error"]
+    assert ask(inspector, "ask=pixels&topic=/deep&stamp=2").body == bytes([2] * 4)
+    assert ask(inspector, "ask=pixels&topic=/deep").body == bytes([3] * 4)
+    assert ask(inspector, "ask=pixels&topic=/deep&stamp=9&near=1").body == bytes([3] * 4)
+    assert "with that timestamp" in said(ask(inspector, "ask=pixels&topic=/deep&stamp=9"))["error"]
 
 
 @pytest.mark.parametrize(
@@ -108,76 +109,76 @@ def test_of_two_topics_the_images_of_one_stamp_are_found(told, looker):
         ("ask=" + "x" * 9000, 414),
     ],
 )
-def test_what_is_not_there_is_told(looker, query, status):
-    answer = ask(looker, query)
+def test_what_is_not_there_is_told(inspector, query, status):
+    answer = ask(inspector, query)
     assert answer.status == status
     assert said(answer)["error"]
 
 
-def test_what_is_no_question_is_for_others(looker):
-    assert ask(looker, "ask=topics").status == 200
-    assert ask(looker, "session=1") is None
+def test_what_is_no_question_is_for_others(inspector):
+    assert ask(inspector, "ask=topics").status == 200
+    assert ask(inspector, "session=1") is None
 
 
-def test_who_may_only_look_changes_nothing(looker):
+def test_who_may_only_look_changes_nothing(inspector):
     for query in ("ask=play&toggle=1", "ask=play&seek=1", "ask=play"):
-        answer = looker.answer(Question(query), is_viewer=True)
+        answer = inspector.answer(Query(query), is_viewer=True)
         assert (answer.status, said(answer)["error"]) == (403, "this address is read-only")
-    assert looker.answer(Question("ask=topics"), is_viewer=True).status == 200
+    assert inspector.answer(Query("ask=topics"), is_viewer=True).status == 200
 
 
-def test_a_message_is_a_tree_by_its_ros_names(told, looker):
+def test_a_message_is_a_tree_by_its_ros_names(told, inspector):
     told.say(odom=odometry([1, 2, 3]))
-    found = said(ask(looker, "ask=message&topic=/odom"))["message"]
+    found = said(ask(inspector, "ask=message&topic=/odom"))["message"]
     assert found["pose"]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
     assert found["header"]["frame_id"] == "odom"
     status = DiagnosticStatus("motor", Level.WARN, "hot", {"C": "81"})
     told.say(diagnostics=DiagnosticArray((status,), Header(1)))
-    found = said(ask(looker, "ask=message&topic=/diagnostics"))["message"]
+    found = said(ask(inspector, "ask=message&topic=/diagnostics"))["message"]
     assert found["status"][0]["values"] == [{"key": "C", "value": "81"}]
 
 
-def test_a_long_array_is_cut_and_says_its_length(told, looker):
+def test_a_long_array_is_cut_and_says_its_length(told, inspector):
     told.say(deep=Image(np.full((99, 99), 7, np.uint8), "mono8"))
-    found = said(ask(looker, "ask=message&topic=/deep"))["message"]["data"]
+    found = said(ask(inspector, "ask=message&topic=/deep"))["message"]["data"]
     assert found == {"first": [7] * 50, "length": 9801}
 
 
-def test_numbers_that_are_none_are_words(told, looker):
+def test_numbers_that_are_none_are_words(told, inspector):
     told.say(odom=odometry([np.nan, np.inf, 0]))
-    found = said(ask(looker, "ask=message&topic=/odom"))["message"]["pose"]["pose"]["position"]
+    found = said(ask(inspector, "ask=message&topic=/odom"))["message"]["pose"]["pose"]["position"]
     assert found == {"x": "nan", "y": "inf", "z": 0.0}
 
 
-def test_the_log_is_told_from_a_line_on(looker):
+def test_the_log_is_told_from_a_line_on(inspector):
     log = logging.getLogger("ros_visualise.test")
     for number in range(3):
         log.warning("line %d", number)
-    lines = said(ask(looker, "ask=log"))["lines"]
+    lines = said(ask(inspector, "ask=log"))["lines"]
     assert [line["text"] for line in lines] == ["line 0", "line 1", "line 2"]
-    after = said(ask(looker, f"ask=log&after={lines[1]['number']}"))["lines"]
+    after = said(ask(inspector, f"ask=log&after={lines[1]['number']}"))["lines"]
     assert [line["text"] for line in after] == ["line 2"]
 
 
-def test_the_log_of_a_graph_is_told_beside_our_own(told, looker):
+def test_the_log_of_a_graph_is_told_beside_our_own(told, inspector):
     told.name = "/viewer"
     told.add("/rosout", Log)
-    looker.refresh()
+    inspector.refresh()
     for node, text in (("/planner", "no path"), ("/viewer", "is here already")):
         told.say(rosout=Log(node, logging.ERROR, text, Header(7_500_000_000)))
-    looker.refresh()
-    (line,) = said(ask(looker, "ask=log"))["lines"]
+    inspector.refresh()
+    (line,) = said(ask(inspector, "ask=log"))["lines"]
     number = line.pop("number")
     assert line == {"time": 7.5, "level": "ERROR", "node": "/planner", "text": "no path"}
     assert number == 1
 
 
-def test_diagnostics_are_the_newest_of_each_name(told, looker):
+def test_diagnostics_are_the_newest_of_each_name(told, inspector):
     def say(*several):
-        looker.refresh()
+        inspector.refresh()
         told.say(diagnostics=DiagnosticArray(several, Header(1)))
-        looker.refresh()
-        return {one["name"]: one for one in said(ask(looker, "ask=diagnostics"))["statuses"]}
+        inspector.refresh()
+        return {one["name"]: one for one in said(ask(inspector, "ask=diagnostics"))["statuses"]}
 
     say(DiagnosticStatus("motor", Level.ERROR, "hot", {"C": "81"}))
     found = say(DiagnosticStatus("battery"), DiagnosticStatus("lidar", Level.WARN))
@@ -252,7 +253,7 @@ def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
 
 
 def test_who_asks_before_anything_is_shown_is_told_to_ask_again(port):
-    early = Page(port=port)
+    early = Page(ViewOptions(port=port))
     try:
         for asked in ("/?ask=topics", "/?look=plots"):
             status, _, body = get(port, asked, **OURS)

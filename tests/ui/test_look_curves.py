@@ -16,8 +16,8 @@ from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui.look import Looker
-from ros_visualise.ui.look.answers import Question
+from ros_visualise.ui.look import Inspector
+from ros_visualise.ui.look.answers import Query
 from ros_visualise.ui.look.curve import Curve
 
 BLOCK = """{n}
@@ -29,8 +29,8 @@ GPS({x:.4f},-20.2533,16) BAROMETER:1.9
 WHOLE = "ask=curves&from=0&to=1e9"
 
 
-def ask(looker, query):
-    return json.loads(looker.answer(Question(query)).body)
+def ask(inspector, query):
+    return json.loads(inspector.answer(Query(query)).body)
 
 
 def flight(file, count=40):
@@ -47,77 +47,79 @@ def looking(graph):
     playback.pause()
     runtime = LocalRuntime(graph, playback)
     runtime.start()
-    looker = Looker(runtime)
-    yield looker
-    looker.close()
+    inspector = Inspector(runtime)
+    yield inspector
+    inspector.close()
     runtime.stop()
 
 
 @pytest.fixture
-def looker(tmp_path):
-    with looking(recording_pipeline(open_recording(flight(tmp_path / "flight.SRT")))) as looker:
-        yield looker
+def inspector(tmp_path):
+    with looking(recording_pipeline(open_recording(flight(tmp_path / "flight.SRT")))) as inspector:
+        yield inspector
 
 
-def whole_curve(looker, field):
+def whole_curve(inspector, field):
     """As soon as it is there."""
     end_s = time.monotonic() + 30
     while True:
-        (curve,) = ask(looker, f"{WHOLE}&field={field}")["curves"]
+        (curve,) = ask(inspector, f"{WHOLE}&field={field}")["curves"]
         if curve["share"] == 1:
             return curve
         assert time.monotonic() < end_s
         time.sleep(0.01)
 
 
-def test_a_paused_recording_is_there_from_its_start_to_its_end(looker):
-    curve = whole_curve(looker, "/gps/fix:longitude")
+def test_a_paused_recording_is_there_from_its_start_to_its_end(inspector):
+    curve = whole_curve(inspector, "/gps/fix:longitude")
     assert curve["times"] == list(range(40))
     assert np.allclose(curve["values"], 149 + np.arange(40) / 1000)
-    (part,) = ask(looker, "ask=curves&from=10&to=12&field=/gps/fix:longitude")["curves"]
+    (part,) = ask(inspector, "ask=curves&from=10&to=12&field=/gps/fix:longitude")["curves"]
     assert part["times"] == [9, 10, 11, 12, 13]  # and one of either side
-    assert "longitude" in ask(looker, "ask=fields&topic=/gps/fix")["fields"]
+    assert "longitude" in ask(inspector, "ask=fields&topic=/gps/fix")["fields"]
 
 
 def test_what_was_measured_beside_a_film_is_there_whole(tmp_path):
     film = write_video(tmp_path / "film.mkv", numbered(3))
     flight(film.with_suffix(".SRT"), 9)
-    with looking(film_pipeline(film)) as looker:
-        curve = whole_curve(looker, "/fix:longitude")
-        assert "longitude" in ask(looker, "ask=fields&topic=/fix")["fields"]
+    with looking(film_pipeline(film)) as inspector:
+        curve = whole_curve(inspector, "/fix:longitude")
+        assert "longitude" in ask(inspector, "ask=fields&topic=/fix")["fields"]
     assert curve["times"] == list(range(9))
     assert np.allclose(curve["values"], 149 + np.arange(9) / 1000)
 
 
-def test_a_click_goes_there(looker):
-    assert ask(looker, "ask=play&seek=17")["playing"] is False
+def test_a_click_goes_there(inspector):
+    assert ask(inspector, "ask=play&seek=17")["playing"] is False
     end_s = time.monotonic() + 30
-    while ask(looker, WHOLE)["position"] != 17:
+    while ask(inspector, WHOLE)["position"] != 17:
         assert time.monotonic() < end_s
         time.sleep(0.01)
-    assert looker.answer(Question("ask=play&seek=nan")).status == 400
-    assert looker.answer(Question("ask=play&seek=5"), is_viewer=True).status == 403
+    assert inspector.answer(Query("ask=play&seek=nan")).status == 400
+    assert inspector.answer(Query("ask=play&seek=5"), is_viewer=True).status == 403
 
 
 def test_what_is_live_grows():
     told = Told(odom=Odometry, image=Image)
-    looker = Looker(told)
+    inspector = Inspector(told)
     try:
         query = f"{WHOLE}&field=/odom:pose.pose.position.x"
-        assert ask(looker, query)["curves"][0]["times"] == []
+        assert ask(inspector, query)["curves"][0]["times"] == []
         for second in (5, 6, 8):
             told.say(odom=odometry([second, 0, 0], second))
-        (curve,) = ask(looker, query)["curves"]
+        (curve,) = ask(inspector, query)["curves"]
         assert curve["share"] is None
         assert curve["times"] == [0, 1, 3]
         assert curve["values"] == [5, 6, 8]
         told.say(odom=odometry([9, 0, 0], 9))
-        *others, there = ask(looker, f"{WHOLE}&field=/image:width&field=/gone:x&{query}")["curves"]
+        *others, there = ask(inspector, f"{WHOLE}&field=/image:width&field=/gone:x&{query}")[
+            "curves"
+        ]
         assert all(one["error"] and not one["times"] for one in others)
         assert there["values"][-1] == 9, "one that cannot be drawn takes no other with it"
-        assert looker.answer(Question(f"{WHOLE}&field=odom")).status == 400
+        assert inspector.answer(Query(f"{WHOLE}&field=odom")).status == 400
     finally:
-        looker.close()
+        inspector.close()
     assert told.asked["/odom"] == 0
 
 

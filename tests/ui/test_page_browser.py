@@ -59,19 +59,19 @@ def test_threshold_slider_changes_the_pixels_on_all_browsers(browse, runtime):
     first, second = browse(), browse()
     wait_until(first, lambda: is_brightest(first, 128))
 
-    slide(first, "threshold", 0.2)
+    slide(first, "Threshold", 0.2)
 
     wait_until(first, lambda: abs(runtime.parameters["filters"].current.threshold - 51) <= 3)
     threshold = runtime.parameters["filters"].current.threshold
     for tab in (first, second):
-        wait_until(tab, lambda tab=tab: value_of(tab, "threshold") == threshold)
+        wait_until(tab, lambda tab=tab: value_of(tab, "Threshold") == threshold)
         wait_until(tab, lambda tab=tab: is_brightest(tab, threshold))
 
 
 def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, runtime):
     tab = browse()
     runtime.parameters["filters"].update({"threshold": 77})
-    wait_until(tab, lambda: value_of(tab, "threshold") == 77)
+    wait_until(tab, lambda: value_of(tab, "Threshold") == 77)
     wait_until(tab, lambda: is_brightest(tab, 77))
 
     tab.reload()
@@ -82,9 +82,9 @@ def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, run
 
 def test_buttons_and_keys_play(browse, runtime):
     tab, playback = browse(), runtime.playback
-    tab.get_by_role("button", name=re.compile("play")).click()
+    tab.get_by_role("button", name=re.compile("Play")).click()
     wait_until(tab, lambda: playback.state.playing)
-    tab.get_by_role("button", name=re.compile("pause")).click()
+    tab.get_by_role("button", name=re.compile("Pause")).click()
     wait_until(tab, lambda: not playback.state.playing)
     before_s = playback.state.position_s
     tab.get_by_role("button", name="▸").click()
@@ -114,14 +114,14 @@ def test_overlay_is_made_only_while_it_is_shown(browse, runtime):
     tab = browse()
     wait_until(tab, lambda: "/edges" in runtime.report().topics)
     assert "/edges_overlay" not in runtime.report().topics
-    element(tab, "show", "input").click()
+    element(tab, "Image", "input").click()
     tab.get_by_role("option", name="/edges_overlay").click()
     wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
 
 
 def test_choice_reaches_the_node(browse, runtime):
     tab = browse()
-    tab.get_by_text("method", exact=True).first.click()
-    element(tab, "method", "input").click()
+    tab.get_by_text("Method", exact=True).first.click()
+    element(tab, "Method", "input").click()
     tab.get_by_role("option", name="scharr").click()
     wait_until(tab, lambda: runtime.parameters["edge_detector"].current.method is Method.SCHARR)

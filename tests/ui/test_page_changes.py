@@ -14,6 +14,7 @@ from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 
@@ -60,7 +61,7 @@ def changing():
 
 @pytest.fixture
 def client(changing, port):
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(changing)
     client = Client(port)
     yield client
@@ -69,7 +70,7 @@ def client(changing, port):
 
 
 def test_an_empty_graph_says_so_until_somebody_comes(client, changing):
-    client.read_until(lambda: any("nobody is there" in text for text in client.html))
+    client.read_until(lambda: any("No nodes yet" in text for text in client.html))
     changing.show(make("camera", "/image_raw"))
     client.read_until(lambda: "camera" in client.values)
     client.read_until(lambda: changing.looked_at == ["/image_raw"])
@@ -84,25 +85,25 @@ def test_an_empty_graph_says_so_until_somebody_comes(client, changing):
 def test_what_has_gone_is_taken_away_and_what_stays_is_not_touched(client, changing):
     edges = make("edge_detector", "/edges", find("edge_detector").params)
     changing.show(make("camera", "/image_raw"), edges)
-    client.read_until(lambda: {"low", "camera", "edge_detector"} <= set(client.values))
+    client.read_until(lambda: {"Low", "camera", "edge_detector"} <= set(client.values))
     client.read_until(lambda: sorted(changing.looked_at) == ["/edges", "/image_raw"])
-    slider = client.uuid("low")
+    slider = client.uuid("Low")
     changing.show(edges)
     client.read_until(lambda: "camera" not in client.values)
     client.read_until(lambda: changing.looked_at == ["/edges"])
-    assert client.uuid("low") == slider
-    client.set("low", 33)
+    assert client.uuid("Low") == slider
+    client.set("Low", 33)
     client.read_until(lambda: changing.parameters["edge_detector"].current.low == 33)
 
 
 def test_a_node_that_comes_back_with_other_parameters_gets_others(client, changing):
     changing.show(make("own", "/own", find("fps_control").params))
-    client.read_until(lambda: "fps" in client.values)
+    client.read_until(lambda: "FPS" in client.values)
     changing.parameters.clear()
     changing.show(make("own", "/own", find("edge_detector").params))
-    client.read_until(lambda: "low" in client.values and "fps" not in client.values)
+    client.read_until(lambda: "Low" in client.values and "FPS" not in client.values)
     changing.parameters["own"].update({"low": 44})
-    client.read_until(lambda: client.values["low"] == 44)
+    client.read_until(lambda: client.values["Low"] == 44)
 
 
 def test_a_node_with_nothing_to_show_has_no_window(client, changing):

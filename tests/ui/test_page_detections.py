@@ -16,8 +16,8 @@ from ros_visualise.plotting.colors import color_of
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.ui.boxes import Boxes, paint
 from ros_visualise.ui.pane import Pane
+from ros_visualise.ui.screen import Box
 from ros_visualise.ui.shown import detections_of
-from ros_visualise.ui.tiling import Box
 
 GRAY = np.full((120, 160, 3), 90, np.uint8)
 BOX = Detection(np.array([80.0, 60]), np.array([40.0, 20]), 0.0, (Hypothesis("dog", 0.9),))

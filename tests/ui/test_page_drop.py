@@ -1,9 +1,10 @@
-"""Files dropped on the page in a real browser, and what was recorded got back from it."""
+"""PageFiles dropped on the page in a real browser, and what was recorded got back from it."""
 
 import pytest
 
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.file_chooser import FileChooser
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.shelf import Shelf
 
 SIZE = 150_000
 DROP = """size => {
@@ -17,32 +18,32 @@ DROP = """size => {
 
 
 @pytest.fixture
-def shelf(tmp_path):
-    return Shelf(tmp_path, tmp_path)
+def chooser(tmp_path):
+    return FileChooser(tmp_path, tmp_path)
 
 
 @pytest.fixture
-def page(port, runtime, shelf, tmp_path):
-    shown = Page(port=port, record_dir=tmp_path, shelf=shelf)
+def page(port, runtime, chooser, tmp_path):
+    shown = Page(ViewOptions(port=port, record_dir=tmp_path, chooser=chooser))
     shown.open(runtime)
     yield shown
     shown.close()
 
 
-def test_drop_record_and_download(browse, shelf, tmp_path):
+def test_drop_record_and_download(browse, chooser, tmp_path):
     tab = browse()
     tab.set_default_timeout(90_000)
     tab.evaluate(DROP, SIZE)
     asked = None
     while asked is None:
         tab.wait_for_timeout(50)
-        asked = shelf.take()
+        asked = chooser.take()
     assert asked == tmp_path / "a.mp4"
     assert asked.read_bytes() == bytes([7]) * SIZE
     assert (tmp_path / "a.srt").read_bytes() == b"12:00"
 
-    tab.get_by_role("button", name="● record").click()
-    tab.get_by_role("button", name="■ stop recording").click()
+    tab.get_by_role("button", name="● Record").click()
+    tab.get_by_role("button", name="■ Stop recording").click()
     with tab.expect_download() as download:
         tab.click("a[data-download]")
     name = download.value.suggested_filename

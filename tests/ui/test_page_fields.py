@@ -7,10 +7,10 @@ from scene_messages import S, odometry
 
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
-from ros_visualise.ui.page.fields import History, fields_of
-from ros_visualise.ui.page.space import note
+from ros_visualise.ui.page.plots import FieldHistory, fields_of
+from ros_visualise.ui.page.scene_panel import note
 from ros_visualise.ui.page.tree import tree_picture
-from ros_visualise.ui.scene.links import Link
+from ros_visualise.ui.scene.frames import Link
 
 
 def test_fields_are_called_as_in_the_ros_type():
@@ -29,7 +29,7 @@ def test_messages_of_types_that_nobody_knows_have_fields():
 
 
 def test_a_history_holds_the_last_seconds():
-    history = History(["a"])
+    history = FieldHistory(["a"])
     for step in range(100):
         history.add(10**18 + step * S, {"a": step, "b": 0}, 0)
     seconds, values = history.columns(10)
@@ -38,7 +38,7 @@ def test_a_history_holds_the_last_seconds():
 
 
 def test_a_history_is_bounded_and_thinned():
-    history = History(["a"])
+    history = FieldHistory(["a"])
     for step in range(30_000):
         history.add(step * S // 1000, {"a": step}, 0)
     seconds, values = history.columns(1000)
@@ -47,7 +47,7 @@ def test_a_history_is_bounded_and_thinned():
 
 
 def test_a_history_begins_anew_when_time_jumps_back_and_has_gaps_where_a_field_lacks():
-    history = History(["a"])
+    history = FieldHistory(["a"])
     history.add(5 * S, {"a": 1}, 0)
     history.add(6 * S, {"a": 2}, 0)
     history.add(5 * S, {"a": 7}, 0)
@@ -60,7 +60,7 @@ def test_a_history_begins_anew_when_time_jumps_back_and_has_gaps_where_a_field_l
 
 
 def test_nothing_has_no_history():
-    assert [len(column) for column in History(["a", "b"]).columns(10)] == [0, 0, 0]
+    assert [len(column) for column in FieldHistory(["a", "b"]).columns(10)] == [0, 0, 0]
 
 
 TREE = [
@@ -104,7 +104,7 @@ def test_a_small_tree_is_not_enlarged():
 def test_several_trees_and_none_are_pictured():
     texts = texts_of([Link("a", "b", True, 0, None), Link("c", "d", True, 0, None)])
     assert {"a", "b", "c", "d"} <= set(texts)
-    assert "no transforms" in tree_picture([])
+    assert "No transforms" in tree_picture([])
 
 
 def test_frames_that_go_round_are_pictured():
@@ -118,19 +118,19 @@ def test_without_transforms_it_is_said_what_is_drawn_and_what_is_not():
     problems = {"/odom": "no transform from <odom> to laser", "/scan": "of no size"}
     first, second = note("laser", frames, problems, has_transforms=False)
     assert first == (
-        "no transforms: drawn in <b>laser</b> is /scan, /fix;"
-        " not drawn, as no transform leads to their frames: /odom (&lt;odom&gt;)"
+        "No transforms. Shown in <b>laser</b>: /scan, /fix."
+        " Not shown (no transform to their frames): /odom (&lt;odom&gt;)"
     )
     assert second == "/scan: of no size"
     assert note("laser", {"/scan": "laser"}, {}, False) == [
-        "no transforms: drawn in <b>laser</b> is /scan"
+        "No transforms. Shown in <b>laser</b>: /scan"
     ]
 
 
 def test_with_transforms_it_is_said_what_has_none():
     problems = {"/odom": "no transform"}
     assert note("map", {"/odom": "odom"}, problems, True) == [
-        "drawn in <b>map</b>",
+        "Shown in <b>map</b>",
         "/odom: no transform",
     ]
     assert note("", {}, {}, False) == []

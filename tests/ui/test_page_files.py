@@ -1,4 +1,4 @@
-"""Files that come and go through the page: uploads, downloads, and what is opened next."""
+"""PageFiles that come and go through the page: uploads, downloads, and what is opened next."""
 
 import http.client
 import re
@@ -15,22 +15,23 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from ros_visualise.core.errors import UsageError
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.file_chooser import FileChooser
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.shelf import Shelf
 
 VIDEO = bytes(range(256)) * 600
 
 
 @pytest.fixture
-def shelf(tmp_path):
+def chooser(tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "there").mkdir()
-    return Shelf(tmp_path / "here", tmp_path / "there")
+    return FileChooser(tmp_path / "here", tmp_path / "there")
 
 
 @pytest.fixture
-def page(port, runtime, shelf, tmp_path):
-    shown = Page(port=port, record_dir=tmp_path / "there", shelf=shelf)
+def page(port, runtime, chooser, tmp_path):
+    shown = Page(ViewOptions(port=port, record_dir=tmp_path / "there", chooser=chooser))
     shown.open(runtime)
     yield shown
     shown.close()
@@ -39,7 +40,7 @@ def page(port, runtime, shelf, tmp_path):
 @pytest.fixture
 def client(page, port):
     client = Client(port)
-    client.read_until(lambda: "source" in client.values)
+    client.read_until(lambda: "Source" in client.values)
     with closing(client.socket):
         yield client
 
@@ -70,15 +71,15 @@ def wait_until(check):
         time.sleep(0.01)
 
 
-def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, shelf, tmp_path):
+def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser, tmp_path):
     pieces = [VIDEO[:60_000], VIDEO[60_000:120_000], VIDEO[120_000:]]
     upload(port, [b"12:00"], upload="a.SRT", size=5, open="")
-    assert shelf.take() is None
+    assert chooser.take() is None
     upload(port, pieces, upload="a.mp4", size=len(VIDEO), open="a.mp4")
     assert (tmp_path / "there/a.mp4").read_bytes() == VIDEO
     assert (tmp_path / "there/a.SRT").read_bytes() == b"12:00"
-    assert shelf.take() == tmp_path / "there/a.mp4"
-    assert shelf.take() is None
+    assert chooser.take() == tmp_path / "there/a.mp4"
+    assert chooser.take() is None
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,7 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, shelf, 
         ("old.mp4", 4, "exists"),
         ("empty.mp4", 0, "give a file of 1 byte to 8 GiB"),
         ("large.mp4", (8 << 30) + 1, "give a file of 1 byte to 8 GiB"),
-        ("short.mp4", 2, "it is not the file that was announced"),
+        ("short.mp4", 2, "size differs from the announced one"),
     ],
 )
 def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):
@@ -110,7 +111,7 @@ def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}/?upload=a.mp4&size=9") as socket:
         socket.send(b"1234")
         wait_until(lambda: list((tmp_path / "there").glob("a.mp4.*.part")))
-    client.read_until(lambda: any("the browser was closed" in html for html in client.html))
+    client.read_until(lambda: any("connection closed" in html for html in client.html))
     assert not list((tmp_path / "there").iterdir())
 
 
@@ -133,10 +134,10 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
     (tmp_path / "there/other.mcap").write_text("secret")
     client.set("/image_raw", False)
     client.set("/controlled_stream", False)
-    client.set("file", "mine.mcap")
-    client.set("● record", True)
+    client.set("File", "mine.mcap")
+    client.set("● Record", True)
     client.read_until(lambda: any("mine.mcap: " in html for html in client.html))
-    client.set("● record", True)
+    client.set("● Record", True)
     client.read_until(lambda: any('data-download="mine.mcap"' in html for html in client.html))
     own = {"X-Ros-Visualise": "1"}
     status, first = fetch(port, "ask=recorded&name=mine.mcap&from=0", **own)
@@ -152,13 +153,13 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
 
 
 def test_a_split_recording_is_downloaded_file_by_file(client, port, runtime, tmp_path):
-    client.set("file", "mine.mcap")
-    client.set("split", "64K")
-    client.set("● record", True)
+    client.set("File", "mine.mcap")
+    client.set("Split", "64K")
+    client.set("● Record", True)
     runtime.playback.play()
     said = re.compile(r"/mine_0\.mcap: \d+ messages in \d+ files, ")
     client.read_until(lambda: any(map(said.search, client.html)))
-    client.set("● record", True)
+    client.set("● Record", True)
     client.read_until(lambda: any('data-download="mine_0.mcap"' in html for html in client.html))
     files = {path.name: path.read_bytes() for path in (tmp_path / "there").iterdir()}
     assert set(files) == {f"mine_{number}.mcap" for number in range(len(files))}
@@ -173,10 +174,10 @@ def test_a_split_recording_is_downloaded_file_by_file(client, port, runtime, tmp
 
 
 def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):
-    client.set("file", "mine")
-    client.set("● record", True)
+    client.set("File", "mine")
+    client.set("● Record", True)
     client.read_until(lambda: any("mine: " in html for html in client.html))
-    client.set("● record", True)
+    client.set("● Record", True)
     client.read_until(lambda: any('data-download="mine.zip"' in html for html in client.html))
     own = {"X-Ros-Visualise": "1"}
     status, whole = fetch(port, "ask=recorded&name=mine.zip&from=0", **own)
@@ -196,35 +197,37 @@ def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):
 
 
 def test_no_topic_is_recorded_where_none_is_chosen(client, tmp_path):
-    client.set("topics", "none")
-    client.set("● record", True)
-    client.read_until(lambda: any("choose a topic to record" in html for html in client.html))
+    client.set("Select", "None")
+    client.set("● Record", True)
+    client.read_until(
+        lambda: any("choose at least one topic to record" in html for html in client.html)
+    )
     assert not list((tmp_path / "there").iterdir())
 
 
-def test_what_can_be_opened(shelf, tmp_path):
+def test_what_can_be_opened(chooser, tmp_path):
     for name in ("here/a.bag", "here/b.MP4", "here/notes.txt", "there/a.bag", "here/.c.bag"):
         (tmp_path / name).touch()
     (tmp_path / "here/ros2").mkdir()
     (tmp_path / "here/ros2/metadata.yaml").touch()
     (tmp_path / "here/empty").mkdir()
-    assert [*shelf.files()] == ["a.bag", "b.MP4", "ros2", f"{tmp_path}/there/a.bag"]
-    with pytest.raises(UsageError, match="not there to be opened"):
-        shelf.ask(tmp_path / "here/notes.txt")
-    assert shelf.take() is None
+    assert [*chooser.files()] == ["a.bag", "b.MP4", "ros2", f"{tmp_path}/there/a.bag"]
+    with pytest.raises(UsageError, match="cannot be opened"):
+        chooser.ask(tmp_path / "here/notes.txt")
+    assert chooser.take() is None
 
 
 def test_what_is_there_is_opened_however_it_is_called_and_among_many(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number in range(600):
         (tmp_path / f"{number:03}.mp4").touch()
-    shelf = Shelf(tmp_path, Path())  # as where FILE is given with its folder
+    chooser = FileChooser(tmp_path, Path())  # as where FILE is given with its folder
     for path in (Path("z.mp4"), tmp_path / "z.mp4", Path(f"../{tmp_path.name}/z.mp4")):
-        with pytest.raises(UsageError, match="not there to be opened"):
-            shelf.ask(path)
+        with pytest.raises(UsageError, match="cannot be opened"):
+            chooser.ask(path)
     (tmp_path / "z.mp4").touch()
     for path in (Path("z.mp4"), tmp_path / "z.mp4", Path(f"../{tmp_path.name}/z.mp4")):
-        shelf.ask(path)
-        assert shelf.take() == tmp_path / "z.mp4"
-    with pytest.raises(UsageError, match="not there to be opened"):
-        shelf.ask(tmp_path.parent / "z.mp4")
+        chooser.ask(path)
+        assert chooser.take() == tmp_path / "z.mp4"
+    with pytest.raises(UsageError, match="cannot be opened"):
+        chooser.ask(tmp_path.parent / "z.mp4")

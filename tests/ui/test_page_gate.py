@@ -16,7 +16,8 @@ from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, addresses, get
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from ros_visualise.core import supervision
-from ros_visualise.ui.look import Looker
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page import Page
 
 EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}"></iframe><script>
@@ -32,9 +33,10 @@ from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.core import supervision
-from ros_visualise.ui.look import Looker
+from ros_visualise.ui.look import Inspector
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-page = Page(port=int(sys.argv[1]))
+page = Page(ViewOptions(port=int(sys.argv[1])))
 runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
 runtime.start()
 page.open(runtime)
@@ -126,11 +128,13 @@ def test_refusals_are_said_once(page, port, caplog):
         get(port, Host=f"evil{number}.example")
     said = [record.getMessage() for record in caplog.records]
     assert len(said) == 5
-    assert said[0].startswith("the page refused a request: a page of 'http://evil.example'")
+    assert said[0].startswith(
+        "page: request rejected: request from the web site 'http://evil.example'"
+    )
 
 
 def test_a_proxy_comes_in_by_its_origin(port, runtime):
-    page = Page(port=port, origins=["https://robot.example.org"])
+    page = Page(ViewOptions(port=port, origins=["https://robot.example.org"]))
     page.open(runtime)
     client = Client(port, origin="https://robot.example.org")
     with closing(client.socket):
@@ -146,13 +150,13 @@ def test_without_the_token_nothing_is_answered(page, port, path):
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "X-Ros-Visualise": "1"}
     for token in ("", TOKEN[:-1], f"{TOKEN}x", VIEW_TOKEN[:-1], "%00", "a" * 5000):
         status, headers, text = get(port, path, token, **key)
-        assert (status, "its token" in text) == (403, True)
+        assert (status, "token missing" in text) == (403, True)
         assert headers["Referrer-Policy"] == "no-referrer"
         assert get(port, path, token, **upgrade, **key)[0] == 403
 
 
 def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
-    page = Page(port=port, token=False)
+    page = Page(ViewOptions(port=port, token=False))
     page.open(runtime)
     assert (page.url, page.view_url) == (f"http://127.0.0.1:{port}", "")
     assert capfd.readouterr().err == f"look at http://127.0.0.1:{port} (Ctrl-C ends it)\n"
@@ -162,13 +166,13 @@ def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
         client.read_until(lambda: client.images >= 4)
     page.close()
     assert not caplog.records
-    Page("0.0.0.0", port, token=False).close()
-    assert "no token: whoever reaches 0.0.0.0 can use the page" in caplog.text
+    Page(ViewOptions("0.0.0.0", port, token=False)).close()
+    assert "no token: everybody who reaches 0.0.0.0 can use the page" in caplog.text
 
 
 def test_the_address_is_printed_and_never_logged(port, runtime, caplog, capfd):
     caplog.set_level("DEBUG")
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(runtime)
     assert (page.url, page.view_url) == (
         f"http://127.0.0.1:{port}/{TOKEN}",
@@ -206,10 +210,10 @@ def test_a_bug_in_an_answer_is_said_and_counted_and_ends_nothing(page, port, mon
 
     own = {"X-Ros-Visualise": "1"}
     with monkeypatch.context() as broken:
-        broken.setattr(Looker, "answer", fail)
+        broken.setattr(Inspector, "answer", fail)
         for _ in range(20):  # more than there are threads
             status, _, text = get(port, "/?ask=topics", **own)
-            assert (status, "this failed" in text) == (500, True)
+            assert (status, "internal error" in text) == (500, True)
     ((failure, count),) = supervision.PROCESS.failures.items()
     assert (failure.kind, count) == ("ZeroDivisionError", 20)
     supervision.PROCESS.forget()
@@ -254,15 +258,15 @@ def test_a_browser_at_a_foreign_site_reaches_nothing(chromium, page, port, evil_
 
 def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime, port):
     before = runtime.parameters["filters"].current
-    client.set("threshold", 1e20)
+    client.set("Threshold", 1e20)
     client.read_until(
-        lambda: any("threshold: 1e+20 is not from 0 to 255" in h for h in client.html)
+        lambda: any("Threshold: 1e+20 is outside of 0 to 255" in h for h in client.html)
     )
-    client.read_until(lambda: client.values["threshold"] == 128)
-    for label in ("threshold", "scale", "blur", "gray", "image size", "rate", "time", "file"):
+    client.read_until(lambda: client.values["Threshold"] == 128)
+    for label in ("Threshold", "Scale", "Blur", "Gray", "Image size", "Rate", "Time", "File"):
         for value in WILD:
             client.set(label, value)
-    client.set("threshold", 77)
+    client.set("Threshold", 77)
     client.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
     after = runtime.parameters["filters"].current
     assert after.blur is before.blur
@@ -271,18 +275,18 @@ def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime,
 
 
 def test_beyond_a_slider_its_parameter_s_own_range_counts(client, runtime):
-    client.set("fps", 120)
+    client.set("FPS", 120)
     client.read_until(lambda: runtime.parameters["fps_control"].current.fps == 120)
-    client.set("fps", 241)
-    client.read_until(lambda: any("fps: 241 is not from 0 to 240" in h for h in client.html))
+    client.set("FPS", 241)
+    client.read_until(lambda: any("FPS: 241 is outside of 0 to 240" in h for h in client.html))
     assert runtime.parameters["fps_control"].current.fps == 120
 
 
 def test_nothing_but_an_elements_value_can_be_set(client, runtime, port):
-    uuid = client.uuid("threshold")
+    uuid = client.uuid("Threshold")
     for updates in ({"label": "x"}, {"value": 9, "update_cb": []}, {"is_button": True}, {}):
         client.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates})
-    client.set("gray", False)
+    client.set("Gray", False)
     client.read_until(lambda: not runtime.parameters["filters"].current.gray)
     assert runtime.parameters["filters"].current.threshold == 128
     assert all_there(port)

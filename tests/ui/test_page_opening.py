@@ -68,26 +68,26 @@ def run(command, folder, port):
 def client(run, port):
     client = Client(port)
     with closing(client.socket):
-        client.read_until(lambda: "source" in client.values)
+        client.read_until(lambda: "Source" in client.values)
         yield client
 
 
 def open_next(client, name):
     client.html.clear()
-    client.set("source", name)
+    client.set("Source", name)
     client.read_until(lambda: any(f'data-title="{name} ' in html for html in client.html))
 
 
 def test_another_file_is_shown_as_the_one_before(run, client, folder):
-    client.set("threshold", 77)
-    client.set("loop", True)
+    client.set("Threshold", 77)
+    client.set("Loop", True)
     client.read_until(lambda: any("threshold=77" in html for html in client.html))
-    client.set("source", "junk.mp4")
+    client.set("Source", "junk.mp4")
     client.read_until(lambda: any("junk.mp4: " in html for html in client.html))
 
     open_next(client, "two.mkv")
-    client.read_until(lambda: client.values.get("loop") is True)
-    assert client.values["threshold"] == 77
+    client.read_until(lambda: client.values.get("Loop") is True)
+    assert client.values["Threshold"] == 77
     client.read_until(lambda: any("threshold=77" in html for html in client.html))
     client.set("edge_detector", False)  # its window
     kept = "windows/edge_detector=False"
@@ -95,7 +95,7 @@ def test_another_file_is_shown_as_the_one_before(run, client, folder):
 
     open_next(client, "three.bag")
     client.read_until(lambda: client.values.get("edge_detector") is False)
-    assert client.values["threshold"] == 77
+    assert client.values["Threshold"] == 77
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130
@@ -107,7 +107,7 @@ def test_another_file_is_shown_as_the_one_before(run, client, folder):
 
 @pytest.mark.parametrize("command", [[sys.executable, "-c", HANGING]], ids=["hanging"])
 def test_a_command_ends_while_a_file_is_opened_from_its_page(run, client, folder):
-    client.set("source", "two.mkv")
+    client.set("Source", "two.mkv")
     assert any("opening" in line for line in run.stderr)
     run.send_signal(signal.SIGINT)
     out, _ = run.communicate(timeout=PATIENCE_S)

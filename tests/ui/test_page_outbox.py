@@ -34,7 +34,7 @@ def texts(client):
 
 
 @pytest.fixture
-def looker(port, server):
+def inspector(port, server):
     client = Client(port)
     yield client
     client.socket.close()
@@ -49,20 +49,20 @@ def test_labels_that_come_and_go_leave_nothing_before_a_browser_comes(server, sc
     client.socket.close()
 
 
-def test_labels_that_come_and_go_leave_nothing_while_a_browser_looks(server, scene, looker):
+def test_labels_that_come_and_go_leave_nothing_while_a_browser_looks(server, scene, inspector):
     for number in range(ROUNDS):
         change(scene, [number])
         there = {f"{number}.{one}" for one in range(LABELS)}
-        looker.read_until(lambda there=there: texts(looker) == there)
+        inspector.read_until(lambda there=there: texts(inspector) == there)
     assert kept(server) < FEW
 
 
-def test_elements_that_come_and_go_leave_nothing(server, looker):
+def test_elements_that_come_and_go_leave_nothing(server, inspector):
     for number in range(ROUNDS):
         for _ in range(LABELS):
             server.gui.add_checkbox("for a moment", True).remove()
         last = server.gui.add_checkbox(f"round {number}", True)
-        looker.read_until(lambda number=number: f"round {number}" in looker.values)
+        inspector.read_until(lambda number=number: f"round {number}" in inspector.values)
         last.remove()
-    assert "for a moment" not in looker.values
+    assert "for a moment" not in inspector.values
     assert kept(server) < FEW

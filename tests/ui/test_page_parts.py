@@ -66,9 +66,9 @@ def test_a_parameter_of_a_foreign_node_is_as_that_describes_it():
     ]
     params = declared(told)
     min_x, free, gains = specs(params)
-    assert add_element(Gui(), min_x, 1.0)[:6] == ("slider", "min-x", 0, 2, 0.5, 1)
+    assert add_element(Gui(), min_x, 1.0)[:6] == ("slider", "Min-x", 0, 2, 0.5, 1)
     assert scale_of(min_x).last == 4
-    assert add_element(Gui(), free, 3)[:3] == ("number", "free", 3)
+    assert add_element(Gui(), free, 3)[:3] == ("number", "Free", 3)
     assert add_element(Gui(), free, 3)[-1]["step"] == 3
     assert (gains.used(params()), min_x.used(params())) == (False, True)
     assert [spec.saved for spec in (min_x, free, gains)] == [False, True, False]
@@ -82,13 +82,13 @@ def test_no_two_colours_look_alike():
 
 
 def test_each_type_has_its_element(elements):
-    assert elements["count"][:6] == ("slider", "count", 0, 800, 1, 5)
-    assert elements["free"][:3] == ("number", "free", 7)
+    assert elements["count"][:6] == ("slider", "Count", 0, 800, 1, 5)
+    assert elements["free"][:3] == ("number", "Free", 7)
     given = {"min": 1, "max": None, "step": None, "hint": "no upper limit"}
     assert elements["free"][-1] == given
-    assert elements["on"][:3] == ("checkbox", "on", True)
-    assert elements["name"][:3] == ("text", "name", "x")
-    assert elements["mode"][:3] == ("dropdown", "mode", ("soft", "3"))
+    assert elements["on"][:3] == ("checkbox", "On", True)
+    assert elements["name"][:3] == ("text", "Name", "x")
+    assert elements["mode"][:3] == ("dropdown", "Mode", ("soft", "3"))
     assert elements["mode"][-1] == {"initial_value": "3", "hint": "a choice"}
 
 
@@ -98,7 +98,7 @@ def test_a_slider_waits_for_its_switch(server):
     controls = Controls(server.gui, "filters", parameters, worker)
     controls.add(specs(FiltersParams))
     size = next(
-        one for one in server.gui._gui_input_handle_from_uuid.values() if one.label == "blur size"
+        one for one in server.gui._gui_input_handle_from_uuid.values() if one.label == "Blur size"
     )
     assert size.disabled
     worker.start()
@@ -164,7 +164,7 @@ def test_a_circle_can_be_pictured():
 
 
 def test_an_empty_graph_is_pictured_in_words():
-    assert "nobody is there" in graph_picture(Graph(None, ()))
+    assert "No nodes yet" in graph_picture(Graph(None, ()))
 
 
 def test_graphs_of_many_topics_overlap_nowhere_and_stay_as_wide_as_they_can_be_read():
@@ -196,7 +196,7 @@ def test_the_table_tells_rates_drops_and_latency():
     topics = {"/controlled_stream": TopicReport("sensor_msgs/msg/Image", 9, 24.96, 25.1)}
     report = RunReport(topics, {"fps_control": node})
     table = topic_table(image_pipeline("landscape"), report)
-    for told in (">25.0<", ">2<", ">1.3<", "4 by rate, 2 by queue", "sensor_msgs/Image"):
+    for told in (">25.0<", ">2<", ">1.3<", "4 (rate), 2 (queue)", "sensor_msgs/Image"):
         assert told in table
 
 
@@ -207,7 +207,7 @@ def worker_of(said, tick=lambda: None):
 def test_the_way_that_was_gone_is_told():
     gone = {"length_m": 12.34, "duration_s": 10.0, "mean_mps": 1.234, "top_mps": None, "refused": 2}
     told = travel_lines(RunReport({}, {"player": NodeReport(), "path": NodeReport(own=gone)}))
-    assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 refused" in told
+    assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 rejected" in told
     assert "player" not in told
 
 

@@ -14,7 +14,7 @@ BOXES = """() => {
         (label) => label.textContent.trim() === text);
     const image = document.querySelector("img[src^='blob:']");
     const caption = document.querySelector(".rv-caption:has(.rv-whole)");
-    const there = [named("playback"), named("time"), named("fps"), image, caption];
+    const there = [named("Playback"), named("Time"), named("FPS"), image, caption];
     return there.every(Boolean) ? there.map(box) : null;
 }"""
 

@@ -9,6 +9,7 @@ from rosbags.highlevel import AnyReader
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.sinks.names import record_folder
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 
@@ -26,10 +27,10 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     (folder / "link").symlink_to(tmp_path, target_is_directory=True)
     (folder / "old.mcap").write_text("precious")
     before = {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")}
-    page = Page(port=port, record_dir=folder)
+    page = Page(ViewOptions(port=port, record_dir=folder))
     page.open(runtime)
     client = Client(port)
-    client.read_until(lambda: "file" in client.values)
+    client.read_until(lambda: "File" in client.values)
     refused = {
         str(tmp_path / "away.mcap"): "give a name alone",
         "../away.mcap": "give a name alone",
@@ -46,20 +47,20 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     }
     for name, said in refused.items():
         client.html.clear()
-        client.set("file", name)
-        client.set("● record", True)
+        client.set("File", name)
+        client.set("● Record", True)
         client.read_until(lambda said=said: any(said in html for html in client.html))
     assert {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
     for topic in ("/image_raw", "/controlled_stream", "/processed_image"):
         client.set(topic, False)
-    client.set("file", "fine.mcap")
-    client.set("● record", True)
+    client.set("File", "fine.mcap")
+    client.set("● Record", True)
     client.read_until(lambda: any(f"{folder}/fine.mcap:" in html for html in client.html))
-    client.read_until(lambda: any(" MB, room for " in html for html in client.html))
-    assert any(f" more in {folder}" in html for html in client.html)
-    client.set("● record", True)
-    client.read_until(lambda: client.values["file"].startswith("record-"))
+    client.read_until(lambda: any(" MB, about " in html for html in client.html))
+    assert any(f" of space left in {folder}" in html for html in client.html)
+    client.set("● Record", True)
+    client.read_until(lambda: client.values["File"].startswith("record-"))
     with AnyReader([folder / "fine.mcap"]) as reader:
         assert set(reader.topics) == {"/edges", "/parameter_events"}
     client.socket.close()
@@ -70,11 +71,11 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
     (folder := tmp_path / "here").mkdir()
     (folder / "old_2.mcap").write_text("precious")
     (folder / "link_0.mcap").symlink_to(tmp_path / "outside.mcap")
-    page = Page(port=port, record_dir=folder)
+    page = Page(ViewOptions(port=port, record_dir=folder))
     page.open(runtime)
     client = Client(port)
-    client.read_until(lambda: "split" in client.values)
-    assert client.values["split"] == ""
+    client.read_until(lambda: "Split" in client.values)
+    assert client.values["Split"] == ""
     refused = {
         ("r.mcap", "5"): "split 5: give bytes as 1G or 500M",
         ("r.bag", "10M30s"): "split 10M30s: give bytes as 1G or 500M",
@@ -87,9 +88,9 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
     }
     for (name, split), said in refused.items():
         client.html.clear()
-        client.set("file", name)
-        client.set("split", split)
-        client.set("● record", True)
+        client.set("File", name)
+        client.set("Split", split)
+        client.set("● Record", True)
         client.read_until(lambda said=said: any(said in html for html in client.html))
     assert sorted(path.name for path in tmp_path.rglob("*")) == [
         "here",
@@ -103,10 +104,10 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
 def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     runtime.parameters["filters"].update({"blur": "median"})
     (tmp_path / "old.yaml").write_text("precious")
-    page = Page(port=port, record_dir=tmp_path)
+    page = Page(ViewOptions(port=port, record_dir=tmp_path))
     page.open(runtime)
     client = Client(port)
-    client.read_until(lambda: "save parameters" in client.values)
+    client.read_until(lambda: "Save parameters" in client.values)
     refused = {
         "../away.yaml": "give a name alone",
         "p.mcap": "give a name that ends in .yaml",
@@ -116,14 +117,14 @@ def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     }
     for name, said in refused.items():
         client.html.clear()
-        client.set("parameters", name)
-        client.set("save parameters", True)
+        client.set("Parameters", name)
+        client.set("Save parameters", True)
         client.read_until(lambda said=said: any(said in html for html in client.html))
     assert [path.name for path in tmp_path.iterdir()] == ["old.yaml"]
 
-    client.set("parameters", "mine.yaml")
-    client.set("save parameters", True)
-    client.read_until(lambda: client.values["parameters"].startswith("parameters-"))
+    client.set("Parameters", "mine.yaml")
+    client.set("Save parameters", True)
+    client.read_until(lambda: client.values["Parameters"].startswith("parameters-"))
     saved = load_yaml(tmp_path / "mine.yaml")
     assert saved["filters"]["blur"] == "median"
     assert set(saved) == {member.name for member in runtime.graph.members}

@@ -9,6 +9,7 @@ from scene_messages import cloud, image, odometry, tf, transform
 from scene_runtime import Told
 
 from ros_visualise.data import Image, Odometry, PointCloud, Transforms
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 DEPTH = np.stack([np.zeros(9), np.zeros(9), np.full(9, 5.0)], axis=1)
@@ -22,7 +23,7 @@ def runtime():
 
 @pytest.fixture
 def page(runtime, port):
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(runtime)
     yield page
     page.close()
@@ -58,7 +59,7 @@ def test_nothing_but_transforms_is_asked_for_while_nobody_looks(page, runtime, p
     wait_until(lambda: runtime.asked["/tf"] == 1)
     runtime.say(tf_static=tf(transform("map", "lidar", [1, 0, 0])))
     runtime.say(tf_static=tf(transform("map", "odom", [2, 0, 0])), points=cloud(DEPTH))
-    scene = page._desk._scene
+    scene = page._content._scene
     wait_until(lambda: scene.frames.names == ["lidar", "map", "odom"])
     assert [runtime.asked[topic] for topic in ("/points", "/odom", "/image")] == [0, 0, 0]
     client = Client(port)
@@ -78,16 +79,16 @@ def test_a_hidden_topic_is_not_asked_for(client, runtime):
 
 
 def test_the_controls_reach_the_scene(client, runtime, page):
-    scene = page._desk._scene
+    scene = page._content._scene
     runtime.say(tf=tf(transform("map", "odom", [1, 0, 0], 1)))
-    client.read_until(lambda: any("drawn in <b>map</b>" in text for text in client.html))
-    client.set("fixed frame", "odom")
-    client.set("point size", 0.3)
-    client.set("follow the robot", False)
-    client.set("colour by", "height")
-    client.read_until(lambda: scene.frames.fixed == "odom" and scene.look.point_size == 0.3)
+    client.read_until(lambda: any("Shown in <b>map</b>" in text for text in client.html))
+    client.set("Fixed frame", "odom")
+    client.set("Point size", 0.3)
+    client.set("Follow robot", False)
+    client.set("Colour by", "Height")
+    client.read_until(lambda: scene.frames.fixed == "odom" and scene.appearance.point_size == 0.3)
     client.read_until(lambda: not scene.view.follows)
-    client.set("fixed frame", "auto")
+    client.set("Fixed frame", "Auto")
     client.read_until(lambda: scene.frames.fixed == "map")
 
 
@@ -109,12 +110,12 @@ def test_the_tree_of_frames_is_pictured(client, runtime):
 
 def test_a_field_is_plotted_once_its_topic_is_chosen(client, runtime):
     assert runtime.asked["/odom"] <= 1
-    client.read_until(lambda: "topic" in client.values)
-    client.set("topic", "/odom")
+    client.read_until(lambda: "Topic" in client.values)
+    client.set("Topic", "/odom")
     client.read_until(lambda: runtime.asked["/odom"] == 2)
     runtime.say(odom=odometry([0, 0, 0], 0.5))
-    client.read_until(lambda: client.values["field 1"] == "pose.pose.position.x")
-    client.set("field 2", "pose.pose.position.y")
+    client.read_until(lambda: client.values["Field 1"] == "pose.pose.position.x")
+    client.set("Field 2", "pose.pose.position.y")
     plots = client.plots
     client.read_until(lambda: any(len(plot) == 3 for plot in plots.values()))
     for step in range(40):
@@ -124,7 +125,7 @@ def test_a_field_is_plotted_once_its_topic_is_chosen(client, runtime):
     assert np.allclose(np.diff(x[-40:]), 0.1)
     assert np.allclose(position_x[-40:], np.arange(40))
     assert np.allclose(position_y, -np.array(position_x))
-    client.set("topic", "–")
+    client.set("Topic", "–")
     client.read_until(lambda: runtime.asked["/odom"] == 1)
 
 
@@ -133,14 +134,14 @@ def test_points_are_drawn_over_images_on_demand(client, runtime):
     runtime.say(tf_static=tf(transform("base_link", "camera", [0, 0, 0])))
     runtime.say(points=cloud(DEPTH), image=image())
     client.read_until(lambda: runtime.asked["/points"] == 1)
-    client.set("overlay", "/points")
+    client.set("Point cloud", "/points")
     client.read_until(lambda: runtime.asked["/points"] == 2)
-    client.set("overlay", "none")
+    client.set("Point cloud", "None")
     client.read_until(lambda: runtime.asked["/points"] == 1)
 
 
 def test_images_alone_fill_the_page(port):
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(Told(image=Image))
     client = Client(port)
     client.read_until(lambda: any("100% + 116px" in text for text in client.html))

@@ -16,8 +16,9 @@ import pytest
 from page_client import TOKEN, Client, addresses
 
 from ros_visualise.core.errors import OpenError
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.door import open_door
+from ros_visualise.ui.page.access import access_rules
 from ros_visualise.ui.page.server import close_server, open_server
 
 PROBES = [b"", b"\x16\x03\x01\x02garbage\xff\xfe\r\n\r\n", b"HEAD / HTTP/1.1\r\n\r\n"]
@@ -30,8 +31,9 @@ import socket, sys
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-page = Page(port=int(sys.argv[1]))
+page = Page(ViewOptions(port=int(sys.argv[1])))
 runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
 runtime.start()
 page.open(runtime)
@@ -59,7 +61,7 @@ def client(page, port):
 
 
 def test_listens_at_its_address_and_no_other(port):
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     assert page.url == f"http://127.0.0.1:{port}/{TOKEN}"
     socket.create_connection(("127.0.0.1", port)).close()
     with pytest.raises(ConnectionRefusedError):
@@ -74,15 +76,15 @@ def test_port_in_use_names_it_and_another():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(
-            OpenError, match=f"port {port} on 127.0.0.1 is in use.*--port {port + 1}"
+            OpenError, match=f"port {port} on 127.0.0.1 is already in use.*--port {port + 1}"
         ):
-            Page(port=port)
+            Page(ViewOptions(port=port))
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
 def test_foreign_address_is_refused_by_name(host, port):
     with pytest.raises(OpenError, match=f"--host {re.escape(host)}: not an address of this"):
-        Page(host, port)
+        Page(ViewOptions(host, port))
 
 
 def test_probes_and_broken_connections_leave_no_line(port):
@@ -104,7 +106,7 @@ def test_probes_and_broken_connections_leave_no_line(port):
 
 def test_who_knocks_as_the_server_ends_is_let_go(port):
     for _ in range(15):
-        server = open_server("127.0.0.1", port, "test", open_door("127.0.0.1"))
+        server = open_server("127.0.0.1", port, "test", access_rules("127.0.0.1"))
         knocking = Thread(target=knock, args=(port,))
         knocking.start()
         close_server(server)
@@ -114,25 +116,25 @@ def test_who_knocks_as_the_server_ends_is_let_go(port):
 
 
 def test_refused_value_snaps_back_and_says_why(client, runtime):
-    client.set("threshold", 999)
-    client.read_until(lambda: any("999 is not from 0 to 255" in html for html in client.html))
-    client.read_until(lambda: client.values["threshold"] == 128)
+    client.set("Threshold", 999)
+    client.read_until(lambda: any("999 is outside of 0 to 255" in html for html in client.html))
+    client.read_until(lambda: client.values["Threshold"] == 128)
     assert runtime.parameters["filters"].current.threshold == 128
 
 
 def test_wild_dragging_ends_at_the_last_value(client, runtime):
     for value in range(256):
-        client.set("threshold", value)
+        client.set("Threshold", value)
     runtime_value = runtime.parameters["filters"]
     late = Client(client.socket.remote_address[1])
-    late.read_until(lambda: late.values.get("threshold") == 255)
+    late.read_until(lambda: late.values.get("Threshold") == 255)
     client.read_until(lambda: runtime_value.current.threshold == 255)
     late.socket.close()
 
 
 def test_value_beyond_the_slider_widens_it(client, runtime):
     runtime.parameters["fps_control"].update({"fps": 120})
-    client.read_until(lambda: client.values["fps"] == 120)
+    client.read_until(lambda: client.values["FPS"] == 120)
 
 
 def test_a_client_that_reads_nothing_harms_nobody(client, runtime):
@@ -173,20 +175,20 @@ def wait_until(check):
 
 
 def test_recording_from_the_page(port, runtime, tmp_path):
-    page = Page(port=port, record_dir=tmp_path)
+    page = Page(ViewOptions(port=port, record_dir=tmp_path))
     page.open(runtime)
     client = Client(port)
     client.read_until(lambda: client.images >= 4)
     target = tmp_path / "run.mcap"
-    client.set("file", target.name)
-    client.set("● record", True)
+    client.set("File", target.name)
+    client.set("● Record", True)
     client.read_until(lambda: any(f"{target}:" in html for html in client.html))
-    client.set("● record", True)
-    client.read_until(lambda: client.values["file"] != target.name)
+    client.set("● Record", True)
+    client.read_until(lambda: client.values["File"] != target.name)
     assert target.read_bytes().endswith(b"\x89MCAP0\r\n")
 
-    client.set("file", target.name)
-    client.set("● record", True)
+    client.set("File", target.name)
+    client.set("● Record", True)
     client.read_until(lambda: any("exists" in html for html in client.html))
     client.socket.close()
     page.close()
@@ -219,7 +221,7 @@ class Changing(deque):
 
 
 def test_any_thread_changes_the_page_however_the_waiting_browsers_change(port):
-    server = open_server("127.0.0.1", port, "page", open_door("127.0.0.1"))
+    server = open_server("127.0.0.1", port, "page", access_rules("127.0.0.1"))
     server.gui.add_html("before")
     client = Client(port)
     client.read_until(lambda: "before" in client.html)

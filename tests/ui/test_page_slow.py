@@ -14,10 +14,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 import ros_visualise.ui.page.connection
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.file_chooser import FileChooser
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.incoming import Incoming
 from ros_visualise.ui.page.sending import send
-from ros_visualise.ui.shelf import Shelf
+from ros_visualise.ui.page.uploads import UploadedFile
 
 OURS = {"X-Ros-Visualise": "1"}
 PIXELS = "/?ask=pixels&topic=/edges"
@@ -79,7 +80,7 @@ def test_who_takes_nothing_is_let_go(shown, port, monkeypatch, caplog):
     stall_after(monkeypatch, 0.2)
     reader = Reader(port, LARGE)
     with closing(reader.socket):
-        wait_for(lambda: "a browser took nothing of an answer for 0.2 s" in caplog.text, "the end")
+        wait_for(lambda: "a browser accepted no data for 0.2 s" in caplog.text, "the end")
         assert 0 < reader.take() < LARGE_SIZE
     wait_for(lambda: get(port, PIXELS, **OURS)[0] == 200, "an answer")
 
@@ -109,7 +110,7 @@ def test_who_waits_for_images_holds_no_other_question_up(shown, port, runtime):
 
 
 def test_the_end_waits_for_nobody(port, runtime):
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(runtime)
     wait_for(lambda: get(port, PIXELS, **OURS)[0] == 200, "the first image")
     with ExitStack() as stack:
@@ -128,15 +129,17 @@ def test_the_end_waits_for_nobody(port, runtime):
 def test_slow_uploads_hold_no_question_up_and_questions_no_upload(
     port, runtime, tmp_path, monkeypatch
 ):
-    page = Page(port=port, record_dir=tmp_path, shelf=Shelf(tmp_path, tmp_path))
+    page = Page(
+        ViewOptions(port=port, record_dir=tmp_path, chooser=FileChooser(tmp_path, tmp_path))
+    )
     page.open(runtime)
-    held, write = threading.Event(), Incoming.write
+    held, write = threading.Event(), UploadedFile.write
 
     def slow(incoming, data):
         assert held.wait(60)
         write(incoming, data)
 
-    monkeypatch.setattr(Incoming, "write", slow)
+    monkeypatch.setattr(UploadedFile, "write", slow)
     try:
         with ExitStack() as stack:
             for number in range(4):

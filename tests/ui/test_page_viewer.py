@@ -8,10 +8,11 @@ from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, get
 from waiting import wait_for
 from websockets.exceptions import InvalidStatus
 
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 OURS = {"X-Ros-Visualise": "1"}
-NAMED = {"threshold", "time", "playback", "● record", "save parameters", "save layout", "fps"}
+NAMED = {"Threshold", "Time", "Playback", "● Record", "Save parameters", "Save layout", "FPS"}
 """Some of what can be changed."""
 CHANNELS = {
     "address": "filters/threshold=3",
@@ -31,7 +32,7 @@ CLICK = {
 
 @pytest.fixture
 def page(port, runtime, tmp_path):
-    shown = Page(port=port, record_dir=tmp_path)
+    shown = Page(ViewOptions(port=port, record_dir=tmp_path))
     shown.open(runtime)
     yield shown
     shown.close()
@@ -83,15 +84,15 @@ def test_no_message_of_a_viewer_changes_anything(page, owner, viewer, runtime, t
     state = runtime.playback.state
     for message in everything(viewer):
         viewer.send(message)
-    owner.set("threshold", 77)  # is done after all that
+    owner.set("Threshold", 77)  # is done after all that
     owner.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
     later = Client(port)
     with closing(later.socket):
-        later.read_until(lambda: later.values.get("threshold") == 77)
+        later.read_until(lambda: later.values.get("Threshold") == 77)
         later.read_until(lambda: later.values.keys() >= before.keys())
-        moving = {"time"}
+        moving = {"Time"}
         assert {k: v for k, v in later.values.items() if k not in moving} == {
-            k: 77 if k == "threshold" else v for k, v in before.items() if k not in moving
+            k: 77 if k == "Threshold" else v for k, v in before.items() if k not in moving
         }
     assert runtime.playback.state == state
     after = {name: one.current for name, one in runtime.parameters.items()}
@@ -102,8 +103,8 @@ def test_no_message_of_a_viewer_changes_anything(page, owner, viewer, runtime, t
 
 
 def test_a_viewer_sees_what_others_change(owner, viewer, runtime):
-    owner.set("threshold", 77)
-    viewer.read_until(lambda: viewer.values["threshold"] == 77)
+    owner.set("Threshold", 77)
+    viewer.read_until(lambda: viewer.values["Threshold"] == 77)
     seen = viewer.images
     runtime.playback.play()
     viewer.read_until(lambda: viewer.images > seen + 3)
@@ -111,11 +112,11 @@ def test_a_viewer_sees_what_others_change(owner, viewer, runtime):
 
 def test_what_a_viewer_sent_is_said_once(owner, viewer, caplog):
     for _ in range(50):
-        viewer.set("threshold", 3)
+        viewer.set("Threshold", 3)
     viewer.send(CAMERA)
     owner.read_until(lambda: any("this address is read-only" in html for html in owner.html))
     said = [one.getMessage() for one in caplog.records if "read-only" in one.getMessage()]
-    assert said == ["the page: a viewer tried to change something: this address is read-only"]
+    assert said == ["page: change by a viewer rejected: this address is read-only"]
 
 
 @pytest.mark.parametrize("query", ["ask=play&toggle=1", "ask=play&seek=1", "ask=play&step=on"])
@@ -148,6 +149,6 @@ def test_a_viewer_never_learns_the_token(page, owner, viewer, port):
 
 
 def test_the_view_of_a_viewer_is_not_kept(page, owner, viewer):
-    onlookers = page._desk._scene.view.onlookers()
+    onlookers = page._content._scene.view.onlookers()
     assert len(onlookers) == 1
     assert len(page._server.get_clients().keys() - onlookers) == 1

@@ -44,16 +44,16 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
     assert looking.get_by_text("Read-only").count() == 1
     assert working.get_by_text("Read-only").count() == 0
 
-    slider = element(looking, "threshold", "*[contains(@class,'Slider-trackContainer')]")
+    slider = element(looking, "Threshold", "*[contains(@class,'Slider-trackContainer')]")
     box = slider.bounding_box()
     looking.mouse.click(box["x"] + 2, box["y"] + box["height"] / 2)
     looking.keyboard.press("Space")  # plays
     looking.evaluate("rv.send('address', 'filters/threshold=3')")
-    assert value_of(looking, "threshold") == 128
+    assert value_of(looking, "Threshold") == 128
 
     runtime.parameters["filters"].update({"threshold": 77})
     for tab in (looking, working):
-        wait_until(tab, lambda tab=tab: value_of(tab, "threshold") == 77)
+        wait_until(tab, lambda tab=tab: value_of(tab, "Threshold") == 77)
     working.keyboard.press("Space")
     wait_until(working, lambda: runtime.playback.state.playing)
 
@@ -70,7 +70,7 @@ def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, run
         with whole.expect_download(timeout=120_000) as saved:
             whole.click("#png")
         assert saved.value.suggested_filename.endswith(".png")
-        whole.get_by_role("link", name="plots").click()
+        whole.get_by_role("link", name="Plots").click()
         play = whole.locator("#play")
         if address.endswith(VIEW_TOKEN):
             play.wait_for(state="hidden", timeout=120_000)
@@ -82,7 +82,7 @@ def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, run
 def test_a_download_by_the_read_only_address(page, printed, visit, runtime, tmp_path):
     (tmp_path / "mine.mcap").write_bytes(bytes(range(256)) * 100)
     page._files.recorded(tmp_path / "mine.mcap")
-    page._desk._recorder._show_links()
+    page._content._recorder._show_links()
     for address in printed:
         tab = visit(address)
         with tab.expect_download(timeout=120_000) as saved:

@@ -30,7 +30,7 @@ from ros_visualise.data import (
     Text,
 )
 from ros_visualise.ui.scene.coloring import Coloring
-from ros_visualise.ui.scene.drawing import Look
+from ros_visualise.ui.scene.drawing import Appearance
 
 LINE = np.stack([np.arange(11.0), np.zeros(11), np.zeros(11)], axis=1)
 
@@ -64,11 +64,11 @@ def test_a_cloud_is_changed_in_place(scene, look):
 def test_what_a_person_chooses_for_all_clouds_changes_the_one_that_is_there(scene, look):
     draw(scene, points=cloud(LINE, intensity=np.arange(11.0)))
     before = look("topics/points/points", has("colors", 33))["colors"]
-    scene.look = Look(max_points=5, point_size=0.25)
+    scene.appearance = Appearance(max_points=5, point_size=0.25)
     scene.refresh()
     node = look("topics/points/points", has("points", 15))
     assert node["point_size"] == 0.25
-    scene.look = Look()
+    scene.appearance = Appearance()
     scene.set_coloring("/points", Coloring.HEIGHT)
     scene.refresh()
     look("topics/points/points", has("points", 33))
@@ -171,7 +171,7 @@ def test_a_covariance_is_drawn_when_asked_for(scene, look):
     pose = PoseWithCovarianceStamped(np.ones(3), LEVEL, covariance, Header(S, "map"))
     draw(scene, pose=pose)
     look("topics/pose/covariance", lambda node: node["visible"] is False)
-    scene.look = Look(covariances=True)
+    scene.appearance = Appearance(covariances=True)
     scene.refresh()
     look("topics/pose/covariance", lambda node: node["visible"])
     look("topics/pose/covariance", lambda node: np.allclose(sorted(node["scale"]), [1, 2, 4]))
@@ -272,23 +272,23 @@ def test_all_frames_have_axes_and_names_when_asked_for(scene, look):
     draw(scene, tf=tf(transform("map", "a", [1, 0, 0], 1), transform("a", "b/c", [0, 2, 0], 1)))
     places = look("axes", has("batched_positions", 9))["batched_positions"].reshape(3, 3)
     assert np.allclose(places, [[1, 0, 0], [1, 2, 0], [0, 0, 0]])
-    scene.look = Look(names=True)
+    scene.appearance = Appearance(names=True)
     scene.refresh()
     assert look("frames/b.c")["text"] == "b/c"
     draw(scene, tf=tf(transform("map", "a", [5, 0, 0], 2), transform("a", "d", [0, 0, 1], 2)))
     places = look("axes", has("batched_positions", 12))["batched_positions"].reshape(4, 3)
     look("frames/a", lambda node: node["position"][0] == 5)
-    scene.look = Look()
+    scene.appearance = Appearance()
     scene.refresh()
     look.client.read_until(lambda: "/world/frames/a" not in look.client.nodes)
 
 
 def test_close_frames_have_one_label_of_several_lines(scene, look):
-    scene.look = Look(names=True)
+    scene.appearance = Appearance(names=True)
     draw(scene, tf=tf(transform("map", "a", [0.1, 0, 0], 1), transform("map", "b", [9, 0, 0], 1)))
     assert look("frames/a")["text"] == "a\nmap"
     assert look("frames/b")["text"] == "b"
-    scene.look = Look(names=True, axes_size=0.1)
+    scene.appearance = Appearance(names=True, axes_size=0.1)
     scene.refresh()
     look("frames/map", lambda node: node["text"] == "map")
     look("frames/a", lambda node: node["text"] == "a")

@@ -33,7 +33,7 @@ def test_a_drawing_that_fails_does_not_stop_the_others(scene, look, caplog, monk
     draw(scene, a=scan(), points=cloud(LINE, "map"))
     look("topics/points/points", has("points", 33))
     assert "nobody thought of that" in scene.problems["/a"]
-    assert "/a is not drawn" in caplog.text
+    assert "/a not drawn" in caplog.text
 
 
 @pytest.mark.parametrize("place", [[np.nan, 0, 0], [np.inf, 0, 0], [0, 1e30, 0]], ids=str)
@@ -86,12 +86,13 @@ def test_odd_transforms_are_said_once_with_their_topic(scene, caplog):
     for _ in range(3):
         scene.show("/tf", tf(*odd))
     assert caplog.messages == [
-        "/tf: 'c' -> 'a' would make a loop (said once)",
-        "/tf: 'self' -> '/self' is a frame in itself (said once)",
-        "/tf: '' -> 'nameless' lacks the name of a frame (said once)",
-        "/tf: 'map' -> 'flat' has a quaternion of zeros (said once)",
-        "/tf: 'map' -> 'nowhere' holds a value that is not a number (said once)",
-        "/tf: 'box' is in several frames: map and odom (said once)",
+        "/tf: 'c' -> 'a' would make a loop (further occurrences suppressed)",
+        "/tf: 'self' -> '/self' is a frame in itself (further occurrences suppressed)",
+        "/tf: '' -> 'nameless' lacks the name of a frame (further occurrences suppressed)",
+        "/tf: 'map' -> 'flat' has a quaternion of zeros (further occurrences suppressed)",
+        "/tf: 'map' -> 'nowhere' holds a value that is not a number"
+        " (further occurrences suppressed)",
+        "/tf: 'box' has several parents: map and odom (further occurrences suppressed)",
     ]
 
 

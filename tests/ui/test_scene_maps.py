@@ -6,7 +6,7 @@ import pytest
 from scene_messages import LEFT, LEVEL, S, draw, has, is_at, tf, transform
 
 from ros_visualise.data import Header, OccupancyGrid, PolygonStamped, PoseArray
-from ros_visualise.ui.scene.drawing import Look
+from ros_visualise.ui.scene.drawing import Appearance
 from ros_visualise.ui.scene.drawings.grids import Scheme, depth_of, palette_of, picture_of
 from ros_visualise.ui.scene.drawings.particles import arrows_of
 
@@ -55,7 +55,7 @@ def test_a_map_that_does_not_change_is_not_sent_again(scene, look):
     draw(scene, map=grid())
     before = look("topics/map/cells", lambda node: "_data" in node)["_data"]
     draw(scene, map=grid(CELLS.copy(), stamp_s=2.0, xyz=[7, 0, 0]))
-    scene.look = Look(axes_size=2.0)
+    scene.appearance = Appearance(axes_size=2.0)
     scene.refresh()
     node = look("topics/map/cells", lambda node: node["position"][0] == 17)
     assert node["_data"] is before
@@ -140,7 +140,7 @@ def test_a_map_whose_origin_is_no_pose_is_told(scene):
         draw(scene, map=grid())
         assert scene.problems == {}
         draw(scene, map=wrong)
-        assert "is no number" in scene.problems["/map"]
+        assert "is not a number" in scene.problems["/map"]
 
 
 def test_particles_are_arrows_in_one_element(scene, look):
@@ -153,7 +153,7 @@ def test_particles_are_arrows_in_one_element(scene, look):
     assert np.allclose(lines[0, 0], [[1, 2, 0], [1, 2.3, 0]], atol=1e-6)
     assert np.allclose(lines[1, 0], [[0, 0, 1], [0.3, 0, 1]], atol=1e-6)
     assert np.allclose(lines[:, 1:, 0], lines[:, :1, 1])
-    scene.look = Look(axes_size=2.0)
+    scene.appearance = Appearance(axes_size=2.0)
     scene.refresh()
     look("topics/particles/arrows", lambda node: node["points"].max() > 2.5)
     draw(scene, particles=PoseArray(np.zeros((0, 3)), np.zeros((0, 4)), Header(2 * S, "map")))

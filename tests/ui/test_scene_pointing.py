@@ -7,6 +7,7 @@ from scene_messages import LEFT, cloud, draw, has, is_at, odometry, tf, transfor
 from scene_runtime import Told
 
 from ros_visualise.data import Header, NavSatFix, Odometry, PointCloud, PoseStamped, Transforms
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.pointing import describe
 from ros_visualise.ui.scene.picking import Ray, pick
@@ -104,17 +105,17 @@ def test_a_distance_is_told_with_its_parts():
 
 def test_clicks_on_the_page_tell_places_and_distances(port):
     runtime = Told(tf=Transforms, odom=Odometry, points=PointCloud)
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(runtime)
     client = Client(port)
     try:
         runtime.say(tf=tf(transform("odom", "base_link", [3, 0, 0], 1)))
         runtime.say(odom=odometry([3, 0, 0]), points=cloud([[7, 0, 1]], "odom"))
         client.read_until(lambda: "/world/topics/points/points" in client.nodes)
-        client.set("a click", "coordinates")
+        client.set("Click", "Show coordinates")
         place = "x 7.00, y 0.00, z 1.00 m in odom"
         client.read_until(lambda: click(client, [7, 0, 9]) or any(place in h for h in client.html))
-        client.set("a click", "distance")
+        client.set("Click", "Measure distance")
         client.read_until(lambda: "/world/pins/0" not in client.nodes)
         click(client, [7, 0, 9])
         client.read_until(lambda: "/world/pins/0" in client.nodes)
@@ -127,14 +128,14 @@ def test_clicks_on_the_page_tell_places_and_distances(port):
 
 def test_a_click_sends_a_goal_that_looks_ahead(port):
     runtime = Told(inputs={"goal": PoseStamped}, tf=Transforms, odom=Odometry)
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(runtime)
     client = Client(port)
     try:
         runtime.say(tf=tf(transform("map", "base_link", [3, 0, 0], 4)))
         runtime.say(odom=odometry([3, 0, 0], 4, "map"))
-        client.set("a click", "goal: /goal")
-        sent = "sent to x 3.00, y 5.00, z 0.00 m in map"
+        client.set("Click", "Send goal: /goal")
+        sent = "Goal sent: x 3.00, y 5.00, z 0.00 m in map"
         client.read_until(lambda: click(client, [3, 5, 9]) or any(sent in h for h in client.html))
     finally:
         client.socket.close()

@@ -3,7 +3,7 @@
 import pytest
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.ui.tiling import Box, parse_place, part_of
+from ros_visualise.ui.screen import Box, parse_place, part_of
 
 SCREEN = Box(0, 0, 1601, 901)
 

@@ -7,7 +7,7 @@ from itertools import combinations
 import pytest
 
 from ros_visualise.core.params import param
-from ros_visualise.ui.tiling import TITLE, Box, tile
+from ros_visualise.ui.screen import TITLE, Box, tile
 from ros_visualise.ui.trackbars import scales_of
 
 

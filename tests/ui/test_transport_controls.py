@@ -8,6 +8,7 @@ from page_client import Client
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
 
@@ -18,7 +19,7 @@ def playback(port):
     playback.step_topics = ("/image", "/imu")
     playback.step_topic = "/image"
     running = LocalRuntime(image_pipeline("landscape"), playback)
-    page = Page(port=port)
+    page = Page(ViewOptions(port=port))
     page.open(running)
     running.start()
     yield playback
@@ -29,7 +30,7 @@ def playback(port):
 @pytest.fixture
 def client(playback, port):
     client = Client(port)
-    client.read_until(lambda: "step by" in client.values)
+    client.read_until(lambda: "Step by" in client.values)
     yield client
     client.socket.close()
 
@@ -42,23 +43,23 @@ def wait_until(check):
 
 
 def test_the_topic_of_a_step_is_chosen(client, playback):
-    assert client.values["step by"] == "/image"
-    client.set("step by", "/imu")
+    assert client.values["Step by"] == "/image"
+    client.set("Step by", "/imu")
     wait_until(lambda: playback.step_topic == "/imu")
-    client.set("step by", "any message")
+    client.set("Step by", "Any message")
     wait_until(lambda: playback.step_topic == "")
 
 
 @pytest.mark.parametrize("rate", [0.1, 100.0])
 def test_the_rate_goes_far(client, playback, rate):
-    client.set("rate", rate)
+    client.set("Rate", rate)
     wait_until(lambda: playback.state.rate == rate)
 
 
 def test_a_step_shows_the_next_image(client, playback):
     wait_until(lambda: playback.state.duration_s is not None)
     before = playback.state.position_s
-    client.set("playback", "▸")
+    client.set("Playback", "▸")
     wait_until(lambda: playback.state.position_s > before)
     assert not playback.state.playing
 
@@ -66,17 +67,18 @@ def test_a_step_shows_the_next_image(client, playback):
 def test_marks_are_numbers_buttons_and_keys(client, playback):
     playback.seek(3.0)
     wait_until(lambda: playback.state.position_s == 3.0)
-    client.set("marks", "[ here")
+    client.set("Range", "Set start")
     wait_until(lambda: playback.state.part_s == (3.0, None))
-    client.read_until(lambda: client.values["from"] == 3.0)
+    client.read_until(lambda: client.values["Start"] == 3.0)
     playback.seek(5.0)
-    client.set("marks", "here ]")
+    client.set("Range", "Set end")
     wait_until(lambda: playback.state.part_s == (3.0, 5.0))
-    client.read_until(lambda: client.values["to"] == 5.0)
-    client.read_until(lambda: any("part/from=3.0&amp;part/to=5.0" in h for h in client.html))
-    client.set("from", 6.25)
+    client.read_until(lambda: client.values["End"] == 5.0)
+    address = "playback%20range/start=3.0&amp;playback%20range/end=5.0"
+    client.read_until(lambda: any(address in h for h in client.html))
+    client.set("Start", 6.25)
     wait_until(lambda: playback.state.part_s == (6.25, None))
-    client.set("to", 4.0)
+    client.set("End", 4.0)
     wait_until(lambda: playback.state.part_s == (0.0, 4.0))
-    client.set("marks", "none")
+    client.set("Range", "Clear")
     wait_until(lambda: playback.state.part_s == (0.0, None))

@@ -1,4 +1,4 @@
-"""Files on their way to the page's folder: under a name of their own, within limits."""
+"""PageFiles on their way to the page's folder: under a name of their own, within limits."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from websockets.exceptions import ConnectionClosedError
 
-from ros_visualise.ui.look.answers import Question
+from ros_visualise.ui.look.answers import Query
 from ros_visualise.ui.page.uploads import Uploads
 
 
@@ -45,7 +45,7 @@ class Taking:
 
     def begin(self, name, size, opens=""):
         sender = Sender()
-        question = Question(f"upload={name}&size={size}&open={opens}")
+        question = Query(f"upload={name}&size={size}&open={opens}")
         return sender, asyncio.ensure_future(self.uploads.take(question, sender.receive))
 
     @property
@@ -96,7 +96,7 @@ def test_two_of_one_name_do_not_meet(tmp_path, caplog):
             await until(lambda: here.uploads.state)
             _, other = here.begin("a.mp4", 2)
             await other
-            assert "a.mp4: is being uploaded already" in caplog.text
+            assert "a.mp4: already being uploaded" in caplog.text
             (tmp_path / "b.mp4").write_text("precious")
             _, third = here.begin("b.mp4", 2)
             await third
@@ -120,7 +120,7 @@ def test_what_got_the_name_meanwhile_stays(tmp_path, caplog):
             await taken
             assert here.names == ["a.mp4"]
             assert (tmp_path / "a.mp4").read_text() == "precious"
-            assert "a.mp4: exists; choose another name; nothing was kept" in caplog.text
+            assert "a.mp4: exists; choose another name; partial file removed" in caplog.text
 
     run_async(run())
 
@@ -133,7 +133,7 @@ def test_what_was_not_announced_leaves_nothing(tmp_path, caplog, sent):
             sender.send(sent)
             await taken
             assert here.names == []
-            assert "it is not the file that was announced; nothing was kept" in caplog.text
+            assert "size differs from the announced one; partial file removed" in caplog.text
 
     run_async(run())
 
@@ -148,8 +148,8 @@ def test_a_browser_that_goes_or_falls_silent_leaves_nothing(tmp_path, caplog):
                     sender.go()
                 await taken
                 assert (here.names, here.uploads.state) == ([], "")
-        assert "a.mp4: the browser was closed before the end; nothing was kept" in caplog.text
-        assert "a.mp4: nothing came for 0.05 s; nothing was kept" in caplog.text
+        assert "a.mp4: connection closed before the end; partial file removed" in caplog.text
+        assert "a.mp4: no data for 0.05 s; partial file removed" in caplog.text
 
     run_async(run())
 
@@ -163,13 +163,13 @@ def test_all_together_have_a_limit_that_counts_what_is_there(tmp_path, caplog):
                 await taken
             _, refused = here.begin("c.mp4", 3)
             await refused
-            assert "c.mp4: uploads may take" in caplog.text
+            assert "c.mp4: uploads are limited to" in caplog.text
             (tmp_path / "a.mp4").unlink()
             first, one = here.begin("c.mp4", 3)
             await until(lambda: here.uploads.state)
             _, refused = here.begin("d.mp4", 4)  # what is announced counts
             await refused
-            assert "d.mp4: uploads may take" in caplog.text
+            assert "d.mp4: uploads are limited to" in caplog.text
             first.send(b"123")
             await one
             assert here.names == ["b.mp4", "c.mp4"]

@@ -6,7 +6,7 @@ import pytest
 
 from ros_visualise.graph import Graph
 from ros_visualise.graph.pipelines import image_pipeline
-from ros_visualise.ui.watching import watch
+from ros_visualise.ui import watch
 
 EMPTY, FULL = Graph(None, ()), image_pipeline("landscape")
 

@@ -51,8 +51,7 @@ def run(options: ViewerOptions) -> int:
     from ros_visualise.running.play import view_options
     from ros_visualise.runtime.remote.runtime import RemoteRuntime
     from ros_visualise.runtime.report import to_json
-    from ros_visualise.ui import open_view
-    from ros_visualise.ui.watching import watch
+    from ros_visualise.ui import open_view, watch
 
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     viewed = view_options(options, options.record_dir, "view")

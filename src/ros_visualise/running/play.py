@@ -28,9 +28,8 @@ from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.parts import Split, existing_parts, parse_split, part_path
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui import View, ViewOptions, open_view
-from ros_visualise.ui.arrangements import read_arrangement
-from ros_visualise.ui.shelf import Shelf
+from ros_visualise.ui import View, ViewOptions, open_view, read_arrangement
+from ros_visualise.ui.file_chooser import FileChooser
 
 log = logging.getLogger(__name__)
 
@@ -47,19 +46,19 @@ def play(selection: Selection, options: PlayingOptions) -> int:
     check_targets(targets, selection.path or None)
     set_folder(options.record_dir, options.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
-    shelf = _shelf(selection.path, options.record_dir)
-    viewed = view_options(options, options.record_dir, selection.name, shelf)
+    chooser = _chooser(selection.path, options.record_dir)
+    viewed = view_options(options, options.record_dir, selection.name, chooser)
     transport = interruptible(lambda: join(options, "pipeline"))
     with closing(transport) if transport else nullcontext():
         graph = interruptible(lambda: graph_of(selection, options))
         with closing(open_view(options.view, viewed)) as view:
             opening = partial(_open, view=view, transport=transport)
             process = interruptible(lambda: opening(options, graph))
-            return _run(_Played(selection, options, process, opening), view, shelf)
+            return _run(_Played(selection, options, process, opening), view, chooser)
 
 
 def view_options(
-    options: ViewingOptions, record_dir: Path, name: str, shelf: Shelf | None = None
+    options: ViewingOptions, record_dir: Path, name: str, chooser: FileChooser | None = None
 ) -> ViewOptions:
     """How a view is opened, by the options of a command.
 
@@ -67,7 +66,7 @@ def view_options(
         options: how it is shown.
         record_dir: the only folder in which the page records.
         name: of what is shown.
-        shelf: the files that can be opened from the page.
+        chooser: the files that can be opened from the page.
     """
     return ViewOptions(
         options.host,
@@ -77,7 +76,7 @@ def view_options(
         title=f"{name} - ros_visualise",
         browser=has_desktop(os.environ) if options.open is None else options.open,
         arrangement=read_arrangement(options.layout) if options.layout else {},
-        shelf=shelf,
+        chooser=chooser,
         token=options.token,
         urdf=options.urdf,
     )
@@ -96,17 +95,17 @@ def _files(path: Path, split: Split | None) -> list[Path]:
     return list({0: part_path(path, 0), **existing_parts(path)}.values())
 
 
-def _shelf(path: str, folder: Path) -> Shelf:
+def _chooser(path: str, folder: Path) -> FileChooser:
     """Files to open instead: those beside the file, or else in the current folder."""
     given = Path(path)
     is_file = os.path.exists(given) and given.name != ""
-    return Shelf(given.parent if is_file else Path(), folder, given if is_file else None)
+    return FileChooser(given.parent if is_file else Path(), folder, given if is_file else None)
 
 
-def _run(played: _Played, view: View, shelf: Shelf) -> int:
+def _run(played: _Played, view: View, chooser: FileChooser) -> int:
     with noticed() as request:
         with in_time(request, lambda: played.runtime.steps):
-            stopped = _play(played, view, request, shelf)
+            stopped = _play(played, view, request, chooser)
         report = played.report()
         if played.options.json:
             print_json(to_json(report), default=str)
@@ -192,7 +191,7 @@ class _Played:
         return selection, options, self._opening(options, graph)
 
 
-def _play(played: _Played, view: View, request: StopRequest, shelf: Shelf) -> bool:
+def _play(played: _Played, view: View, request: StopRequest, chooser: FileChooser) -> bool:
     """Play to the end, and close all recordings; True if it was stopped before."""
     try:
         options, runtime = played.options, played.runtime
@@ -205,9 +204,9 @@ def _play(played: _Played, view: View, request: StopRequest, shelf: Shelf) -> bo
         while not (played.is_over or view.closed):
             if request.asked:
                 return True
-            path = shelf.take()
+            path = chooser.take()
             if path is not None and played.follow(path, request):
-                shelf.current = path
+                chooser.current = path
                 view.open(played.runtime)
                 played.process.start()
             view.spin(_SPIN_S)

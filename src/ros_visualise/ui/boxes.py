@@ -1,4 +1,4 @@
-"""Detections over the images that they were made of, matched by stamp."""
+"""Detections over their images, matched by stamp."""
 
 from __future__ import annotations
 
@@ -31,17 +31,15 @@ log = logging.getLogger(__name__)
 
 
 class Boxes:
-    """What was found in the images of a topic.
+    """The detections in the images of a topic.
 
-    As long as detections come, an image waits for its own: no box lies over another image.
+    While detections come, an image waits for its own: no box is drawn over another image.
 
     Args:
-        runtime: what runs.
-        topics_of: topic of images -> those of the detections in them.
-        clock: seconds.
+        topics_of: topic of images -> topics of their detections.
 
     Attributes:
-        visible: whether a person wants them; may be changed from any thread.
+        visible: switched on; may be changed from any thread.
     """
 
     def __init__(
@@ -54,13 +52,13 @@ class Boxes:
         self._runtime, self._topics_of, self._clock = runtime, topics_of, clock
         self._feeds: dict[str, Feed] = {}
         self._found: deque[Detections | Recorded] = deque(maxlen=_KEPT)  # most are never decoded
-        self._said: set[str] = set()  # what is wrong with some
+        self._reported: set[str] = set()  # faults
         self._images: deque[Image] = deque()
         self._last: Image | None = None  # whose detections were there
         self._matched_s = float("-inf")
 
     def refresh(self, topic: str) -> bool:
-        """Take what was found in the images of a topic; whether more was in the one shown."""
+        """Take detections in the images of a topic; True if more belong to the shown one."""
         wanted = self._topics_of(topic) if self.visible else ()
         if list(self._feeds) != list(wanted):
             self.rest()
@@ -74,7 +72,7 @@ class Boxes:
         return is_more
 
     def rest(self) -> None:
-        """Ask for nothing until the next `refresh`."""
+        """Unsubscribe until the next `refresh`."""
         for feed in self._feeds.values():
             feed.follow(None)
         self._feeds = {}
@@ -84,10 +82,10 @@ class Boxes:
         self._matched_s = float("-inf")
 
     def choose(self, image: Image | None) -> Image | None:
-        """The image to show next: the newest whose detections are there; None for that before.
+        """The image to show next, the newest with detections; None keeps the present one.
 
         Args:
-            image: the newest that came, if one came.
+            image: a new one, or None.
         """
         if not self._feeds:
             return image
@@ -105,7 +103,7 @@ class Boxes:
         return None if self._clock() - self._matched_s < _PATIENCE_S else image
 
     def draw(self, image: Image, shown: Pixels) -> Pixels:
-        """A picture of an image, RGB of 8 bits and of any size, with what was found in it."""
+        """The picture ``shown`` of an image, 8-bit RGB of any size, with its detections."""
         several = [one for found in self._of(image) for one in self._decoded(found)]
         return paint(shown, several, (image.width, image.height)) if several else shown
 
@@ -116,9 +114,9 @@ class Boxes:
         try:
             several: Sequence[Detection] = content(found).detections
         except DamagedMessage as error:
-            if str(error) not in self._said:
-                self._said.add(str(error))
-                log.warning("not drawn: %s (said once)", error)
+            if str(error) not in self._reported:
+                self._reported.add(str(error))
+                log.warning("detections not drawn: %s (further occurrences suppressed)", error)
             return ()
         return several
 
@@ -127,16 +125,16 @@ class Boxes:
 
 
 def is_of(found: Detections | Recorded, image: Image) -> bool:
-    """Whether detections were made of an image: they have its stamp, and its frame if they say."""
+    """True if detections belong to an image, by its stamp, and by its frame if given."""
     one, other = found.header, image.header
     is_same_frame = one.frame_id == other.frame_id or not (one.frame_id and other.frame_id)
     return one.stamp_ns == other.stamp_ns and is_same_frame
 
 
 def paint(shown: Pixels, several: Sequence[Detection], size: tuple[int, int]) -> Pixels:
-    """A picture of an image of that width and height, with outlines, classes and scores.
+    """The picture of an image of that width and height, with outlines, classes and scores.
 
-    Of very many it shows those with the highest scores, and says how many more there are.
+    Of very many, those with the highest scores are drawn, and the others counted.
     """
     picture: Pixels = np.ascontiguousarray(shown).copy()
     height, width = picture.shape[:2]

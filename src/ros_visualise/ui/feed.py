@@ -1,4 +1,4 @@
-"""Subscribing to a topic that a person chooses."""
+"""A subscription to a chosen topic."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ from ros_visualise.runtime.topics import Subscription
 
 
 class Feed:
-    """The messages of the chosen topic, if there is one.
-
-    Args:
-        runtime: what runs.
-        depth: how many messages may wait to be taken; 1 is always the newest.
-    """
+    """The messages of the chosen topic; up to ``depth`` wait; with 1, always the newest."""
 
     def __init__(self, runtime: Runtime, depth: int = 1) -> None:
         self._runtime, self._depth = runtime, depth
@@ -22,7 +17,7 @@ class Feed:
         self._subscription: Subscription | None = None
 
     def follow(self, topic: str | None) -> bool:
-        """Subscribe to this topic from now on, or with None to none; whether that is a change."""
+        """Subscribe to this topic, or to none; True if that is a change."""
         if topic == self._topic:
             return False
         if self._subscription is not None:
@@ -33,9 +28,9 @@ class Feed:
 
     @property
     def epoch(self) -> int:
-        """How often time had jumped before the message taken last."""
+        """Number of time jumps before the message taken last."""
         return 0 if self._subscription is None else self._subscription.epoch
 
     def take(self, decode: bool = True) -> Any:
-        """The oldest message that waits; None if there is none; see `Subscription.take`."""
+        """The oldest waiting message, or None; see `Subscription.take`."""
         return None if self._subscription is None else self._subscription.take(0, decode)

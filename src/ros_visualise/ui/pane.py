@@ -12,7 +12,7 @@ from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.preview import preview, rgb_preview
-from ros_visualise.ui.tiling import Box
+from ros_visualise.ui.screen import Box
 from ros_visualise.ui.trackbars import Trackbars
 from ros_visualise.vision.color import to_bgr
 
@@ -27,15 +27,7 @@ _SIMILAR = 16  # pixels of width for which it is not worth scaling anew
 
 
 class Pane:
-    """A window.
-
-    Args:
-        name: its title.
-        box: where it opens.
-        subscription: the images that it shows, if any.
-        boxes: what is found in them.
-        hint: the caption of a window without images before the first change.
-    """
+    """A window, with images or a caption; ``hint`` is the caption before the first change."""
 
     def __init__(
         self,
@@ -56,7 +48,7 @@ class Pane:
         cv2.namedWindow(name, flags)
 
     def place(self) -> None:
-        """Move it to its place, after its trackbars were added."""
+        """Move it to its place, once it has its trackbars."""
         if self._subscription is None:
             self._draw()
         cv2.resizeWindow(self.name, self._box.width, self._box.height)
@@ -64,31 +56,29 @@ class Pane:
 
     @property
     def shows_images(self) -> bool:
-        """Whether it is the window of a topic."""
+        """True if it is the window of a topic."""
         return self._subscription is not None
 
     @property
     def is_open(self) -> bool:
-        """Whether nobody closed it."""
+        """True until it is closed."""
         return bool(cv2.getWindowProperty(self.name, cv2.WND_PROP_VISIBLE) > 0)
 
     def update(self) -> None:
-        """Show what is new."""
-        said = self.trackbars.update() if self.trackbars else None
+        caption = self.trackbars.update() if self.trackbars else None
         image, has_more = self._take()
         if image is not None and not image.pixels.size:
             image = None  # there is nothing to see
-        if said is not None:
-            self._caption, self._until_s = said, time.monotonic() + _CAPTION_S
+        if caption is not None:
+            self._caption, self._until_s = caption, time.monotonic() + _CAPTION_S
         faded = self.shows_images and self._caption != "" and time.monotonic() > self._until_s
         if faded:
             self._caption = ""
         self._image = image or self._image
-        if image is not None or said is not None or faded or has_more or self._is_resized():
+        if image is not None or caption is not None or faded or has_more or self._is_resized():
             self._draw()
 
     def close(self) -> None:
-        """Take it off the screen."""
         if self._subscription is not None:
             self._subscription.close()
         if self._boxes is not None:
@@ -97,7 +87,7 @@ class Pane:
             cv2.destroyWindow(self.name)
 
     def _take(self) -> tuple[Image | None, bool]:
-        """The next image to show, and whether more was found in the one that is shown."""
+        """The next image to show, and True if the present one has more detections."""
         image = self._subscription.take(0) if self._subscription else None
         if self._boxes is None:
             return image, False

@@ -17,8 +17,7 @@ def preview(image: Image, size: int) -> Pixels:
     """A preview of an image: (height, width) gray or (height, width, 3) BGR, 8 bits.
 
     Args:
-        image: of any encoding; a Bayer mosaic is shown as it is, in gray, and depth in colours,
-            as `to_picture` has it.
+        image: of any encoding; a Bayer mosaic is shown in gray, depth in colours; see `to_picture`.
         size: of the longer side in pixels; a smaller image keeps its own.
     """
     pixels = image.pixels
@@ -32,7 +31,7 @@ def preview(image: Image, size: int) -> Pixels:
 
 
 def rgb_preview(image: Image, size: int) -> Pixels:
-    """The same for the page: (height, width, 3) RGB, 8 bits."""
+    """A preview of an image: (height, width, 3) RGB, 8 bits."""
     pixels = preview(image, size)
     return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
 
@@ -51,7 +50,7 @@ def _shrink(pixels: Pixels, size: int) -> Pixels:
 
 
 def _pick(values: Pixels, size: int) -> Pixels:
-    """Take some of the values, no means: between two depths there is often nothing."""
+    """Take some of the values, not means: between two depths there is often nothing."""
     height, width = values.shape[:2]
     factor = max(height, width) / size
     if factor <= 1:

@@ -1,4 +1,4 @@
-"""No user interface: a progress bar on standard error, where that is a terminal."""
+"""A progress bar on standard error, if that is a terminal."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from tqdm import tqdm
 
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.shown import teller
+from ros_visualise.ui.shown import robot_status
 
 
 class Progress:
-    """Shows how far a playback has come, in seconds of its source."""
+    """The progress of a playback, in seconds of its source."""
 
     stays = False
     closed = awaited = False
@@ -23,20 +23,20 @@ class Progress:
         self._bar: tqdm[None] | None = None
 
     def open(self, runtime: Runtime) -> None:
-        """Show the progress of this graph's source, and what a robot says that it does."""
+        """Show the progress of this graph's source, and a robot's status."""
         self._runtime, self._status = runtime, Feed(runtime)
         if runtime.playback is not None:
-            self._status.follow(teller(runtime.graph)[1])
+            self._status.follow(robot_status(runtime.graph)[1])
             self._bar = tqdm(unit="s", disable=None, dynamic_ncols=True, leave=False)
 
     def spin(self, timeout_s: float) -> None:
-        """Wait, then bring the bar up to date."""
+        """Wait, then update the bar."""
         time.sleep(timeout_s)
         if self._runtime is None or self._bar is None or self._runtime.playback is None:
             return
-        told = self._status.take() if self._status else None
-        if told is not None:
-            self._bar.set_description_str(told.text, refresh=False)
+        status = self._status.take() if self._status else None
+        if status is not None:
+            self._bar.set_description_str(status.text, refresh=False)
         state = self._runtime.playback.state
         self._bar.total = state.duration_s and round(state.duration_s, 1)
         self._bar.n = round(state.position_s, 1)

@@ -1,4 +1,4 @@
-"""Periodic work on a thread of its own, which leaves the nodes enough processor time."""
+"""Periodic work on a thread that leaves the nodes enough processor time."""
 
 from __future__ import annotations
 
@@ -8,22 +8,19 @@ from collections.abc import Callable
 
 from ros_visualise.core import supervision
 
-_REST, _REST_IN_HASTE = 2.0, 8.0
+_REST, _REST_UNTHROTTLED = 2.0, 8.0
 """Seconds of pause for each second of computing: the nodes come first."""
 
 
 class Rounds:
-    """Does rounds until it is closed.
+    """Does rounds until it is closed, then ``finish``.
 
     Args:
-        name: of the thread.
-        do_round: one round.
-        finish: done once, after the last.
-        period_s: the shortest time from one round to the next.
-        in_haste: whether the graph runs as fast as possible, so that work here slows it.
+        period_s: shortest time from one round to the next.
+        unthrottled: True while the graph runs as fast as possible, and work here slows it.
 
     Attributes:
-        at_work: held during a round; who holds it may change what the rounds work on.
+        at_work: the lock that is held during a round.
     """
 
     def __init__(
@@ -32,21 +29,21 @@ class Rounds:
         do_round: Callable[[], None],
         finish: Callable[[], None],
         period_s: float,
-        in_haste: Callable[[], bool],
+        unthrottled: Callable[[], bool],
     ) -> None:
         self.at_work = threading.Lock()
         self._do_round, self._finish = do_round, finish
-        self._period_s, self._in_haste = period_s, in_haste
+        self._period_s, self._unthrottled = period_s, unthrottled
         self._closed = threading.Event()
         self._name = name
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread = supervision.start(self._name, self._run)
 
     def close(self, timeout_s: float) -> None:
-        """End after the round that is under way."""
+        """End after the present round."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join(timeout_s)
@@ -57,7 +54,7 @@ class Rounds:
             start_s, cpu_s = time.perf_counter(), time.thread_time()
             with self.at_work:
                 supervision.attempt(self._name, self._do_round)
-            rest = _REST_IN_HASTE if self._in_haste() else _REST
+            rest = _REST_UNTHROTTLED if self._unthrottled() else _REST
             spent_s = time.perf_counter() - start_s
             pause_s = max(self._period_s - spent_s, rest * (time.thread_time() - cpu_s))
         self._finish()

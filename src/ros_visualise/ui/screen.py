@@ -1,17 +1,21 @@
-"""The screen that windows open on: whether there is one, its size, and a font for it."""
+"""The screen for windows: its presence and size, a font, and places for the windows."""
 
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
-from ros_visualise.core.errors import OpenError
+from ros_visualise.core.errors import OpenError, UsageError
 
+TITLE = 36  # what a window manager adds above a window, in pixels
+_EDGE = 6  # and around it
 _USUAL_SIZE = (1600, 900)
 _NO_WINDOWS = 3
 _TRIAL = f"""
@@ -25,25 +29,25 @@ os._exit(0)
 
 
 def check_windows() -> None:
-    """Open a window in a process of its own, because Qt and GTK end a process that cannot.
+    """Open a window in another process, as Qt and GTK end one that cannot.
 
     Raises:
-        OpenError: this OpenCV has no windows, or there is no screen for them.
+        OpenError: this OpenCV lacks windows, or the display is missing.
     """
     trial = subprocess.run(
         [sys.executable, "-c", _TRIAL],
         capture_output=True,
         text=True,
-        start_new_session=True,  # Ctrl-C in the terminal ends this process, and says nothing of it
+        start_new_session=True,  # Ctrl-C in the terminal ends this process silently
     )
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
-            "this OpenCV has no windows: pip uninstall opencv-python-headless, then pip "
-            "install '.[desktop]'; or take the page (view web)"
+            "this OpenCV lacks windows: pip uninstall opencv-python-headless, then pip "
+            "install '.[desktop]'; or use the page (view web)"
         )
     if trial.returncode:
         raise OpenError(
-            f"{_what_is_wrong(trial.stderr)}; take the page (view web), or ssh -X from "
+            f"{_what_is_wrong(trial.stderr)}; use the page (view web), or ssh -X from "
             "another machine"
         )
 
@@ -51,14 +55,14 @@ def check_windows() -> None:
 def _what_is_wrong(errors: str) -> str:
     display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not display:
-        return "no screen for windows: DISPLAY is not set"
+        return "no display: DISPLAY is not set"
     if "connect to display" in errors or "open display" in errors:
-        return f"no screen for windows: DISPLAY={display} cannot be opened"
+        return f"no display: DISPLAY={display} cannot be opened"
     return "OpenCV's windows do not start: on Debian, apt-get install libgl1 libglib2.0-0 libsm6"
 
 
 def screen_size() -> tuple[int, int]:
-    """Width and height in pixels of one screen, or a usual size where X11 does not tell."""
+    """Width and height of one screen in pixels; a usual size without X11."""
     try:
         x11 = ctypes.CDLL("libX11.so.6")
     except OSError:
@@ -76,9 +80,9 @@ def screen_size() -> tuple[int, int]:
 def provide_font() -> tempfile.TemporaryDirectory[str] | None:
     """Point Qt to a font of the system where OpenCV's own folder of fonts is missing.
 
-    opencv-python 5 came without one; then no trackbar has a name. To be called before the first
-    window, after cv2 was imported, which sets the variable. The folder returned, with a link to
-    one font whose letters are equally wide, has to last as long as the windows.
+    opencv-python 5 lacks it; then no trackbar has a name. To be called before the first window,
+    after cv2 was imported, which sets the variable. The returned folder, with a link to one
+    monospace font, has to last as long as the windows.
     """
     given = os.environ.get("QT_QPA_FONTDIR")
     if given is None or Path(given).is_dir():
@@ -99,3 +103,55 @@ def _monospace_font() -> Path | None:
         if found.is_file():
             return found
     return next(Path("/usr/share/fonts").rglob("*Mono*.ttf"), None)
+
+
+class Box(NamedTuple):
+    """A window's place: its top-left corner with its frame, its size without."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def tile(area: Box, extras: list[int]) -> list[Box]:
+    """Places for windows with images, in rows of equal length, all images of equal size.
+
+    Args:
+        area: the part of the screen for all of them.
+        extras: for each window, the height that it needs beside its image.
+    """
+    if not extras:
+        return []
+    columns = math.ceil(math.sqrt(len(extras)))
+    rows = [extras[i : i + columns] for i in range(0, len(extras), columns)]
+    width = area.width // columns
+    image = (area.height - sum(max(row) + TITLE for row in rows)) // len(rows)
+    boxes, y = [], area.y
+    for row in rows:
+        for column, extra in enumerate(row):
+            x, height = area.x + column * width, max(image, width // 4) + extra
+            boxes.append(Box(x, y, width - _EDGE, height - _EDGE))
+        y += max(image, width // 4) + max(row) + TITLE
+    return boxes
+
+
+def parse_place(text: str) -> tuple[int, int]:
+    """(2, 4) for ``2/4``, the second of four; (1, 1) for an empty text.
+
+    Raises:
+        UsageError: it has another form.
+    """
+    number, slash, of = (text or "1/1").partition("/")
+    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+        raise UsageError(f"window={text}: give the place of a window as 2/4, the second of four")
+    return int(number), int(of)
+
+
+def part_of(area: Box, number: int, of: int) -> Box:
+    """One of equal parts of an area, counted from 1 in rows."""
+    columns = math.ceil(math.sqrt(of))
+    rows = math.ceil(of / columns)
+    row, column = divmod(number - 1, columns)
+    width, height = area.width // columns, area.height // rows
+    return Box(area.x + column * width, area.y + row * height, width, height)

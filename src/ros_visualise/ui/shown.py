@@ -1,4 +1,4 @@
-"""Which of a node's images and texts are shown."""
+"""The images, texts and detections of nodes that are shown."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ def images_of(node: Member) -> list[str]:
 
 
 def texts_of(node: Member) -> list[str]:
-    """The topics on which a node tells something; texts of sources are for machines, as a URDF."""
+    """The topics of a node's texts; those of sources are for machines, as a URDF."""
     if not isinstance(node, Node):
         return []
     return [topic for port, topic in node.outputs.items() if node.type.outputs[port] is Text]
 
 
 def first_shown(graph: Graph, node: Member) -> str | None:
-    """The topic to show first: one that another node takes, else the first; None without any."""
+    """The topic to show first: one that another node uses, else the first; None without any."""
     taken = {topic for other in graph.members for topic in other.inputs.values()}
     images = images_of(node)
     return next((topic for topic in images if topic in taken), next(iter(images), None))
@@ -28,8 +28,8 @@ def first_shown(graph: Graph, node: Member) -> str | None:
 def detections_of(graph: Graph, image: str) -> list[str]:
     """The topics with detections in the images of a topic.
 
-    They come from a node that takes these images. Those of a node that takes none, as a recording,
-    may be of any images that were not made of others.
+    They come from a node that takes these images. Those of a node without images as input, such as
+    a recording, may belong to any original images.
     """
     is_original = all(
         image not in one.outputs.values() or not _taken_by(one) for one in graph.members
@@ -47,8 +47,8 @@ def _taken_by(member: Member) -> list[str]:
     return [topic for port, topic in member.inputs.items() if member.type.inputs[port] is Image]
 
 
-def teller(graph: Graph) -> tuple[Member | None, str | None]:
-    """The robot that tells what it does, and the topic on which it does so; None without one."""
+def robot_status(graph: Graph) -> tuple[Member | None, str | None]:
+    """The robot with a status, and the topic of that; None without one."""
     for member in graph.members:
         if member.outputs.get("status") and member.type.outputs["status"] is Text:
             return member, member.outputs["status"]

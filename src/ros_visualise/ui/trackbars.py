@@ -1,4 +1,4 @@
-"""OpenCV trackbars made from the declarations of a node's parameters."""
+"""OpenCV trackbars for the parameters of a node."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import cv2
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, Spec, Value, specs
-from ros_visualise.ui.steps import step_of
 
+_ROUNDING = 1e-9
 _STEPS = 100  # that a float's range is divided into, at least
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How a parameter's values lie on a trackbar, whose positions are 0, 1, ... ``last``."""
+    """The scale of a parameter on a trackbar, whose positions are 0, 1, ... ``last``."""
 
     spec: Spec
     low: float
@@ -42,10 +42,8 @@ class Scale:
 
 
 def scale_of(spec: Spec) -> Scale | None:
-    """The scale of a parameter; None where a trackbar cannot set it.
-
-    That is so for a text, a number without limits, a single choice, and what reopens the source.
-    """
+    """The scale of a parameter; None for a text, a number without limits, a single choice, and one
+    that reopens the source."""
     if spec.restart or spec.type is str:
         return None
     if spec.choices or spec.type is bool:
@@ -65,10 +63,7 @@ def scales_of(params: Any) -> list[Scale]:
 
 
 class Trackbars:
-    """Some of one node's parameters as trackbars in a window, which follow each other.
-
-    All calls come from the main thread, whoever else changes the parameters.
-    """
+    """Some of one node's parameters as trackbars in a window; called from the main thread only."""
 
     def __init__(self, window: str, parameters: Parameters[Any], scales: list[Scale]) -> None:
         self._window = window
@@ -83,12 +78,12 @@ class Trackbars:
         self._moved.clear()
 
     def update(self) -> str | None:
-        """Set what a person moved, and show what changed elsewhere; returns a caption, if any."""
-        refusal = self._pass_on()
-        if self._parameters.current is self._shown and refusal is None:
+        """Apply moved trackbars, and show changes from elsewhere; returns a caption, if any."""
+        rejection = self._pass_on()
+        if self._parameters.current is self._shown and rejection is None:
             return None
         changed = self._follow()
-        return refusal or (_describe(self._shown, changed) if changed else None)
+        return rejection or (_describe(self._shown, changed) if changed else None)
 
     def _listener(self, scale: Scale) -> Any:
         def moved(position: int) -> None:
@@ -97,7 +92,7 @@ class Trackbars:
         return moved
 
     def _pass_on(self) -> str | None:
-        moved, refusal = dict(self._moved), None
+        moved, rejection = dict(self._moved), None
         self._moved.clear()
         for scale, position in moved.items():
             name = scale.spec.name
@@ -106,8 +101,8 @@ class Trackbars:
             try:
                 self._parameters.update({name: scale.value(position)})
             except ParameterError as error:
-                refusal = str(error)
-        return refusal
+                rejection = str(error)
+        return rejection
 
     def _follow(self) -> Spec | None:
         """Set every trackbar to its parameter; returns the last one that changed."""
@@ -119,7 +114,7 @@ class Trackbars:
                 changed = scale.spec
             if cv2.getTrackbarPos(name, self._window) != scale.position(value):
                 cv2.setTrackbarPos(name, self._window, scale.position(value))
-        self._moved.clear()  # the echo of these, which must not undo what comes from elsewhere
+        self._moved.clear()  # the echo of these must not undo changes from elsewhere
         return changed
 
 
@@ -129,3 +124,16 @@ def _describe(params: Any, spec: Spec) -> str:
     shown = f"{text:.6g}" if isinstance(text, float) else str(text)
     choices = f" ({', '.join(spec.choices)})" if spec.choices else ""
     return f"{spec.name} = {shown}{choices}\n{spec.help}"
+
+
+def step_of(spec: Spec, low: float, high: float, count: int) -> float:
+    """The step of a number's slider: as declared, else 1, or a round one for about so many."""
+    if spec.step:
+        return spec.step
+    return 1 if spec.type is int else round_step((high - low) / count)
+
+
+def round_step(largest: float) -> float:
+    """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5 ... that is not above ``largest``."""
+    power = 10.0 ** math.floor(math.log10(largest))
+    return next(m * power for m in (5, 2, 1) if m * power <= largest * (1 + _ROUNDING))

@@ -13,17 +13,25 @@ from ros_visualise.graph import Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.pane import ROW, STRIP, Pane
-from ros_visualise.ui.screen import check_windows, provide_font, screen_size
+from ros_visualise.ui.screen import (
+    TITLE,
+    Box,
+    check_windows,
+    parse_place,
+    part_of,
+    provide_font,
+    screen_size,
+    tile,
+)
 from ros_visualise.ui.shown import detections_of, first_shown
-from ros_visualise.ui.tiling import TITLE, Box, parse_place, part_of, tile
 from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
 
 _BESIDE = 10  # a node with more trackbars than this has them in a window of their own
 _WHOLE = (1, 1)
 _COLUMN = 400  # width of such a window, in pixels
 _TICK_MS = 15
-_HINT = "q or Esc: quit"
-_PLAYING_HINT = f"space: pause   arrows, comma, full stop: step\n{_HINT}"
+_HINT = "Q or Esc: quit"
+_PLAYING_HINT = f"ScenePanel: pause   arrows, comma, full stop: step\n{_HINT}"
 
 _KEYS = {
     **{ord(" "): "pause", ord(","): "back", ord("."): "step"},
@@ -35,15 +43,15 @@ _KEYS = {
 
 
 class Windows:
-    """Shows images of every node that has any, with the node's parameters as trackbars.
+    """Images of all nodes, with the nodes' parameters as trackbars.
 
     Args:
-        place: "2/4" shows the images in the second of four equal parts of the screen, for several
-            programs with windows; empty takes all of it.
+        place: "2/4" uses the second of four equal parts of the screen, for several programs with
+            windows; empty uses all of it.
 
     Raises:
-        OpenError: this OpenCV has no windows, or there is no screen for them.
-        UsageError: the place is not of that form.
+        OpenError: this OpenCV lacks windows, or the display is missing.
+        UsageError: the place has another form.
     """
 
     stays = True
@@ -67,7 +75,7 @@ class Windows:
         width, height = screen_size()
         images = list(_image_topics(runtime))
         controls = list(_control_windows(runtime, height - TITLE))
-        columns = max(len(controls), self._part != _WHOLE)  # others' may be there too
+        columns = max(len(controls), self._part != _WHOLE)  # other programs' may be there too
         taken = min(_COLUMN * columns, width // 2)
         self._open_images(runtime, images, part_of(Box(0, 0, width - taken, height), *self._part))
         for number, (node, title, scales) in enumerate(controls):
@@ -83,11 +91,11 @@ class Windows:
 
     @property
     def closed(self) -> bool:
-        """Whether a person has quit, or closed the last window with images."""
+        """True once a person has quit, or closed the last window with images."""
         return self._closed
 
     def spin(self, timeout_s: float) -> None:
-        """Show what is new, and do what keys and trackbars ask for."""
+        """Show new images, and handle keys and trackbars."""
         end_s = time.monotonic() + timeout_s
         while not self._closed and (left_s := end_s - time.monotonic()) > 0:
             self._forget_closed()
@@ -96,7 +104,6 @@ class Windows:
             self._press(cv2.waitKeyEx(min(_TICK_MS, math.ceil(left_s * 1000))))
 
     def close(self) -> None:
-        """Close all windows."""
         self._closed = True
         for pane in self._panes:
             pane.close()

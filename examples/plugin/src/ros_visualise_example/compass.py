@@ -7,7 +7,7 @@ import viser
 
 from ros_visualise.data import MagneticField
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 
 class Compass(Drawing):
@@ -19,8 +19,8 @@ class Compass(Drawing):
         super().__init__(scene, name, color)
         self._arrow = scene.add_arrows(f"{name}/field", np.zeros((1, 2, 3)), color)
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         field = np.asarray(message.field_xyz, np.float64)
         size = np.linalg.norm(field)
-        tip = field / size * look.axes_size if size > 0 else field
+        tip = field / size * appearance.axes_size if size > 0 else field
         self._arrow.points = np.array([[np.zeros(3), tip]])

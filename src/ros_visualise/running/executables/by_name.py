@@ -26,8 +26,7 @@ from ros_visualise.running.executables.player import run_player
 from ros_visualise.runtime.middleware import Host, Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
-from ros_visualise.ui import open_view
-from ros_visualise.ui.watching import watch
+from ros_visualise.ui import open_view, watch
 
 log = logging.getLogger(__name__)
 

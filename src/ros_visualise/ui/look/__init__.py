@@ -1,10 +1,10 @@
-"""Looking closely: pages of our own beside viser's, which ask for what they show.
+"""Pages of our own beside viser's to inspect images, plots, messages, log and diagnostics.
 
-Their addresses have no path, only a question, so that they hold behind a token or a proxy:
-``?look=image&topic=/edges`` is a page, ``?ask=pixels&topic=/edges`` what it asks for.
+Their addresses have no path, only a query, so that they work behind a token or a proxy:
+``?look=image&topic=/edges`` is a page, ``?ask=pixels&topic=/edges`` a query of it.
 """
 
 from ros_visualise.ui.look.answers import Answer as Answer
-from ros_visualise.ui.look.looker import PAGES as PAGES
-from ros_visualise.ui.look.looker import Looker as Looker
-from ros_visualise.ui.look.looker import link as link
+from ros_visualise.ui.look.inspector import PAGES as PAGES
+from ros_visualise.ui.look.inspector import Inspector as Inspector
+from ros_visualise.ui.look.inspector import link as link

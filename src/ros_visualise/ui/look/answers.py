@@ -1,4 +1,4 @@
-"""What is answered to a browser, and what it may ask for: everything that it sends is checked."""
+"""Queries of browsers, which are checked, and the answers to them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 from urllib.parse import parse_qs
 
 HEADER = "X-Ros-Visualise"
-"""What our own pages send with each question. No other site can: browsers would ask us first."""
+"""The header of our own pages' queries. No other site can send it without our permission."""
 READ_ONLY = "this address is read-only"
 MAX_QUERY = 8192
-"""Characters of a question; the names of many fields are the longest."""
+"""Maximum characters of a query; the names of many fields are the longest."""
 
 
 class Refusal(Exception):
-    """A question that has no answer; the text is for the person who asked, ``status`` HTTP's."""
+    """A query without an answer; the text is for the person, ``status`` is HTTP's."""
 
     def __init__(self, text: str, status: int = 400) -> None:
         super().__init__(text)
@@ -23,7 +23,6 @@ class Refusal(Exception):
 
     @property
     def answer(self) -> Answer:
-        """What is answered."""
         return as_json({"error": str(self)}, self.status)
 
 
@@ -36,7 +35,7 @@ class Answer(NamedTuple):
     headers: Mapping[str, str] = {}
 
 
-class Question:
+class Query:
     """The part of an address after the ``?``.
 
     Raises:
@@ -45,11 +44,11 @@ class Question:
 
     def __init__(self, query: str) -> None:
         if len(query) > MAX_QUERY:
-            raise Refusal("the question is too long", 414)
+            raise Refusal("the query is too long", 414)
         try:
             found = parse_qs(query, keep_blank_values=True, errors="strict", max_num_fields=200)
         except ValueError:
-            raise Refusal("the question cannot be read") from None
+            raise Refusal("malformed query") from None
         self._values = found
 
     def __contains__(self, name: str) -> bool:
@@ -64,11 +63,7 @@ class Question:
         return self._values.get(name, [])
 
     def whole(self, name: str) -> int | None:
-        """A whole number that fits 64 bits; None if it is not there.
-
-        Raises:
-            Refusal: it is none.
-        """
+        """A whole number of up to 64 bits, or None; raises Refusal for anything else."""
         text = self.text(name)
         if not text:
             return None
@@ -79,11 +74,7 @@ class Question:
         return int(text)
 
     def seconds(self, name: str) -> float:
-        """A number from 0 to 1e9.
-
-        Raises:
-            Refusal: it is none.
-        """
+        """A number from 0 to 1e9; raises Refusal for anything else."""
         try:
             value = float(self.text(name))
         except ValueError:
@@ -94,5 +85,5 @@ class Question:
 
 
 def as_json(value: Any, status: int = 200) -> Answer:
-    """An answer of any values that JSON has; NaN and infinities are null there."""
+    """An answer in JSON; NaN and infinities have to be null."""
     return Answer(json.dumps(value, allow_nan=False, ensure_ascii=False).encode(), status=status)

@@ -17,7 +17,7 @@ from ros_visualise.data import Floats
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.series import SeriesRecording
-from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.answers import Answer, Query, Refusal, as_json
 from ros_visualise.ui.look.curve import Curve, LiveCurves, Name, RecordedCurves
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.look.trees import fields_of
@@ -60,13 +60,13 @@ class Curves:
         topics: dict[str, Any] = {n: one.type for n, one in self._runtime.graph.topics.items()}
         return [name for name, kind in topics.items() if kind.plotted]
 
-    def fields(self, question: Question) -> Answer:
+    def fields(self, query: Query) -> Answer:
         """Paths of a topic's numeric fields, by its newest or its first recorded message.
 
         Raises:
             Refusal: no such topic, or no message yet.
         """
-        topic = question.text("topic")
+        topic = query.text("topic")
         if refusal := self._refusal(topic):
             raise Refusal(refusal, 404)
         message = self._newest.newest(topic, _WAIT_S)
@@ -76,7 +76,7 @@ class Curves:
             raise Refusal("no message yet", 404)
         return as_json({"fields": list(fields_of(message))})
 
-    def curves(self, question: Question) -> Answer:
+    def curves(self, query: Query) -> Answer:
         """Curves of fields such as ``/odom:pose.pose.position.x``, from one second to another.
 
         One that cannot be plotted is empty, with the reason.
@@ -84,8 +84,8 @@ class Curves:
         Raises:
             Refusal: malformed request.
         """
-        names = [_parse(text) for text in question.texts("field")[:_MAX_CURVES]]
-        start_s, end_s = question.seconds("from"), question.seconds("to")
+        names = [_parse(text) for text in query.texts("field")[:_MAX_CURVES]]
+        start_s, end_s = query.seconds("from"), query.seconds("to")
         self._begin_new([name for name in names if not self._refusal(name[0])])
         self._live.take()
         found = [self._describe(name, start_s, end_s) for name in names]

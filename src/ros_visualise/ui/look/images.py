@@ -1,4 +1,4 @@
-"""Images as they are, for a browser that looks at them closely."""
+"""Unscaled images, for a browser that inspects them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.data import MEASUREMENTS, Image, Pixels
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import Answer, Question, Refusal
+from ros_visualise.ui.look.answers import Answer, Query, Refusal
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.preview import preview
 from ros_visualise.vision.color import order_of, to_bgr
@@ -23,9 +23,8 @@ _MAX_BYTES = 256 << 20
 class Images:
     """Answers with the pixels of a topic's images.
 
-    A question names the topic and, to compare it with another's, the ``stamp``; with ``near``, the
-    image of the nearest stamp will do. With ``after``, the stamp of the image which is there
-    already, nothing is sent twice.
+    A query names the topic and, to compare it with another's, the ``stamp``; with ``near``, the
+    nearest stamp will do. With ``after``, the stamp of the present image, nothing is sent twice.
     """
 
     def __init__(self, runtime: Runtime) -> None:
@@ -33,7 +32,7 @@ class Images:
         self._taps = Taps(runtime, _DEPTH)
 
     def rest(self, all_of_them: bool = False) -> None:
-        """Let go of what nobody asked for lately."""
+        """Unsubscribe from topics without recent queries."""
         self._taps.rest(all_of_them)
 
     @property
@@ -41,50 +40,44 @@ class Images:
         """The topics of images."""
         return [name for name, one in self._runtime.graph.topics.items() if one.type is Image]
 
-    def pixels(self, question: Question) -> Answer:
-        """The pixels as they lie in memory, little end first; a header says what they are.
-
-        Raises:
-            Refusal: there is no such topic or image.
-        """
-        image = self._find(question)
-        if image.header.stamp_ns == question.whole("after"):
+    def pixels(self, query: Query) -> Answer:
+        """The pixels in their order in memory, little-endian; a header describes them."""
+        image = self._find(query)
+        if image.header.stamp_ns == query.whole("after"):
             return Answer(b"", status=204)
         pixels = np.ascontiguousarray(image.pixels)
         if pixels.nbytes > _MAX_BYTES:
-            raise Refusal("the image is too large to be sent whole", 413)
+            raise Refusal("the image is too large to send", 413)
         if sys.byteorder == "big":
             pixels = pixels.byteswap()
         body = pixels.reshape(-1).view(np.uint8).data  # not copied for each who asks
         return Answer(body, "application/octet-stream", 200, _describe(image))
 
-    def png(self, question: Question) -> Answer:
-        """The image as a PNG file: of 8 and 16 bits as it is, of measurements as it is shown.
-
-        Raises:
-            Refusal: there is no such topic or image.
-        """
-        image = self._find(question)
+    def png(self, query: Query) -> Answer:
+        """The image as a PNG file: 8 and 16 bits unchanged, measurements in colours."""
+        image = self._find(query)
         is_measured = image.encoding in MEASUREMENTS and image.encoding != "16UC1"
         done, data = cv2.imencode(".png", preview(image, 2**30) if is_measured else _plain(image))
         if not done:
             raise Refusal("the image cannot be written as PNG", 500)
-        name = f"{image_name(question.text('topic'))}_{image.header.stamp_ns}.png"
+        name = f"{image_name(query.text('topic'))}_{image.header.stamp_ns}.png"
         saved = {"Content-Disposition": f'attachment; filename="{name}"'}
         return Answer(data.tobytes(), "image/png", 200, saved)
 
-    def _find(self, question: Question) -> Image:
-        topic, stamp_ns = question.text("topic"), question.whole("stamp")
+    def _find(self, query: Query) -> Image:
+        topic, stamp_ns = query.text("topic"), query.whole("stamp")
         if topic not in self.topics:
-            raise Refusal("there is no such topic of images", 404)
+            raise Refusal("no such image topic", 404)
         if stamp_ns is None:
             found = self._taps.newest(topic, _WAIT_S)
-        elif "near" in question:
+        elif "near" in query:
             found = self._taps.near(topic, stamp_ns)
         else:
             found = self._taps.at(topic, stamp_ns, _WAIT_S)
         if found is None:
-            raise Refusal("no image yet" if stamp_ns is None else "no image of that stamp", 404)
+            raise Refusal(
+                "no image yet" if stamp_ns is None else "no image with that timestamp", 404
+            )
         assert isinstance(found, Image)
         if not found.pixels.size:
             raise Refusal("the image has no pixels", 404)
@@ -111,7 +104,7 @@ def _describe(image: Image) -> dict[str, str]:
 
 
 def _plain(image: Image) -> Pixels:
-    """Gray, BGR or BGRA, as OpenCV writes it."""
+    """The pixels for OpenCV: gray, BGR or BGRA."""
     pixels = image.pixels
     if pixels.ndim == 2:
         return pixels

@@ -1,4 +1,4 @@
-"""Topics that browsers ask for by question and answer: subscribed to while they ask."""
+"""Topics that browsers query: subscribed to while they do."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ros_visualise.runtime.topics import Subscription
 _IDLE_S = 5.0
 _STEP_S = 0.02
 _KEPT_BYTES = 192 << 20
-"""Of the messages of one topic that are kept, the newest one apart."""
+"""Maximum bytes of one topic's kept messages, beside the newest one."""
 
 
 class Tap:
-    """The last messages of one topic; it may be called from any thread."""
+    """The last messages of one topic; safe to call from any thread."""
 
     def __init__(self, subscription: Subscription, depth: int, now_s: float) -> None:
         self._subscription = subscription
@@ -27,7 +27,7 @@ class Tap:
         self.used_s = now_s
 
     def messages(self) -> list[Any]:
-        """Those that are there, the newest last."""
+        """The kept messages, the newest last."""
         with self._lock:
             while (message := self._subscription.take(0)) is not None:
                 self._kept.append(message)
@@ -36,18 +36,12 @@ class Tap:
             return list(self._kept)
 
     def close(self) -> None:
-        """Ask for no more."""
+        """Unsubscribe."""
         self._subscription.close()
 
 
 class Taps:
-    """The topics that were asked for lately.
-
-    Args:
-        runtime: what runs.
-        depth: how many messages of each are kept.
-        clock: seconds.
-    """
+    """The topics with recent queries; of each, ``depth`` messages are kept."""
 
     def __init__(
         self, runtime: Runtime, depth: int, clock: Callable[[], float] = time.monotonic
@@ -73,14 +67,14 @@ class Taps:
         return min(messages, key=lambda one: abs(_stamp_ns(one) - stamp_ns), default=None)
 
     def rest(self, all_of_them: bool = False) -> None:
-        """Let go of those that nobody asked for lately."""
+        """Unsubscribe from topics without recent queries."""
         with self._lock:
             for topic, tap in list(self._taps.items()):
                 if all_of_them or self._clock() - tap.used_s > _IDLE_S:
                     self._taps.pop(topic).close()
 
     def _wait(self, topic: str, until: Callable[[list[Any]], bool], wait_s: float) -> list[Any]:
-        """What is there of a topic, as soon as that will do, or when the time is over."""
+        """The messages of a topic, as soon as ``until`` holds or the time is over."""
         end_s = self._clock() + wait_s
         while not until(messages := self._tap(topic).messages()) and self._clock() < end_s:
             time.sleep(_STEP_S)

@@ -1,4 +1,4 @@
-"""Any message as values that JSON has: a tree of its fields, or its numbers by name."""
+"""Any message as JSON: the tree of its fields, or its numbers by name."""
 
 from __future__ import annotations
 

@@ -19,14 +19,10 @@ _PATIENCE_S, _LOOK_S, _CLOSE_S = 30.0, 0.2, 0.5
 
 
 class Browser:
-    """Opens an address that nobody else on this machine is to know.
+    """Opens a secret address.
 
-    Every account reads the command lines of programs. So the browser is given a file that leads
-    there, and that only its owner may read.
-
-    Args:
-        url: the address.
-        has_come: whether a browser shows it.
+    Every account can read the command lines of programs. So the browser is given a file that
+    forwards it to the address, and that only its owner may read.
     """
 
     def __init__(self, url: str, has_come: Callable[[], bool]) -> None:
@@ -35,11 +31,11 @@ class Browser:
         self._opening: threading.Thread | None = None
 
     def open(self) -> None:
-        """Open it, from a thread of its own: that may take long."""
+        """Open it, on a thread of its own: that may take long."""
         self._opening = supervision.start("browser", self._open)
 
     def close(self) -> None:
-        """Leave no file."""
+        """Remove the file."""
         self._ended.set()
         if self._opening is not None:
             self._opening.join(_CLOSE_S)
@@ -49,10 +45,10 @@ class Browser:
             path = Path(folder, "page.html")
             path.write_text(_FORWARD.format(escape(self._url)))
             if not (webbrowser.open(path.as_uri()) and self._wait()):
-                print_status("no browser has opened the page: open its address in one")
+                print_status("no browser opened; open the address above")
 
     def _wait(self) -> bool:
-        """Whether a browser came, or nobody waits for one any more."""
+        """True if a browser came, or the program ends."""
         for _ in range(int(_PATIENCE_S / _LOOK_S)):
             if self._has_come() or self._ended.wait(_LOOK_S):
                 return True

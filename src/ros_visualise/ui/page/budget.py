@@ -1,4 +1,4 @@
-"""How much may be on its way to browsers at once."""
+"""Limits on answers that are on their way to browsers."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ros_visualise.ui.look.answers import Refusal
 
 
 class Client(NamedTuple):
-    """Who asks: an address, by the read-only token or not."""
+    """The sender of a query: its address, and whether it is read-only."""
 
     address: str
     is_viewer: bool = False
 
 
 class Share(NamedTuple):
-    """The most answers at once, and the most bytes of them."""
+    """Maximum number of answers at once, and of their bytes."""
 
     answers: int
     size: int
@@ -28,13 +28,9 @@ EACH, VIEWERS, ALL = Share(16, 128 << 20), Share(16, 256 << 20), Share(64, 384 <
 
 
 class Budget:
-    """Counts the answers that are made or sent, of each client and of all.
+    """Counts the answers in progress, of each client, of all read-only ones, and of all.
 
-    All who only look share a part of it. An answer that is larger than a share is sent where there
-    is no other one. Calls come from the server's loop.
-
-    Args:
-        each, viewers, of_all: the most of each client, of all who only look, and of all.
+    An answer that is larger than a share is sent alone. Calls come from the server's loop.
     """
 
     def __init__(self, each: Share = EACH, viewers: Share = VIEWERS, of_all: Share = ALL) -> None:
@@ -44,10 +40,10 @@ class Budget:
 
     @contextmanager
     def answer(self, client: Client) -> Iterator[Callable[[int], None]]:
-        """Within this, an answer is made and sent; call what it gives with its size, in bytes.
+        """Count an answer while it is made and sent; call the result with its size in bytes.
 
         Raises:
-            Refusal: too many answers, or too many bytes, are on their way; also by that call.
+            Refusal: too many answers, or too many bytes, are in progress; also by that call.
         """
         shares = self._shares(client)
         if any(
@@ -80,4 +76,4 @@ class Budget:
 
 
 def _busy() -> Refusal:
-    return Refusal("busy: earlier answers have not arrived yet; try again", 503)
+    return Refusal("busy: earlier answers are still being sent; try again", 503)

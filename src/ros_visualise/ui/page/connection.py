@@ -24,7 +24,7 @@ from websockets.protocol import CONNECTING
 
 from ros_visualise.ui.look.answers import Answer, Refusal
 from ros_visualise.ui.page.budget import Client
-from ros_visualise.ui.page.gate import MOST_SAID, Gate, fetch_of
+from ros_visualise.ui.page.gate import MOST_REPORTED, Gate, fetch_of
 from ros_visualise.ui.page.inbound import MAX_BYTES
 from ros_visualise.ui.page.scripts import complete
 from ros_visualise.ui.page.sending import Stalled, send
@@ -35,15 +35,15 @@ _Static = Callable[[ServerConnection, Request], Response | None]
 _TURNS_TO_ACCEPT = 5
 _SEND_BYTES = 128 << 10  # 20 Mbit/s where the way there and back takes 50 ms
 _REQUEST_S = 10.0
-"""So long somebody who connects may take to ask for something."""
+"""Time limit for a connection to send its request."""
 _MOST_SILENT = 100
-"""At most so many are let in that ask for nothing; one more ends the oldest."""
+"""Maximum number of connections without a request; one more ends the oldest."""
 _one_at_a_time = Lock()
 
 
 @contextmanager
 def guarded_by(gate: Gate) -> Iterator[None]:
-    """Every websockets server made meanwhile has connections that go through this gate."""
+    """Lead the connections of every websockets server made meanwhile through this gate."""
     make = websockets.asyncio.server.serve
 
     def serve(handler: Any, *args: Any, **settings: Any) -> Any:
@@ -73,19 +73,19 @@ def guarded_by(gate: Gate) -> Iterator[None]:
 
 
 def viewers(server: viser.ViserServer) -> set[int]:
-    """The numbers of the browsers that came in by the read-only address."""
+    """The numbers of the read-only browsers."""
     there = list(server._websock_server._live_connections.items())
     return {number for number, one in there if isinstance(one, _Connection) and one.is_viewer}
 
 
 class _Serve(websockets.asyncio.server.serve):
-    """A server that forgets nobody as it ends."""
+    """A server that closes all connections as it ends."""
 
     async def __aexit__(self, *raised: Any) -> None:
-        """Accept nobody more, and close it when it knows all whom it accepted.
+        """Stop accepting, and close once all accepted connections are known.
 
-        It learns of a connection some turns of the loop later. One that comes just before the end
-        would stay open. Answers on their way end.
+        The server learns of a connection some turns of the loop later: one that came just before
+        the end would stay open.
         """
         loop = asyncio.get_running_loop()
         for listening in self.server.sockets:
@@ -100,14 +100,9 @@ class _Serve(websockets.asyncio.server.serve):
 
 
 class _Connection(ServerConnection):
-    """One browser's connection.
+    """One browser's connection, read-only where ``is_viewer``.
 
-    Args:
-        gate: what it has to pass.
-        silent: those that have asked for nothing yet, the oldest first.
-
-    Attributes:
-        is_viewer: whether it came by the read-only address.
+    ``silent`` holds the connections without a request yet, the oldest first.
     """
 
     def __init__(
@@ -116,16 +111,16 @@ class _Connection(ServerConnection):
         super().__init__(*args, **settings)
         self.is_viewer = False
         self._gate, self._silent = gate, silent
-        self._said = 0
+        self._reported = 0
 
     @property
     def query(self) -> str:
-        """What the address that was asked for has after the ``?``."""
+        """The query of the requested address."""
         assert self.request is not None
         return self.request.path.partition("?")[2]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Let little wait for a slow browser: what waits in the system's buffer gets old."""
+        """Keep the system's buffer small: what waits for a slow browser gets old."""
         there = transport.get_extra_info("socket")
         there.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
         super().connection_made(transport)
@@ -136,7 +131,6 @@ class _Connection(ServerConnection):
             oldest.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it."""
         self._silent.pop(self, None)
         super().connection_lost(exc)
 
@@ -146,9 +140,9 @@ class _Connection(ServerConnection):
         process_response: Any = None,
         server_header: str | None = None,
     ) -> None:
-        """Let a browser's connection in, or answer its request: then it ends here.
+        """Accept a WebSocket, or answer the request and end.
 
-        The library would hold a whole answer for each browser, and give it up after ten seconds.
+        The library would hold a whole answer for each browser, and drop it after ten seconds.
         """
         asking = [self.request_rcvd, self.connection_lost_waiter]
         await asyncio.wait(asking, timeout=_REQUEST_S, return_when=asyncio.FIRST_COMPLETED)
@@ -168,27 +162,27 @@ class _Connection(ServerConnection):
             await self._answer(self.request, process_request)
 
     async def receive(self) -> str | bytes:
-        """The next message, whatever it is."""
+        """The next message, unchecked."""
         return await super().recv()
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The next message that passes."""
+        """The next message that passes the gate."""
         while True:
             data = await super().recv(decode)
             reason = self._gate.refuse_message(data, self.is_viewer)
             if reason is None:
                 return data
-            if reason and self._said < MOST_SAID:
-                self._said += 1
-                log.warning("the page: %s", reason)
+            if reason and self._reported < MOST_REPORTED:
+                self._reported += 1
+                log.warning("page: %s", reason)
 
     def _enter(self, request: Request) -> None:
-        door = self._gate.door
-        self.is_viewer = door.is_viewer(request.path)
-        request.path = door.inside(request.path)
+        rules = self._gate.rules
+        self.is_viewer = rules.is_viewer(request.path)
+        request.path = rules.inside(request.path)
 
     async def _answer(self, request: Request, static: _Static) -> None:
-        """Answer a question, or else with what viser has."""
+        """Answer a query, or else with viser's files."""
         try:
             with self._gate.budget.answer(self._client) as hold:
                 answer = await self._own(request)
@@ -207,10 +201,10 @@ class _Connection(ServerConnection):
         return await self._gate.answer(query, request.headers, self.is_viewer)
 
     def _static(self, request: Request, static: _Static) -> Answer:
-        """What viser answers; browsers share it in memory."""
+        """The answer of viser; browsers share it in memory."""
         found = static(self, request)
         assert found is not None  # for it is no WebSocket
-        is_foreign = self._gate.door.is_foreign(fetch_of(request))
+        is_foreign = self._gate.rules.is_foreign(fetch_of(request))
         found = complete(found, self._gate.title, is_foreign, self.is_viewer)
         kept = {"Content-Encoding": found.headers.get("Content-Encoding", "identity")}
         kind = found.headers.get("Content-Type", "text/plain")
@@ -222,7 +216,7 @@ class _Connection(ServerConnection):
         except Stalled as stalled:
             self.transport.abort()
             if str(stalled):
-                self._gate.say_once(f"the page: {stalled}")
+                self._gate.report_once(f"page: {stalled}")
 
     @property
     def _client(self) -> Client:
@@ -231,8 +225,8 @@ class _Connection(ServerConnection):
 
     @property
     def _headers(self) -> Headers:
-        """Headers by which no other site can embed this one, or learn of it."""
-        allowed = " ".join(["'self'", *sorted(self._gate.door.origins)])
+        """Headers by which no other site can embed or read this one."""
+        allowed = " ".join(["'self'", *sorted(self._gate.rules.origins)])
         return Headers(
             {
                 "Content-Security-Policy": f"frame-ancestors {allowed}",

@@ -12,19 +12,23 @@ import viser
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, Spec, Value
-from ros_visualise.ui.page.elements import widen
+from ros_visualise.ui.page.inbound import widen
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.steps import step_of
+from ros_visualise.ui.trackbars import step_of
 
+_ABBREVIATIONS = {
+    word.lower(): word
+    for word in ("CLAHE", "FPS", "GPS", "HSV", "IMU", "L2", "ROI", "TF", "URI", "URL", "Wi-Fi")
+}
 _STEPS = 200
-"""A slider over a range of floats has about so many steps."""
+"""Approximate number of steps of a slider for floats."""
 
 
 class Controls:
     """The elements for one node's parameters.
 
-    A change in a browser sets the parameter. A change elsewhere, or a refusal, sets the element in
-    all browsers. Elements wait for the switch without which they change nothing.
+    A change in a browser sets the parameter. A change elsewhere, or a rejection, sets the element
+    in all browsers. Elements without an effect at present are disabled.
     """
 
     def __init__(
@@ -68,7 +72,7 @@ class Controls:
         self._worker.post(("use", self._node), self._show_use)
 
     def _show_use(self) -> None:
-        """What changes nothing beside the other values cannot be moved."""
+        """Disable the elements that have no effect beside the present values."""
         for name, element in self._elements.items():
             element.disabled = not self._used[name](self._parameters.current)
 
@@ -87,7 +91,7 @@ class Controls:
 
 def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHandle[Any]:
     """The element that fits one parameter, in the present container."""
-    label = spec.label or spec.name.replace("_", " ")
+    label = sentence(spec.label or spec.name)
     if spec.choices:
         return gui.add_dropdown(label, spec.choices, initial_value=value, hint=spec.help)
     if spec.type is bool:
@@ -97,16 +101,22 @@ def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHand
     return _add_number(gui, spec, label, value)
 
 
+def sentence(name: str) -> str:
+    """The label for a name such as ``max_poses``: Max poses."""
+    words = [_ABBREVIATIONS.get(word, word) for word in name.replace("_", " ").split(" ")]
+    text = " ".join(words)
+    return text if len(text) == 1 else text[:1].upper() + text[1:]
+
+
 def shown(value: Value) -> Any:
     """A parameter's value as an element shows it; of an Enum its text."""
     return str(value.value) if isinstance(value, Enum) else value
 
 
 def soon(gui: viser.GuiApi, action: Callable[[], object]) -> None:
-    """Do this on the thread that takes in what browsers send, so that nothing comes between.
+    """Do this on the thread that receives browsers' messages, so that none comes between.
 
-    What looks whether a person is ahead, and else sets an element, would otherwise now and then
-    take the place of a value that has just come.
+    Otherwise an element could be set in spite of a value that a person has just sent.
     """
     with suppress(RuntimeError):  # the page was closed
         gui._event_loop.call_soon_threadsafe(action)

@@ -1,4 +1,4 @@
-"""Files that come and go through the page: opened, uploaded, recorded and downloaded."""
+"""PageFiles that come and go through the page: opened, uploaded, recorded and downloaded."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from urllib.parse import quote
 import viser
 
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.ui.look.answers import Answer, Question, Refusal
+from ros_visualise.ui.file_chooser import SUFFIXES, FileChooser
+from ros_visualise.ui.look.answers import Answer, Query, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.gate import Receive
 from ros_visualise.ui.page.pool import Pool
 from ros_visualise.ui.page.uploads import MAX_GIB, Uploads
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.page.zipped import ZippedFolder
-from ros_visualise.ui.shelf import SUFFIXES, Shelf
 
-FOLDER = "open"
+FOLDER = "Open"
 _PIECE_BYTES = 8 << 20
-_NONE = "choose a file"
+_NONE = "Choose a file"
 
 
-class Files:
-    """What a page knows of files, whatever it shows.
+class PageFiles:
+    """The files of a page, from one graph to the next.
 
     Args:
-        folder: the only one in which it records, and to which uploads go.
-        shelf: what may be opened; None: nothing, and nothing is uploaded.
+        folder: the only one for recordings and uploads.
+        chooser: the files that may be opened; None: none, and no uploads.
     """
 
-    def __init__(self, folder: Path, shelf: Shelf | None = None) -> None:
-        self.folder, self.shelf = folder, shelf
-        self.uploads = None if shelf is None else Uploads(folder, shelf.ask)
+    def __init__(self, folder: Path, chooser: FileChooser | None = None) -> None:
+        self.folder, self.chooser = folder, chooser
+        self.uploads = None if chooser is None else Uploads(folder, chooser.ask)
         self._recorded: dict[str, Path] = {}
         self._zipped: dict[Path, ZippedFolder] = {}
         self._zipping = Lock()
@@ -43,30 +43,26 @@ class Files:
 
     @property
     def title(self) -> str:
-        """What is shown, where that is one of the files."""
-        current = None if self.shelf is None else self.shelf.current
+        """The title of the page while it shows a file."""
+        current = None if self.chooser is None else self.chooser.current
         return "" if current is None else f"{current.name} - ros_visualise"
 
     def recorded(self, path: Path) -> None:
-        """Offer what was recorded for download: a file, or a folder as a ZIP file."""
+        """Offer a recording for download: a file, or a folder as a ZIP file."""
         if path.exists():
             self._recorded[f"{path.name}.zip" if path.is_dir() else path.name] = path
 
     @property
     def links(self) -> str:
-        """Links to all that were recorded, as HTML."""
+        """Links to all recordings, as HTML."""
         return ", ".join(
             f'<a href="#" data-download="{escape(quote(name))}">{escape(name)}</a>'
             for name in self._recorded
         )
 
-    async def answer(self, question: Question) -> Answer:
-        """A piece of what was recorded.
-
-        Raises:
-            Refusal: there is no such recording.
-        """
-        return await self._downloads.do(partial(self._read, question))
+    async def answer(self, query: Query) -> Answer:
+        """A piece of a recording; raises Refusal for an unknown name."""
+        return await self._downloads.do(partial(self._read, query))
 
     def close(self) -> None:
         """End the threads."""
@@ -74,32 +70,32 @@ class Files:
         if self.uploads is not None:
             self.uploads.close()
 
-    def _read(self, question: Question) -> Answer:
-        path = self._recorded.get(question.text("name"))
+    def _read(self, query: Query) -> Answer:
+        path = self._recorded.get(query.text("name"))
         try:
             if path is None:
                 raise FileNotFoundError
-            start = max(question.whole("from") or 0, 0)
+            start = max(query.whole("from") or 0, 0)
             body, size = self._read_folder(path, start) if path.is_dir() else _read(path, start)
         except OSError:
-            raise Refusal("there is no such recording", 404) from None
+            raise Refusal("no such recording", 404) from None
         return Answer(body, "application/octet-stream", headers={"X-Size": str(size)})
 
     def _read_folder(self, path: Path, start: int) -> tuple[bytes, int]:
         with self._zipping:
-            if start == 0 or path not in self._zipped:  # which reads all its files once
+            if start == 0 or path not in self._zipped:  # reads all its files once
                 self._zipped[path] = ZippedFolder(path)
             zipped = self._zipped[path]
         return zipped.read(start, _PIECE_BYTES), zipped.size
 
-    async def receive(self, question: Question, receive: Receive) -> None:
-        """Take in an upload."""
+    async def receive(self, query: Query, receive: Receive) -> None:
+        """Receive an upload."""
         if self.uploads is not None:
-            await self.uploads.take(question, receive)
+            await self.uploads.take(query, receive)
 
 
 def _read(path: Path, start: int) -> tuple[bytes, int]:
-    """A piece of a file, and the size of all of it."""
+    """A piece of a file, and the file's size."""
     with open_file(path) as file:
         size = file.seek(0, 2)
         file.seek(min(start, size))
@@ -107,19 +103,19 @@ def _read(path: Path, start: int) -> tuple[bytes, int]:
 
 
 class Opener:
-    """The choice of a file, and where one can be dropped, in a folder of its own."""
+    """A folder to choose or upload a file to open."""
 
-    def __init__(self, gui: viser.GuiApi, files: Files, worker: Worker) -> None:
-        assert files.shelf is not None
+    def __init__(self, gui: viser.GuiApi, files: PageFiles, worker: Worker) -> None:
+        assert files.chooser is not None
         assert files.uploads is not None
-        self._files, self._shelf, self._uploads = files, files.shelf, files.uploads
+        self._files, self._chooser, self._uploads = files, files.chooser, files.uploads
         with gui.add_folder(FOLDER, expand_by_default=False):
-            self._choice = gui.add_dropdown("source", self._names(), initial_value=_NONE)
+            self._choice = gui.add_dropdown("Source", self._names(), initial_value=_NONE)
             self._choice.on_update(worker.listener("source", self._ask))
             self._note = gui.add_html(self._describe())
 
     def refresh(self) -> None:
-        """Show what there is now."""
+        """Show the present files."""
         if self._names() != self._choice.options:
             self._choice.options = self._names()
         if self._note.content != self._describe():
@@ -128,16 +124,16 @@ class Opener:
     def _ask(self, name: str) -> None:
         if name != _NONE:
             set_value(self._choice, _NONE)
-            self._shelf.ask(self._shelf.files().get(name, Path(name)))
+            self._chooser.ask(self._chooser.files().get(name, Path(name)))
 
     def _names(self) -> tuple[str, ...]:
-        return _NONE, *self._shelf.files()
+        return _NONE, *self._chooser.files()
 
     def _describe(self) -> str:
         title = escape(self._files.title)
-        text = self._uploads.state or f"to {self._uploads.folder.absolute()}, {MAX_GIB} GiB at most"
+        text = self._uploads.state or f"up to {MAX_GIB} GiB, into {self._uploads.folder.absolute()}"
         return (
-            '<div class="rv-note"><label class="rv-upload">upload a file<input type="file" hidden '
+            '<div class="rv-note"><label class="rv-upload">Upload a file<input type="file" hidden '
             f'multiple accept="{",".join(SUFFIXES)}" data-upload data-title="{title}">'
-            f"</label> or drop it on the page: {escape(text)}</div>"
+            f"</label> or drop it here: {escape(text)}</div>"
         )

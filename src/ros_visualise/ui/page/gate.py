@@ -12,72 +12,69 @@ from viser._messages import GuiUpdateMessage
 from websockets.http11 import Request
 
 from ros_visualise.core import supervision
-from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, Query, Refusal, as_json
+from ros_visualise.ui.page.access import AccessRules, Fetch
 from ros_visualise.ui.page.budget import Budget
-from ros_visualise.ui.page.door import Door, Fetch
-from ros_visualise.ui.page.elements import refusal
-from ros_visualise.ui.page.inbound import Camera, Update, understand
+from ros_visualise.ui.page.inbound import CameraMessage, UpdateMessage, refusal, understand
 
 log = logging.getLogger(__name__)
 
 Receive = Callable[[], Awaitable[str | bytes]]
 """Gives the next message of a connection, or raises where it has ended."""
-Answers = Callable[[Question, bool], Awaitable[Answer | None]]
-Receiver = Callable[[Question, Receive], Awaitable[None]]
+Answers = Callable[[Query, bool], Awaitable[Answer | None]]
+Receiver = Callable[[Query, Receive], Awaitable[None]]
 UPLOAD = "upload"
-"""What queries of connections hold that are not viser's."""
-MOST_SAID = 5
-"""At most so many refused requests are logged, and refused messages of each browser."""
+"""The parameter of queries whose connections are not viser's."""
+MOST_REPORTED = 5
+"""Maximum number of logged rejections, of requests, and of each browser's messages."""
 _LONGEST_PATH = 250  # of a name that file systems take
 _MOST_VIEWERS = 50
 
 
 class Gate:
-    """Checks requests by a door, and messages by the values that the page's elements may have.
+    """Checks requests by the access rules, and messages by the values that elements may have.
 
     Args:
-        door: decides which requests are answered.
+        rules: decides which requests are answered.
         title: of the page.
-        answer: gives the answers that are not viser's: called with a question, and whether it comes
-            by the read-only address. None: that is viser's to answer.
+        answer: answers a query, given whether it is read-only; None leaves it to viser.
         receive: takes connections that are not viser's.
 
     Attributes:
-        budget: of the answers that are on their way.
         gui: the elements of the page; None until there are any.
-        is_used: whether a server has its connections from here.
-        viewers: how many browsers are connected by the read-only address.
+        is_used: True once a server has its connections from here.
+        viewers: number of read-only browsers.
     """
 
     def __init__(
-        self, door: Door, title: str, answer: Answers, receive: Receiver | None = None
+        self, rules: AccessRules, title: str, answer: Answers, receive: Receiver | None = None
     ) -> None:
-        self.door, self.title, self._answers, self._receive = door, title, answer, receive
+        self.rules, self.title, self._answers, self._receive = rules, title, answer, receive
         self.budget = Budget()
         self.gui: viser.GuiApi | None = None
         self.is_used = False
         self.viewers = 0
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
 
     def refuse(self, request: Request) -> Answer | None:
-        """The answer to a request that may not come in; None if it may."""
+        """The answer to a rejected request; None if it is allowed."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or len(origins) > 1:
-            reason = "a request has to name one host, and at most one site that it comes from"
+            reason = "a request needs one Host and at most one Origin header"
         else:
             origin = next(iter(origins), None)
-            reason = self.door.refusal(request.path, hosts[0], origin, fetch_of(request))
+            reason = self.rules.refusal(request.path, hosts[0], origin, fetch_of(request))
         if reason:
-            self.say_once(f"the page refused a request: {reason}")
+            self.report_once(f"page: request rejected: {reason}")
             return _plain(HTTPStatus.FORBIDDEN, f"ros-visualise: {reason}\n")
-        if len(self.door.inside(request.path).partition("?")[0]) > _LONGEST_PATH:
+        if len(self.rules.inside(request.path).partition("?")[0]) > _LONGEST_PATH:
             return _plain(HTTPStatus.REQUEST_URI_TOO_LONG, "no such page\n")
         return None
 
     def refuse_connection(self, query: str, is_viewer: bool) -> Answer | None:
-        """The answer to a connection that may not come in; None if it may."""
+        """The answer to a rejected connection; None if it is allowed."""
         try:
-            if UPLOAD in Question(query) and is_viewer:
+            if UPLOAD in Query(query) and is_viewer:
                 raise Refusal(READ_ONLY, 403)
             if is_viewer and self.viewers >= _MOST_VIEWERS:
                 raise Refusal(f"busy: {self.viewers} browsers are connected; try again later", 503)
@@ -86,14 +83,14 @@ class Gate:
         return None
 
     def refuse_message(self, data: str | bytes, is_viewer: bool) -> str | None:
-        """Why a message is dropped, or empty to drop it silently; None if it is allowed."""
+        """The reason to drop a message, or empty to drop it silently; None if it is allowed."""
         message = understand(data)
         if message is None:
             return ""
-        if is_viewer and not isinstance(message, Camera):
-            self.say_once(f"the page: a viewer tried to change something: {READ_ONLY}")
+        if is_viewer and not isinstance(message, CameraMessage):
+            self.report_once(f"page: change by a viewer rejected: {READ_ONLY}")
             return ""
-        if not isinstance(message, Update):
+        if not isinstance(message, UpdateMessage):
             return None
         there = {} if self.gui is None else self.gui._gui_input_handle_from_uuid
         element = there.get(message.uuid)
@@ -106,42 +103,42 @@ class Gate:
         return f"{getattr(element, 'label', '')}: {reason}"
 
     def _show_again(self, uuid: str, element: Any) -> None:
-        """Set the element in browsers back to its value, after one of them tried another."""
+        """Restore an element in browsers, after one of them tried another value."""
         if not isinstance(element, viser.GuiButtonHandle | viser.GuiButtonGroupHandle):
             assert self.gui is not None
             message = GuiUpdateMessage(uuid, {"value": element.value})
             self.gui._websock_interface.queue_message(message)
 
     async def answer(self, query: str, headers: Any, is_viewer: bool) -> Answer | None:
-        """The answer to an allowed request; None where it is viser's to answer."""
+        """The answer to an allowed request; None leaves it to viser."""
         try:
-            question = Question(query)
-            if "ask" in question and headers.get_all(HEADER) != ["1"]:
-                raise Refusal("only pages of this server may ask", 403)
-            return await self._answers(question, is_viewer)
+            asked = Query(query)
+            if "ask" in asked and headers.get_all(HEADER) != ["1"]:
+                raise Refusal("only pages of this server may send queries", 403)
+            return await self._answers(asked, is_viewer)
         except Refusal as refused:
             return refused.answer
         except supervision.ERRORS as error:
             supervision.note("the page", error)
-            return as_json({"error": "this failed; the program's log says where"}, 500)
+            return as_json({"error": "internal error; see the program's log"}, 500)
 
     async def takes(self, query: str, receive: Receive) -> bool:
-        """Whether a connection was ours and not viser's."""
-        question = Question(query)
-        if self._receive is None or UPLOAD not in question:
+        """Take a connection that is not viser's; True if it was one."""
+        asked = Query(query)
+        if self._receive is None or UPLOAD not in asked:
             return False
-        await self._receive(question, receive)
+        await self._receive(asked, receive)
         return True
 
-    def say_once(self, line: str) -> None:
-        """Log a warning, once, and not too many of them."""
-        if line not in self._said and len(self._said) < MOST_SAID:
-            self._said.add(line)
+    def report_once(self, line: str) -> None:
+        """Log a warning once, and only a few in all."""
+        if line not in self._reported and len(self._reported) < MOST_REPORTED:
+            self._reported.add(line)
             log.warning("%s", line)
 
 
 def fetch_of(request: Request) -> Fetch:
-    """What a browser says of why it asks; what it says twice is neither."""
+    """A browser's reason for a request; values sent twice are invalid."""
     names = ("Sec-Fetch-Site", "Sec-Fetch-Mode", "Sec-Fetch-Dest")
     return Fetch(*(", ".join(request.headers.get_all(name)) for name in names))
 

@@ -10,7 +10,7 @@ from ros_visualise.plotting.diagrams import DiagramNode, GraphLayout, Place
 _ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
 _CHARACTER = 6.6
 _HALO = "paint-order:stroke;stroke:var(--mantine-color-body);stroke-width:4px"
-"""Of a topic's name, which arrows to the rows below it may cross."""
+"""The halo of a topic's name, which arrows may cross."""
 _ARROW = (
     '<defs><marker id="rv-tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" '
     'markerHeight="6" orient="auto"><path d="M0 0L8 4L0 8z" fill="#909296"/></marker></defs>'
@@ -20,7 +20,7 @@ _ARROW = (
 def graph_picture(graph: Graph) -> str:
     """An SVG of a graph."""
     if not graph.members:
-        return '<div class="rv-note">nobody is there yet</div>'
+        return '<div class="rv-note">No nodes yet</div>'
     nodes = [
         DiagramNode(node.name, list(node.inputs.values()), list(node.outputs.values()))
         for node in graph.members

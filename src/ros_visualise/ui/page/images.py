@@ -1,4 +1,4 @@
-"""The images on the page, encoded on a thread of their own and only while somebody looks."""
+"""Images on the page, encoded on a thread of their own, only while a browser is connected."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ros_visualise.ui.rounds import Rounds
 log = logging.getLogger(__name__)
 
 SIZE = 720
-"""Pixels of an image's longer side on the page, to start with."""
+"""Initial length of an image's longer side on the page, pixels."""
 _PERIOD_S = 1 / 30
 _JPEG_QUALITY = 85
 
@@ -30,11 +30,13 @@ _JPEG_QUALITY = 85
 class Picture:
     """One image element: shows the newest image of a topic.
 
+    ``topic`` and ``visible`` may be changed from any thread.
+
     Args:
-        rows: how many elements stand above it in its window.
+        rows: number of elements above it in its window.
         overlay: points that are drawn over it.
-        boxes: what was found in the images.
-        picks: what a click chooses a pixel for; empty: a click opens the image whole.
+        boxes: detections that are drawn over it.
+        picks: the node for which a click chooses a pixel; empty: a click inspects the image.
     """
 
     def __init__(
@@ -48,9 +50,7 @@ class Picture:
         picks: str = "",
     ) -> None:
         self.topic = topic
-        """What it shows; may be changed from any thread."""
         self.visible = True
-        """Whether it is on the page at all; may be changed from any thread."""
         self._rows, self._overlay, self._boxes, self._picks = rows, overlay, boxes, picks
         self._feed = Feed(runtime)
         self._image: Image | None = None
@@ -60,11 +60,11 @@ class Picture:
         self._caption = gui.add_html(self._describe())
 
     def refresh(self, size: int, previews: dict[int, Pixels]) -> None:
-        """Show the newest image if there is one, or the last one in a new size.
+        """Show the newest image, or the last one in a new size.
 
         Args:
             size: of the longer side in pixels.
-            previews: id of an image -> its preview, of those made in this round.
+            previews: id of an image -> its preview, of this round.
         """
         if not self.visible:
             self.rest()
@@ -80,16 +80,16 @@ class Picture:
 
     @property
     def aspect(self) -> float | None:
-        """Width over height of the image that is shown; None before the first one."""
+        """Width over height of the image; None before the first one."""
         image = self._image
         return image.width / image.height if image is not None and image.height else None
 
     def pixel_at(self, across: float, down: float) -> tuple[int, int] | None:
-        """(x, y) of the pixel that is seen there: shares of the image's width and height."""
+        """(x, y) of the pixel at shares of the image's width and height."""
         return None if self._image is None else pixel_at(self._image, across, down)
 
     def rest(self) -> None:
-        """Ask for nothing until the next `refresh`."""
+        """Unsubscribe until the next `refresh`."""
         self._feed.follow(None)
         self._overlay.rest()
         self._boxes.rest()
@@ -107,7 +107,7 @@ class Picture:
 
     def _describe(self) -> str:
         image = self._image
-        size = "no image yet" if image is None else f"{image.width} × {image.height}"
+        size = "No image yet" if image is None else f"{image.width} × {image.height}"
         encoding = "" if image is None else image.encoding
         return (
             f'<div class="rv-caption rv-rows-{self._rows}">{self._link()}'
@@ -115,43 +115,39 @@ class Picture:
         )
 
     def _link(self) -> str:
-        """What lies over the picture above: a click opens the image whole, or chooses a pixel."""
+        """The link over the picture: a click inspects the image, or chooses a pixel."""
         image = self._image
         shape = "16 / 9" if image is None else f"{image.width} / {image.height}"
         look = f'href="{escape(link("image", topic=self.topic))}" target="_blank"'
         over = f'class="rv-whole" style="aspect-ratio: {shape}"'
         if self._picks:
-            pick = f'{over} data-pick="{escape(self._picks)}" title="choose a pixel"'
-            return f"<i {pick}></i><a {look}>look closely</a> "
-        return f'<a {over} {look} title="look closely"></a>'
+            pick = f'{over} data-pick="{escape(self._picks)}" title="Choose a pixel"'
+            return f"<i {pick}></i><a {look}>Inspect</a> "
+        return f'<a {over} {look} title="Inspect"></a>'
 
 
 class ImageThread:
-    """Keeps pictures fresh, 30 times a second where there is time for it.
+    """Refreshes pictures up to 30 times a second, while ``is_watched``.
 
-    Args:
-        pictures: the pictures.
-        is_watched: whether anybody looks at the page.
-        in_haste: whether the graph runs as fast as possible, so that work here slows it.
+    ``unthrottled`` is True while the graph runs as fast as possible, and work here slows it.
     """
 
     def __init__(
         self,
         pictures: Sequence[Picture],
         is_watched: Callable[[], bool],
-        in_haste: Callable[[], bool],
+        unthrottled: Callable[[], bool],
     ) -> None:
         self.size = SIZE
         self._pictures, self._is_watched = pictures, is_watched
-        self._said: set[str] = set()  # topics of which it was said what is wrong
-        self._rounds = Rounds("images", self._do_round, self._rest, _PERIOD_S, in_haste)
+        self._reported: set[str] = set()  # topics with a reported problem
+        self._rounds = Rounds("images", self._do_round, self._rest, _PERIOD_S, unthrottled)
 
     def start(self) -> None:
-        """Begin."""
         self._rounds.start()
 
     def show(self, pictures: Sequence[Picture]) -> None:
-        """Keep these pictures fresh from now on, and no others."""
+        """Refresh these pictures and no others."""
         with self._rounds.at_work:
             for picture in self._pictures:
                 if picture not in pictures:
@@ -159,7 +155,7 @@ class ImageThread:
             self._pictures = pictures
 
     def close(self, timeout_s: float) -> None:
-        """End after the round that is under way."""
+        """End after the present round."""
         self._rounds.close(timeout_s)
 
     def _rest(self) -> None:
@@ -174,10 +170,12 @@ class ImageThread:
         for picture in self._pictures:
             try:
                 picture.refresh(self.size, previews)
-            except Exception as error:  # whatever an image holds, the next one is shown
-                self._say(picture.topic, error)
+            except Exception as error:  # a damaged image does not stop the next one
+                self._report(picture.topic, error)
 
-    def _say(self, topic: str, error: Exception) -> None:
-        if topic not in self._said:
-            self._said.add(topic)
-            log.warning("%s is not shown: %s (said once)", topic, error, exc_info=error)
+    def _report(self, topic: str, error: Exception) -> None:
+        if topic not in self._reported:
+            self._reported.add(topic)
+            log.warning(
+                "%s not shown: %s (further occurrences suppressed)", topic, error, exc_info=error
+            )

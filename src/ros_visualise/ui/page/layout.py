@@ -1,4 +1,4 @@
-"""Which windows the page shows, and where."""
+"""The windows of the page: a switch for each, and their places."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _WIDE = 2.0  # width over height of images, from which they need a column that i
 
 
 class Room(NamedTuple):
-    """What the room of the page is for.
+    """The use of the page's room.
 
     Attributes:
-        scene: the middle belongs to the scene, and windows make two columns; else they fill the
-            page in two rows.
-        track: that scene shows no more than a track, and leaves more room to the windows.
-        wide: beside a scene, one column that is twice as wide takes the place of two.
+        scene: the middle belongs to the scene, and windows form two columns; otherwise they fill
+            the page in two rows.
+        track: the scene shows only a track, and leaves more room to the windows.
+        wide: beside a scene, one column of double width replaces two.
     """
 
     scene: bool = False
@@ -39,10 +39,7 @@ class Room(NamedTuple):
 def rearrange(
     gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], room: Room
 ) -> None:
-    """Show only these windows.
-
-    All are removed first, as browsers place a window that comes back as on loading.
-    """
+    """Show only these windows; all are hidden first, so that browsers place them anew."""
     for window in windows:
         window.visible = False
     time.sleep(_TAKEN_AWAY_S)
@@ -52,15 +49,9 @@ def rearrange(
 def arrange(
     gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], room: Room
 ) -> None:
-    """Place the windows beside the main panel, however wide the browser is.
+    """Place the chosen windows beside the main panel, whatever the browser's width.
 
     Docked windows share the browser's width and height; a person may drag them anywhere.
-
-    Args:
-        gui: the page.
-        windows: all.
-        chosen: those that are shown.
-        room: what else is there.
     """
     gui.main_panel.dock_left()
     panels = [window.panel for window in chosen]
@@ -93,11 +84,10 @@ def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> Non
         panels[-1].set_width(width)  # of all columns together, when they are placed
 
 
-class Choice:
+class WindowSwitches:
     """A switch for each window, in a folder.
 
-    Those added are on but where they are put aside; beside a scene, where there is less room, those
-    with images or texts are, if any.
+    New ones are on unless put aside; beside a scene, only those with images or texts, if any.
     """
 
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
@@ -107,13 +97,7 @@ class Choice:
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
 
     def follow(self, windows: Sequence[Window], scene: bool, track: bool = False) -> None:
-        """Offer these windows from now on.
-
-        Args:
-            windows: all.
-            scene: whether the middle of the page belongs to the scene.
-            track: whether that shows no more than a track.
-        """
+        """Offer these windows; for ``scene`` and ``track`` see `Room`."""
         self._windows = windows
         self._room = self._room._replace(scene=scene, track=track)
         names = [window.name for window in windows]
@@ -134,7 +118,7 @@ class Choice:
         return [window for window in self._windows if self._switches[window.name].value]
 
     def refresh(self) -> None:
-        """Make room for images that are wide, as soon as it is known that they are."""
+        """Make room for wide images, as soon as the first ones arrive."""
         aspects = [window.picture.aspect for window in self._windows if window.picture]
         known = [aspect for aspect in aspects if aspect is not None]
         wide = self._room.scene and bool(known) and min(known) > _WIDE
@@ -143,7 +127,7 @@ class Choice:
             self.show()
 
     def begin(self) -> None:
-        """Show the chosen windows of a page that is new."""
+        """Show the chosen windows of a new page."""
         arrange(self._gui, self._windows, self.chosen, self._room)
 
     def show(self) -> None:

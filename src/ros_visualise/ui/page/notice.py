@@ -1,4 +1,4 @@
-"""Lines on the page, each for a while: why something was refused, and warnings."""
+"""Lines that appear on the page for a while: rejections and warnings."""
 
 from __future__ import annotations
 
@@ -15,12 +15,7 @@ _MOST = 4
 
 
 class Notice:
-    """The newest lines; they may be said from any thread.
-
-    Args:
-        gui: of the page.
-        clock: seconds.
-    """
+    """The newest lines; safe to call from any thread."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         self._element = gui.add_html("", visible=False)
@@ -29,7 +24,7 @@ class Notice:
         self._lock = threading.Lock()
 
     def say(self, message: str) -> None:
-        """Show this from the next `refresh` on, for a while."""
+        """Show a line from the next `refresh` on."""
         with self._lock:
             self._until_s.pop(message, None)
             self._until_s[message] = self._clock() + _SHOWN_S
@@ -37,7 +32,7 @@ class Notice:
                 del self._until_s[oldest]
 
     def refresh(self) -> None:
-        """Show what was said since, and remove what was shown long enough."""
+        """Show new lines and remove old ones."""
         with self._lock:
             now_s = self._clock()
             self._until_s = {line: end for line, end in self._until_s.items() if end > now_s}

@@ -22,9 +22,9 @@ _DOT = 500  # an image of so many pixels' width has dots one pixel larger
 
 
 class Overlay:
-    """The newest cloud of a topic, over images of a camera whose calibration is known.
+    """The newest cloud of a topic, over images of a calibrated camera.
 
-    ``topic`` is that of the clouds, or None for nothing; it may be changed from any thread.
+    ``topic`` is that of the clouds, or None; it may be changed from any thread.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
@@ -34,7 +34,7 @@ class Overlay:
         self._cloud: PointCloud | None = None
 
     def refresh(self) -> bool:
-        """Take the newest cloud; whether the picture changes by it."""
+        """Take the newest cloud; True if the picture changes."""
         before = self._cloud
         if self._feed.follow(self.topic):
             self._cloud = None
@@ -42,18 +42,12 @@ class Overlay:
         return self._cloud is not before
 
     def rest(self) -> None:
-        """Ask for nothing until the next `refresh`."""
+        """Unsubscribe until the next `refresh`."""
         self._feed.follow(None)
         self._cloud = None
 
     def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
-        """A picture of an image with the points over it, if their place is known.
-
-        Args:
-            image: as it came.
-            topic: on which it came.
-            shown: the picture, RGB of 8 bits, of any size.
-        """
+        """The picture ``shown`` of an image, 8-bit RGB of any size, with the points over it."""
         frame = image.header.frame_id
         info = choose_calibration(image, self._scene.calibrations.get(frame))
         if self._cloud is None or info is None:
@@ -62,7 +56,7 @@ class Overlay:
             T_camera_cloud = between(self._scene.frames, image, self._cloud)
             return paint(shown, self._cloud, T_camera_cloud, info, is_rectified(topic, info))
         except (NoTransform, ValueError):
-            return shown  # not known yet, or a model of distortion that is not known at all
+            return shown  # unknown as yet, or an unsupported distortion model
 
 
 def choose_calibration(image: Image, known: CameraInfo | None) -> CameraInfo | None:
@@ -74,12 +68,12 @@ def choose_calibration(image: Image, known: CameraInfo | None) -> CameraInfo | N
 
 
 def is_rectified(topic: str, info: CameraInfo) -> bool:
-    """Whether P of their calibration applies to the images of a topic, rather than K, D and R.
+    """True if P of the calibration applies to the images of a topic, rather than K, D and R.
 
-    It does where a part of the topic's name begins as image_proc names its outputs, as in
-    ``image_rect``, ``image_rect_color`` and ``image_rect/compressed``; and where rectifying would
-    change nothing: no distortion, no rotation, and P has the K of the image. What was made of an
-    image, under another name, counts as not rectified else.
+    It does if a part of the topic's name begins as image_proc names its outputs, as in
+    ``image_rect``, ``image_rect_color`` and ``image_rect/compressed``; and if rectification would
+    change nothing: no distortion, no rotation, and P has the K of the image. Images derived from
+    others, under other names, count as not rectified.
 
     Source: image_proc's topics; sensor_msgs/CameraInfo.
     """
@@ -93,7 +87,7 @@ def between(frames: Frames, image: Image, cloud: PointCloud) -> Floats:
     """T_camera_cloud, 4x4: from the cloud at its time to the camera at the image's.
 
     Raises:
-        NoTransform: it is not known.
+        NoTransform: it is unknown.
     """
     one, other = image.header, cloud.header
     T_fixed_camera = frames.locate(one.frame_id, one.stamp_ns)
@@ -107,7 +101,7 @@ def paint(
     """A picture with a cloud's points, the nearer ones over the farther ones.
 
     Raises:
-        ValueError: the camera's model is not known.
+        ValueError: unsupported camera model.
     """
     xyz = cloud.xyz
     xyz = xyz[evenly(len(xyz), _MAX_POINTS)]

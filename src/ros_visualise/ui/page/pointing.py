@@ -15,13 +15,18 @@ from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.picking import Ray
 from ros_visualise.ui.scene.scene import Scene
 
-_LOOK, _PLACE, _DISTANCE, _GOAL = "turns the view", "coordinates", "distance", "goal: "
+_LOOK, _PLACE, _DISTANCE, _GOAL = (
+    "Orbit view",
+    "Show coordinates",
+    "Measure distance",
+    "Send goal: ",
+)
 
 
 class Pointing:
-    """What a click into the scene does, in the present container.
+    """The action of a click into the scene, in the present container.
 
-    While a click only turns the view, browsers send none.
+    While a click only orbits the view, browsers send none.
     """
 
     def __init__(
@@ -32,9 +37,9 @@ class Pointing:
         self._places: list[Floats] = []
         self._fixed = ""
         self._choice = server.gui.add_dropdown(
-            "a click",
+            "Click",
             (_LOOK,),
-            hint="what a click in 3D does: turn the view, tell a place, measure, send the robot",
+            hint="Action of a click in 3D",
         )
         self._choice.on_update(worker.listener(("3D", "click"), lambda _: self._begin()))
         self._note = server.gui.add_html("", visible=False)
@@ -51,7 +56,7 @@ class Pointing:
             self._choice.options = options
 
     def refresh(self) -> None:
-        """In another frame these are other places."""
+        """Clear the points as the fixed frame changes."""
         if self._places and self._scene.frames.fixed != self._fixed:
             self._begin()
 
@@ -77,7 +82,7 @@ class Pointing:
     def _point(self, ray: Ray) -> None:
         place = self._scene.pick(ray)
         if place is None:
-            self._say("nothing is drawn there: click on something")
+            self._say("Nothing there; click a drawn object")
             return
         self._fixed = self._scene.frames.fixed
         keeps = self._choice.value == _DISTANCE and len(self._places) == 1
@@ -89,14 +94,14 @@ class Pointing:
             self._send(self._choice.value.removeprefix(_GOAL), place)
 
     def _send(self, topic: str, place: Floats) -> None:
-        """Send the robot there; it is to look where it came from where to."""
+        """Send the robot there, to face in its direction of travel."""
         start = self._scene.robot_xyz
         ahead = np.zeros(3) if start is None else place - start
         half = np.arctan2(ahead[1], ahead[0]) / 2
         quat_xyzw = np.array([0, 0, np.sin(half), np.cos(half)])
         header = Header(self._scene.time.newest_ns, self._fixed)
         self._runtime.publish(topic, PoseStamped(place, quat_xyzw, header))
-        self._say(f"sent to {describe([place])} in {self._fixed}")
+        self._say(f"Goal sent: {describe([place])} in {self._fixed}")
 
     def _say(self, text: str) -> None:
         self._note.content = f'<div class="rv-note rv-place">{escape(text)}</div>'
@@ -104,7 +109,7 @@ class Pointing:
 
 
 def describe(places_xyz: list[Floats]) -> str:
-    """One place, or how far the second of two is from the first."""
+    """The coordinates of one point, or the distance between two."""
     if len(places_xyz) == 1:
         x, y, z = places_xyz[0]
         return f"x {x:.2f}, y {y:.2f}, z {z:.2f} m"

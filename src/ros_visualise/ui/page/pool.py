@@ -1,4 +1,4 @@
-"""Threads that are kept for one kind of work, so that no other kind has to wait for it."""
+"""Threads for one kind of work, so that no other kind has to wait for it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ class _Job(NamedTuple):
     done: Future[Any]
 
     def run(self) -> None:
-        """Do it; its result, or what it raised, is for whoever asked."""
         if not self.done.set_running_or_notify_cancel():
             return
         try:
@@ -29,12 +28,7 @@ class _Job(NamedTuple):
 
 
 class Pool:
-    """A few threads that work for an event loop, from the first call on.
-
-    Args:
-        name: of the threads.
-        threads: how many.
-    """
+    """A few threads that work for an event loop, from the first call on."""
 
     def __init__(self, name: str, threads: int) -> None:
         self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
@@ -42,7 +36,7 @@ class Pool:
         self._is_begun = False
 
     async def do(self, work: Callable[[], T]) -> T:
-        """What a call gives that one of the threads makes; what it raises is raised here."""
+        """Call this on one of the threads; returns or raises as it does."""
         if not self._is_begun:
             self._is_begun = True
             for name in self._names:
@@ -52,7 +46,7 @@ class Pool:
         return await asyncio.wrap_future(done)
 
     def close(self) -> None:
-        """End each thread after its present work, and what waits before."""
+        """End each thread after all work that was given before."""
         for _ in self._names:
             self._jobs.put(None)
 

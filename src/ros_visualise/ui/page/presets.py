@@ -14,16 +14,16 @@ from ros_visualise.runtime.saving import live_parameters
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
-_OWN = "(own)"
+_OWN = "Custom"
 
 
 class PresetChoice:
-    """One choice, which also tells whether the present values are those of a preset."""
+    """A choice of presets that also shows which one the present values are."""
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
         self._runtime = runtime
-        hint = "values of filters and edge_detector that are set together"
-        self._element = gui.add_dropdown("preset", (*NAMES, _OWN), initial_value=_OWN, hint=hint)
+        hint = "Settings of filters and edge_detector together"
+        self._element = gui.add_dropdown("Preset", (*NAMES, _OWN), initial_value=_OWN, hint=hint)
         self._element.on_update(worker.listener("preset", self._set))
         self.refresh()
 

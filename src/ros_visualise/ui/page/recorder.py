@@ -1,12 +1,15 @@
-"""The switch for recording, the choice of what is recorded, and the way to have it."""
+"""The panel that records topics, and saves parameters and the layout."""
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import viser
 
@@ -16,29 +19,35 @@ from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.ordering import recordable
 from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.saving import live_parameters, new_name, save, write_yaml
 from ros_visualise.sinks.parts import parse_split, part_path
 from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.files import Files
+from ros_visualise.ui.page.files import PageFiles
+from ros_visualise.ui.page.settings import PageSettings
 from ros_visualise.ui.page.worker import Worker
 
-_START, _STOP = "● record", "■ stop recording"
-_ALL, _NO = "all", "none"
+_START, _STOP = "● Record", "■ Stop recording"
+_ALL, _NO = "All", "None"
 
 
-class Recorder:
+class RecordingPanel:
     """A name, a split, topics, a button, the recording's state and links, in the present container.
 
     Anybody on the page may choose the name, so the file stays in one folder, and nothing there is
     replaced. One recording runs at a time; it ends before the disk is full.
     """
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, files: Files) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, files: PageFiles
+    ) -> None:
         self._runtime, self._files, self._folder = runtime, files, files.folder
         self._recording: RecorderThread | None = None
         self._series: Path | None = None  # the name that those of several files are made of
         self._begun_s = 0.0
-        self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4")
-        self._split = gui.add_text("split", "", hint="another file after 1G, or 10m; empty: never")
+        self._name = gui.add_text("File", _new_name(), hint="Such as run.mcap or edges.mp4")
+        self._split = gui.add_text(
+            "Split", "", hint="Size or duration of a file: 1G or 10m; empty = one file"
+        )
         self._topics = _Topics(gui, worker)
         self._topics.follow(runtime.graph)
         self._button = gui.add_button(_START)
@@ -48,20 +57,16 @@ class Recorder:
         self._button.on_click(worker.listener("record", self._press))
 
     def follow(self, graph: Graph) -> None:
-        """Offer the topics of this graph from now on."""
+        """Offer the topics of this graph."""
         self._topics.follow(graph)
 
     def close(self) -> None:
-        """The run has ended, and with it the recording."""
+        """Offer the file of a recording that ends with the run."""
         if self._recording is not None:
             self._offer(self._recording)
 
     def refresh(self) -> None:
-        """Show the state of the recording.
-
-        Raises:
-            RecordingError: it could not go on and has ended.
-        """
+        """Show the recording's state; raises the error by which it has ended, if any."""
         recording = self._recording
         if recording is None:
             return
@@ -85,7 +90,7 @@ class Recorder:
 
     def _show(self, recording: RecorderThread) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
-        dropped += f" ({recording.refused} refused)" if recording.refused else ""
+        dropped += f" ({recording.refused} rejected)" if recording.refused else ""
         files = f" in {recording.files} files" if recording.files > 1 else ""
         state = f"{recording.path}: {recording.written} messages{files}{dropped}"
         state += self._room(recording)
@@ -93,14 +98,14 @@ class Recorder:
         self._note.visible = True
 
     def _room(self, recording: RecorderThread) -> str:
-        """How large it is, and how long the disk has room for more."""
+        """Size of the recording, and the time for which there is disk space."""
         try:
             size = sum(map(_size, self._paths(recording)))
             free = shutil.disk_usage(self._folder).free
         except OSError:  # it is being renamed or removed
             return ""
         per_s = size / max(time.monotonic() - self._begun_s, 1.0)
-        left = f", room for {_span(free / per_s)} more" if per_s else ""
+        left = f", about {_span(free / per_s)} of space left" if per_s else ""
         return f", {size / 1e6:.1f} MB{left} in {self._folder.absolute()}"
 
     def _stop(self, recording: RecorderThread) -> None:
@@ -117,27 +122,27 @@ class Recorder:
             self._files.recorded(path)
 
     def _paths(self, recording: RecorderThread) -> list[Path]:
-        """Its files by now, or its folder."""
+        """Its present files, or its folder."""
         if self._series is None:
             return [recording.path]
         return [part_path(self._series, number) for number in range(recording.files)]
 
     def _show_links(self) -> None:
         links = self._files.links
-        text = f'<div class="rv-note rv-links">download: {links}</div>' if links else ""
+        text = f'<div class="rv-note rv-links">Download: {links}</div>' if links else ""
         self._links.content = text
 
 
 class _Topics:
-    """A switch for each topic; at first they say what is recorded where nobody chooses."""
+    """A switch for each topic, initially on for those recorded by default."""
 
     def __init__(self, gui: viser.GuiApi, worker: Worker) -> None:
         self._gui = gui
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
         self._usual: set[str] = set()
-        self._folder = gui.add_folder("what is recorded", expand_by_default=False)
+        self._folder = gui.add_folder("Topics to record", expand_by_default=False)
         with self._folder:
-            buttons = gui.add_button_group("topics", (_ALL, _NO))
+            buttons = gui.add_button_group("Select", (_ALL, _NO))
         buttons.on_click(worker.listener(None, self._set_all))
 
     def follow(self, graph: Graph) -> None:
@@ -154,14 +159,14 @@ class _Topics:
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """The topics to record; none for the usual ones.
+        """The topics to record; empty for the default ones.
 
         Raises:
-            UsageError: there is none.
+            UsageError: no topic is chosen.
         """
         chosen = [name for name, switch in self._switches.items() if switch.value]
         if not chosen:
-            raise UsageError("choose a topic to record")
+            raise UsageError("choose at least one topic to record")
         return () if set(chosen) == self._usual else tuple(chosen)
 
     def _set_all(self, label: str) -> None:
@@ -170,7 +175,7 @@ class _Topics:
 
 
 def _size(path: Path) -> int:
-    """Of a file, or of all in a folder; bytes."""
+    """Bytes of a file, or of all in a folder."""
     files = [one for one in path.rglob("*") if one.is_file()] if path.is_dir() else [path]
     return sum(one.stat().st_size for one in files)
 
@@ -184,3 +189,32 @@ def _span(seconds: float) -> str:
 
 def _new_name() -> str:
     return f"record-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+
+
+class SavePanel:
+    """File names, buttons, and the file saved last, in the present container.
+
+    As with recordings, files stay in one folder, and no file is replaced.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path, kept: PageSettings
+    ) -> None:
+        self._gui, self._worker, self._folder = gui, worker, folder
+        parameters = "YAML file for --params and launch files"
+        self._add("parameters", parameters, lambda path: save(live_parameters(runtime), path))
+        layout = "YAML file for --layout"
+        self._add("layout", layout, lambda path: write_yaml(kept.saved, path))
+        self._note = gui.add_html("", visible=False)
+
+    def _add(self, what: str, hint: str, write: Callable[[Path], None]) -> None:
+        name = self._gui.add_text(what.capitalize(), new_name(what), hint=hint)
+        button = self._gui.add_button(f"Save {what}")
+        button.on_click(self._worker.listener(("save", what), partial(self._save, name, write)))
+
+    def _save(self, name: Any, write: Callable[[Path], None], _: bool) -> None:
+        path = inside(self._folder, name.value)
+        write(path)
+        self._note.content = f'<div class="rv-note">{escape(f"Saved {path}")}</div>'
+        self._note.visible = True
+        set_value(name, new_name(name.label.lower()))

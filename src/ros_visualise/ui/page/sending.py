@@ -1,4 +1,4 @@
-"""Sends answers to browsers, as fast as these take them, and however slowly they do."""
+"""Sends answers to browsers, at the speed of each."""
 
 from __future__ import annotations
 
@@ -12,29 +12,19 @@ from websockets.http11 import Response
 from ros_visualise.ui.look.answers import Answer
 
 STALL_S = 30.0
-"""Who takes nothing for so long gets no more."""
+"""A browser that accepts no data for so long is disconnected."""
 _PIECE_BYTES = 256 << 10
 
 
 class Stalled(Exception):
-    """An answer was not taken to its end; the text is empty where a browser has just gone."""
+    """An answer was not accepted to its end; the text is empty if the connection was lost."""
 
 
 async def send(
     connection: ServerConnection, answer: Answer, headers: Headers, stall_s: float = STALL_S
 ) -> None:
-    """Send an answer, and return when all of it is on its way.
-
-    Args:
-        connection: that on which it was asked for.
-        answer: the answer.
-        headers: those of every answer.
-        stall_s: how long somebody may take nothing.
-
-    Raises:
-        Stalled: it was not taken.
-    """
-    connection.transport.set_write_buffer_limits(0)  # so that `drain` waits until all is taken
+    """Send an answer, and return when all of it is on its way; raises `Stalled` if it is not."""
+    connection.transport.set_write_buffer_limits(0)  # so that `drain` waits until all is accepted
     await _give(connection, _head(answer, headers), stall_s)
     body = memoryview(answer.body)
     for start in range(0, len(body), _PIECE_BYTES):
@@ -52,7 +42,7 @@ async def _give(connection: ServerConnection, piece: bytes | memoryview, stall_s
             if taking.done():
                 break
             if transport.get_write_buffer_size() == waiting:
-                raise Stalled(f"a browser took nothing of an answer for {stall_s:g} s: dropped it")
+                raise Stalled(f"a browser accepted no data for {stall_s:g} s; connection closed")
     finally:
         taking.cancel()
     if transport.is_closing() or taking.exception() is not None:

@@ -1,9 +1,9 @@
 """The page's style, where it differs from viser's."""
 
 _ROWS = 12
-"""For windows of so many parameters or fewer, the image makes room for them."""
+"""Images leave room for up to so many parameters in their window."""
 _TILE = '[data-dock-root] div[style*="min-height: 50px"]'
-"""What viser gives a docked window; one above another share what is left beside their bases."""
+"""A docked window in viser's page; stacked ones share what is left beside their bases."""
 _ROOM = "\n".join(
     f"{_TILE}:has(.rv-rows-{n}) {{ --rv-rows: {n}; flex-basis: {29 * n}px !important; }}"
     for n in range(_ROWS + 1)
@@ -11,7 +11,7 @@ _ROOM = "\n".join(
 
 _SHEET = ".mantine-Paper-root:has(> div > .mantine-ScrollArea-root)"
 _BODY = '[style*="grid-template-rows: 1fr"]'
-"""What viser shows on a phone, and in it the elements of the main panel, beside the windows."""
+"""The sheet on a phone, and in it the elements of the main panel, beside the windows."""
 
 STYLE = f"""<style>
 /* An image fills its window's width; in a docked window it stays in view below the parameters. */

@@ -9,9 +9,9 @@ from ros_visualise.graph import Graph
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport, TravelReport
 
 _HEAD = (
-    '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
-    '<th title="messages lost; what a node was asked to leave out does not count">'
-    'drops<th title="median time from the source until this node is done">ms</tr>'
+    '<tr><th>Topic<th title="By the message stamps">Hz<th title="Requested rate">Target Hz'
+    '<th title="Messages lost; those that a node was set to skip do not count">'
+    'Dropped<th title="Median latency from the source until this node is done">ms</tr>'
 )
 
 
@@ -26,35 +26,33 @@ def topic_table(graph: Graph, report: RunReport) -> str:
 
 
 def travel_lines(report: RunReport) -> str:
-    """Distance and speeds, from the nodes of a run report that measure them, in HTML."""
+    """Distances and speeds of a run report, in HTML."""
     nodes = report.nodes.items()
-    return _lines((name, _told(node.travel)) for name, node in nodes if node.travel)
+    return _lines((name, _describe(node.travel)) for name, node in nodes if node.travel)
 
 
 def loss_lines(report: RunReport) -> str:
-    """What could not be read so far, from the nodes of a run report, in HTML."""
+    """Unreadable messages of a run report, in HTML."""
     return _lines((name, note) for name, node in report.nodes.items() for note in node.unread)
 
 
 def end_lines(report: RunReport) -> str:
-    """Which sources elsewhere have ended, and how to play them again, in HTML."""
+    """Sources on other machines that have ended, in HTML."""
     ended = (name for name, node in report.nodes.items() if node.ended)
-    return _lines(
-        (name, "has ended; to play it again, untick paused in its window") for name in ended
-    )
+    return _lines((name, "ended; to play it again, clear Paused in its window") for name in ended)
 
 
-def _lines(told: Iterable[tuple[str, str]]) -> str:
-    return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in told)
+def _lines(lines: Iterable[tuple[str, str]]) -> str:
+    return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in lines)
 
 
-def _told(travel: TravelReport) -> str:
+def _describe(travel: TravelReport) -> str:
     parts = [f"{travel.length_m:.1f} m in {travel.duration_s:.1f} s"]
-    for word, mps in (("mean", travel.mean_mps), ("top", travel.top_mps)):
+    for word, mps in (("mean", travel.mean_mps), ("max", travel.top_mps)):
         if mps is not None:
             parts.append(f"{word} {mps:.2f} m/s")
     if travel.refused:
-        parts.append(f"{travel.refused} refused")
+        parts.append(f"{travel.refused} rejected")
     return ", ".join(parts)
 
 
@@ -77,7 +75,7 @@ def _name(topic: str, kind: str) -> str:
 
 
 def _reasons(drops: Iterable[tuple[str, int]]) -> str:
-    return ", ".join(f"{count} by {reason}" for reason, count in drops) or "none"
+    return ", ".join(f"{count} ({reason})" for reason, count in drops) or "none"
 
 
 def _number(value: float | None) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from html import escape
 
 from ros_visualise.plotting.diagrams import TreeRow, tree_rows
-from ros_visualise.ui.scene.links import Link
+from ros_visualise.ui.scene.frames import Link
 
 _ROW, _BOX, _INDENT, _MARGIN = 24.0, 19.0, 16.0, 2.0
 _CHARACTER, _SMALL = 6.3, 4.9
@@ -23,7 +23,7 @@ _OLD_S = 1.0
 def tree_picture(links: Sequence[Link]) -> str:
     """An SVG of the tree; ages are those against the newest transform of all."""
     if not links:
-        return '<div class="rv-note">no transforms yet</div>'
+        return '<div class="rv-note">No transforms yet</div>'
     now_ns = max((link.stamp_ns for link in links if not link.static), default=0)
     by_child = {link.child: link for link in links}
     rows = tree_rows({link.child: link.parent for link in links})

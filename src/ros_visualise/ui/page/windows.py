@@ -13,23 +13,21 @@ from ros_visualise.graph import Member, Node
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
-from ros_visualise.ui.page.controls import Controls
+from ros_visualise.ui.page.controls import Controls, sentence
 from ros_visualise.ui.page.images import Picture
-from ros_visualise.ui.page.note import Note
 from ros_visualise.ui.page.overlay import Overlay
-from ros_visualise.ui.page.tools import Act, add_actions, is_tool
+from ros_visualise.ui.page.tools import Act, TopicText, add_actions, is_tool
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.shown import detections_of, first_shown, images_of, texts_of
 
-_NO_OVERLAY = "none"
+_NO_OVERLAY = "None"
 
 
 class Window:
-    """One node: its main parameters above the image that it publishes, the others below.
+    """One node: its main parameters above its image, the others below.
 
-    Args:
-        act: given a node and its action, does it; None: its actions are offered elsewhere.
+    ``act`` is called with a node and its action; None: its actions are offered elsewhere.
     """
 
     def __init__(
@@ -61,24 +59,23 @@ class Window:
             if first is not None:
                 picks = node.name if isinstance(node.params, PixelParams) else ""
                 self._add_picture(runtime, images, first, len(main), picks)
-            self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
+            self._notes = [TopicText(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             if act is not None:
                 add_actions(gui, worker, node, act)
 
     @property
     def shows_anything(self) -> bool:
-        """Whether it has an image or a text."""
+        """True if it has an image or a text."""
         return self.picture is not None or bool(self._notes)
 
     @property
     def tells(self) -> bool:
-        """Whether it has a text."""
+        """True if it has a text."""
         return bool(self._notes)
 
     @property
     def visible(self) -> bool:
-        """Whether it is on the page."""
         return bool(self._panel.visible)
 
     @visible.setter
@@ -93,7 +90,7 @@ class Window:
         return self._panel
 
     def shows(self, node: Member, runtime: Runtime) -> bool:
-        """Whether a new window for this node would be the same."""
+        """True if a new window for this node would be the same."""
         return self._looks == (_looks_of(node), _overlays_of(runtime, node))
 
     def refresh(self) -> None:
@@ -102,7 +99,7 @@ class Window:
             note.refresh() if self.visible else note.rest()
 
     def rest(self) -> None:
-        """Ask for no texts until the next `refresh`."""
+        """Unsubscribe until the next `refresh`."""
         for note in self._notes:
             note.rest()
 
@@ -117,7 +114,7 @@ class Window:
         self._panel.remove()
 
     def pick(self, across: float, down: float) -> None:
-        """Choose the pixel that is seen at a place of the image: shares of its width and height."""
+        """Choose the pixel at shares of the image's width and height."""
         if self.picture is None or not isinstance(self._parameters.current, PixelParams):
             return
         pixel = self.picture.pixel_at(across, down)
@@ -129,14 +126,14 @@ class Window:
     ) -> None:
         chosen = None
         if len(topics) > 1:
-            chosen = self._gui.add_dropdown("show", topics, initial_value=first)
+            chosen = self._gui.add_dropdown("Image", topics, initial_value=first)
         has_boxes = any(detections_of(runtime.graph, topic) for topic in topics)
         rows += chosen is not None
         self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes, picks)
         if chosen is not None:
             chosen.on_update(self._worker.listener((self.name, "show"), self._choose))
         if self._clouds or has_boxes:
-            with self._gui.add_folder("on the image", expand_by_default=False):
+            with self._gui.add_folder("Overlay", expand_by_default=False):
                 self._add_drawn(has_boxes)
 
     def _choose(self, topic: str) -> None:
@@ -151,9 +148,9 @@ class Window:
 
     def _add_overlay(self) -> None:
         over = self._gui.add_dropdown(
-            "overlay",
+            "Point cloud",
             (_NO_OVERLAY, *self._clouds),
-            hint="points drawn over the image, coloured by their distance",
+            hint="Points over the image, coloured by distance",
         )
         over.on_update(self._worker.listener((self.name, "overlay"), self._lay_over))
 
@@ -161,7 +158,7 @@ class Window:
         self._overlay.topic = None if topic == _NO_OVERLAY else topic
 
     def _add_boxes(self) -> None:
-        shown = self._gui.add_checkbox("detections", True, hint="what was found in the images")
+        shown = self._gui.add_checkbox("Detections", True, hint="Outlines of detected objects")
         shown.on_update(self._worker.listener((self.name, "detections"), self._show_boxes))
 
     def _show_boxes(self, visible: bool) -> None:
@@ -169,18 +166,18 @@ class Window:
 
     def _add_folders(self, declared: Sequence[Spec]) -> None:
         for group, members in groupby(declared, key=lambda spec: spec.group):
-            with self._gui.add_folder(group, expand_by_default=False):
+            with self._gui.add_folder(sentence(group), expand_by_default=False):
                 self._controls.add(members)
 
 
 def has_window(node: Member) -> bool:
-    """Whether a node has images, texts or parameters to show, and not only a button."""
+    """True if a node has images, texts or parameters to show."""
     shows = images_of(node) or texts_of(node) or specs(node.params)
     return bool(shows) and not is_tool(node)
 
 
 def _clouds_of(runtime: Runtime, node: Member) -> list[str]:
-    """The topics whose points can be drawn over a node's images: not over figures of numbers."""
+    """The clouds that can be drawn over a node's images; plots of numbers have none."""
     taken = node.type.inputs.values()
     if taken and isinstance(node, Node) and Image not in taken:
         return []

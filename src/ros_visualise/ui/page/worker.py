@@ -1,4 +1,4 @@
-"""The thread that does what browsers ask for."""
+"""The thread that carries out the requests of browsers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError
 
 _MOST_ASKED = 200
-"""At most so many jobs wait; what people ask for beyond that is dropped."""
+"""Maximum number of waiting jobs; further requests are dropped."""
 
 Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 
@@ -22,13 +22,12 @@ Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 class Worker:
     """Does posted jobs, one at a time, and regular work in between.
 
-    Of the jobs posted under one key only the newest is done, so that a slider that is dragged
-    quickly leaves no queue behind.
+    Of the jobs posted under one key only the newest is done: a slider that is dragged quickly
+    leaves no queue behind.
 
     Args:
-        say: called with one line that says why something was refused.
-        tick: the regular work.
-        period_s: how often.
+        say: called with the reason of a rejection, one line.
+        tick: the regular work, every ``period_s``.
     """
 
     def __init__(
@@ -41,22 +40,17 @@ class Worker:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin, with the jobs posted before."""
+        """Start, with the jobs posted before."""
         self._thread = supervision.start("page", self._run)
 
     def post(self, key: Hashable, action: Callable[[], object]) -> None:
-        """Post a job, in place of one that waits under the same key."""
+        """Post a job, in place of one waiting under the same key."""
         with self._changed:
             self._posted[key] = action
             self._changed.notify_all()
 
     def listener(self, key: Hashable | None, action: Callable[[Any], object]) -> Listener:
-        """A callback for an element: posts a job with the value that a person set.
-
-        Args:
-            key: only the newest job under it is done; None: every one is done.
-            action: the job.
-        """
+        """A callback for an element: posts a job with the value set; each one for the key None."""
 
         async def moved(event: viser.GuiEvent[Any]) -> None:
             if event.client_id is not None:  # not by the program
@@ -68,14 +62,14 @@ class Worker:
     def add_key(
         self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
     ) -> None:
-        """Do this whenever a key is pressed, or the command of this name is chosen."""
+        """Do this whenever a key is pressed, or the command of this name chosen."""
 
         @gui.add_command(label, hotkey=key).on_trigger
         async def _(_: Any) -> None:
             self._ask(object(), action)
 
     def is_posted(self, key: Hashable) -> bool:
-        """Whether a job waits under this key."""
+        """True if a job waits under this key."""
         return key in self._posted
 
     def close(self, timeout_s: float) -> None:

@@ -1,4 +1,4 @@
-"""A folder as one ZIP file, of which any piece is made when it is asked for."""
+"""A folder as one ZIP file, made piece by piece on demand."""
 
 from __future__ import annotations
 
@@ -13,19 +13,10 @@ _BLOCK_BYTES = 1 << 20
 
 
 class ZippedFolder:
-    """A ZIP file that is nowhere whole: its own bytes are kept, those of the files are read again.
+    """A virtual ZIP file of ``size`` bytes: its own are kept, those of the files are read again.
 
     All files are read once to begin with, as a ZIP file holds a checksum of each. Nothing is
-    compressed, so that pieces can be found. The files must stay as they are.
-
-    Args:
-        folder: whose files it holds, under its name.
-
-    Attributes:
-        size: bytes.
-
-    Raises:
-        OSError: it cannot be read.
+    compressed, so that pieces can be found. The files must not change. Raises OSError.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -38,11 +29,7 @@ class ZippedFolder:
                 self._add(made, path, str(path.relative_to(folder.parent)))
 
     def read(self, start: int, count: int) -> bytes:
-        """At most so many of its bytes from there on.
-
-        Raises:
-            OSError: a file has gone or has changed.
-        """
+        """Up to ``count`` bytes from ``start`` on; raises OSError if a file has changed."""
         found = b""
         while len(found) < count and start + len(found) < self.size:
             found += self._piece(start + len(found), count - len(found))

@@ -10,7 +10,7 @@ import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.scene.drawing import Look, node_name, to_wxyz
+from ros_visualise.ui.scene.drawing import Appearance, node_name, to_wxyz
 
 _LENGTH, _RADIUS = 0.5, 0.014
 _TEXT = 0.7
@@ -22,28 +22,33 @@ class _Group(NamedTuple):
     centre: Floats
 
 
-class Axes:
-    """Axes for every frame whose place is known.
+class FrameAxes:
+    """Axes for every frame that can be located.
 
-    Frames that are nearer to one another than their axes are long share one label, a line for each:
-    with shorter axes there are more labels.
+    Frames that are nearer to each other than their axes are long share one label.
     """
 
     def __init__(self, scene: viser.SceneApi) -> None:
         self._scene = scene
         self._axes: viser.BatchedAxesHandle | None = None
         self._labels: dict[str, viser.LabelHandle] = {}
-        self._drawn: tuple[Mapping[str, Floats], Look] | None = None
+        self._drawn: tuple[Mapping[str, Floats], Appearance] | None = None
 
-    def draw(self, places: Mapping[str, Floats], look: Look) -> None:
+    def draw(self, places: Mapping[str, Floats], appearance: Appearance) -> None:
         """Show frames: name -> T_fixed_frame."""
-        if self._drawn is not None and _are_same(places, self._drawn[0]) and look == self._drawn[1]:
+        if (
+            self._drawn is not None
+            and _are_same(places, self._drawn[0])
+            and appearance == self._drawn[1]
+        ):
             return
-        self._drawn = places, look
-        self._draw_axes(places if look.axes else {}, look)
-        self._draw_labels(clusters(places, _LENGTH * look.axes_size) if look.names else {}, look)
+        self._drawn = places, appearance
+        self._draw_axes(places if appearance.axes else {}, appearance)
+        self._draw_labels(
+            clusters(places, _LENGTH * appearance.axes_size) if appearance.names else {}, appearance
+        )
 
-    def _draw_labels(self, groups: Mapping[str, _Group], look: Look) -> None:
+    def _draw_labels(self, groups: Mapping[str, _Group], appearance: Appearance) -> None:
         for name in self._labels.keys() - groups.keys():
             self._labels.pop(name).remove()
         for name, (names, centre) in groups.items():
@@ -56,9 +61,9 @@ class Axes:
                     anchor="bottom-center",
                 )
             self._labels[name].text = text
-            self._labels[name].position = centre + np.array([0, 0, _LIFT * look.axes_size])
+            self._labels[name].position = centre + np.array([0, 0, _LIFT * appearance.axes_size])
 
-    def _draw_axes(self, places: Mapping[str, Floats], look: Look) -> None:
+    def _draw_axes(self, places: Mapping[str, Floats], appearance: Appearance) -> None:
         T = np.array(list(places.values())).reshape(-1, 4, 4)
         positions, quats_xyzw = transforms.to_pose(T)
         wxyzs = to_wxyz(quats_xyzw).astype(np.float32)
@@ -70,19 +75,19 @@ class Axes:
                 node_name("axes"),
                 wxyzs,
                 positions,
-                np.full(len(T), look.axes_size, np.float32),
+                np.full(len(T), appearance.axes_size, np.float32),
                 axes_length=_LENGTH,
                 axes_radius=_RADIUS,
             )
         self._axes.batched_wxyzs = wxyzs
         self._axes.batched_positions = positions.astype(np.float32)
-        self._axes.batched_scales = np.full(len(T), look.axes_size, np.float32)
+        self._axes.batched_scales = np.full(len(T), appearance.axes_size, np.float32)
 
 
 def clusters(places: Mapping[str, Floats], distance_m: float) -> dict[str, _Group]:
-    """Frames that share a label: its first name -> all of their names, and where the first is.
+    """Frames that share a label, each within a distance of the first of its group.
 
-    A frame joins the first group whose first frame is within the distance.
+    Returns: first name -> all names, and where the first frame is.
     """
     groups: dict[str, _Group] = {}
     for name, T in places.items():

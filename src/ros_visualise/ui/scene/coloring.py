@@ -17,13 +17,13 @@ _SAMPLE = 4096
 
 
 class Coloring(Enum):
-    """By what points are coloured; ``AUTO`` is the first of rgb, intensity and height there is."""
+    """Colour schemes of points; ``AUTO`` is the first of RGB, intensity and height available."""
 
-    AUTO = "auto"
-    RGB = "rgb"
-    INTENSITY = "intensity"
-    HEIGHT = "height"
-    PLAIN = "plain"
+    AUTO = "Auto"
+    RGB = "RGB"
+    INTENSITY = "Intensity"
+    HEIGHT = "Height"
+    PLAIN = "Single colour"
 
 
 def by_value(values: npt.NDArray[np.floating]) -> Pixels:
@@ -42,11 +42,10 @@ def colors_of(
     """Colours of some of a cloud's points: (N, 3) uint8, RGB, or (3,) where all have the same.
 
     Args:
-        cloud: whose points.
-        points: (N,) of them, in its layout.
+        points: (N,) of the cloud, in its layout.
         heights: (N,) metres upwards in the fixed frame.
-        coloring: by what; what the cloud lacks is left for the next thing that it has.
-        plain: the colour of all, where asked for.
+        coloring: the scheme; one that the cloud has no field for is replaced by the next.
+        plain: the single colour.
     """
     names = cloud.points.dtype.names or ()
     if coloring is Coloring.PLAIN:
@@ -63,14 +62,14 @@ def colors_of(
 
 
 def heights_of(xyz: npt.NDArray[np.floating], T_fixed_frame: Floats) -> npt.NDArray[np.floating]:
-    """How high points (N, 3) are in the fixed frame, metres: (N,)."""
+    """Heights (N,) of points (N, 3) in the fixed frame, metres."""
     row = T_fixed_frame[2].astype(xyz.dtype)
     heights: npt.NDArray[np.floating] = xyz @ row[:3] + row[3]
     return heights
 
 
 def _own_colors(points: npt.NDArray[np.void], names: tuple[str, ...]) -> Pixels | None:
-    """As PCL packs them, 0x00RRGGBB in four bytes, or in a field for each."""
+    """Colours as PCL packs them, 0x00RRGGBB in four bytes, or in a field for each."""
     packed = next((name for name in names if name in _RGB), None)
     if packed is not None and points.dtype[packed].itemsize == 4:
         words = np.ascontiguousarray(points[packed]).view(np.uint32)

@@ -1,4 +1,4 @@
-"""What stands for one topic in the scene."""
+"""The base class of drawings, each of one topic in the scene."""
 
 from __future__ import annotations
 
@@ -21,11 +21,8 @@ one of 1 m."""
 
 
 @dataclass(frozen=True)
-class Look:
-    """How things are drawn: what a person can choose for all of them at once.
-
-    ``point_size`` and ``axes_size`` are for a robot of 1 m; ``max_points`` are those of one cloud.
-    """
+class Appearance:
+    """Settings for all drawings: sizes for a robot of 1 m, ``max_points`` of one cloud."""
 
     point_size: float = 0.06
     max_points: int = 120_000
@@ -34,26 +31,21 @@ class Look:
     names: bool = False
     covariances: bool = False
 
-    def for_robot(self, size_m: float) -> Look:
-        """In metres, for a robot of this size."""
+    def for_robot(self, size_m: float) -> Appearance:
+        """The same in metres, for a robot of this size."""
         points = self.point_size * min(max(size_m, _LEAST_FOR_POINTS), 1.0)
         return replace(self, axes_size=self.axes_size * size_m, point_size=points)
 
 
 class Drawing:
-    """The nodes of one topic, below a node of their own that stands where the frame is.
-
-    Args:
-        scene: where to draw.
-        name: of its node.
-        color: its own, where it has one.
+    """The nodes of one topic, below a node of their own that is where the frame is.
 
     Attributes:
         draws: the types of messages that it draws.
-        coloring: one of ``colorings``, where a person can choose by what it is coloured.
-        gathers: each of its messages changes something of what those before it left there.
-        stays: it holds until the next message, and moves with its frame until then; what does not
-            stays where its frame was at the message's time.
+        coloring: one of ``colorings``, where the colour scheme can be chosen.
+        gathers: each message changes what the messages before it have drawn.
+        stays: it follows its frame until the next message; others stay where the frame was at the
+            message's time.
     """
 
     draws: ClassVar[tuple[type, ...]] = ()
@@ -67,7 +59,7 @@ class Drawing:
         self._root = scene.add_frame(name, show_axes=False)
         self.T_fixed_frame: Floats = np.eye(4)
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         """Show a message, in its own frame.
 
         Raises:
@@ -76,38 +68,37 @@ class Drawing:
         raise NotImplementedError
 
     def gather(self, message: Any, now_ns: int) -> None:
-        """Take in a message at that time of the data; called where it ``gathers``."""
+        """Add a message at that time of the data; called where it ``gathers``."""
 
     def update(self, frames: Frames, now_ns: int) -> str:
-        """Draw what was gathered as it is at that time; says why some of it is not drawn."""
+        """Draw what was gathered, as of that time; returns why some of it is not drawn."""
         return ""
 
     def frame_of(self, message: Any, frames: Frames) -> str:
-        """The frame in which a message is drawn; no name is the fixed frame."""
+        """The frame in which a message is drawn; an empty name is the fixed frame."""
         return str(message.header.frame_id)
 
     def settle(self, message: Any, frames: Frames) -> None:
-        """Learn from where the frames are, before a message is drawn."""
+        """Appearance up frames, before a message is drawn."""
 
     def place(self, T_fixed_frame: Floats) -> None:
-        """Put its frame there."""
+        """Move it to its frame."""
         self.T_fixed_frame = T_fixed_frame
         move(self._root, T_fixed_frame)
 
     def reset(self) -> None:
-        """Time jumped: forget what was before."""
+        """Forget the past, as time jumped."""
 
     def extent(self) -> npt.NDArray[np.floating]:
-        """Some points (N, 3) of it, in its own frame, that tell how large it is."""
+        """Some points (N, 3) that span it, in its own frame."""
         return np.zeros((1, 3))
 
     def points(self) -> npt.NDArray[np.floating]:
-        """Points (N, 3) of it that a person can click, in its own frame."""
+        """Points (N, 3) that can be clicked, in its own frame."""
         return self.extent()
 
     @property
     def visible(self) -> bool:
-        """Whether it can be seen."""
         return self._root.visible
 
     @visible.setter
@@ -115,21 +106,21 @@ class Drawing:
         self._root.visible = visible
 
     def remove(self) -> None:
-        """Take it off the scene for good."""
+        """Remove it from the scene."""
         self._root.remove()
 
 
 def move(node: viser.SceneNodeHandle, T: Floats) -> None:
-    """Put a node of the scene there, in its parent's frame."""
+    """Set the pose of a node in its parent's frame."""
     translation, quat_xyzw = transforms.to_pose(T)
     node.position, node.wxyz = translation, to_wxyz(quat_xyzw)
 
 
 def to_wxyz(quat_xyzw: npt.ArrayLike) -> Floats:
-    """Quaternions (..., 4) in the order of the page's scene."""
+    """Quaternions (..., 4) in viser's order."""
     return np.roll(np.asarray(quat_xyzw, np.float64), 1, axis=-1)
 
 
 def node_name(*names: str) -> str:
-    """What to call a node of the scene: a slash in a name would hang it below another's node."""
+    """A node's name: slashes in the given names would hang it below other nodes."""
     return "/".join(["/world", *(name.strip("/").replace("/", ".") for name in names)])

@@ -1,30 +1,90 @@
-"""In which frame everything is drawn, and where the other frames are in it."""
+"""The fixed frame, the poses of the other frames in it, and the transforms between them."""
 
 from __future__ import annotations
 
-from collections import Counter
+import threading
+from collections import Counter, deque
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Transforms, TransformStamped
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.ui.scene.links import Links
 
 _REP_105 = ("map", "odom")
 _SMALLEST_M, _LARGEST_M = 0.2, 1.5  # of a robot by which things are sized
 _ROBOTS = ("base_link", "base_footprint")
+_NS = 1_000_000_000
+_KEPT = 50
+
+
+@dataclass(frozen=True)
+class Link:
+    """One transform: ``rate_hz`` by its stamps; None where it is static or came only once."""
+
+    parent: str
+    child: str
+    static: bool
+    stamp_ns: int
+    rate_hz: float | None
+
+
+class Links:
+    """Rate and age of each transform of the tree; safe to call from any thread."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: dict[str, deque[int]] = {}
+        self._ways: dict[str, tuple[str, bool]] = {}
+        self._lock = threading.Lock()
+
+    def add(self, one: TransformStamped, static: bool) -> None:
+        """Count a transform."""
+        child = one.child_frame_id.lstrip("/")
+        with self._lock:
+            self._ways[child] = one.header.frame_id.lstrip("/"), static
+            stamps = self._stamps_ns.setdefault(child, deque(maxlen=_KEPT))
+            if not stamps or one.header.stamp_ns > stamps[-1]:
+                stamps.append(one.header.stamp_ns)
+
+    def forget(self) -> None:
+        """Count anew, as time jumped."""
+        with self._lock:
+            for child, stamps in self._stamps_ns.items():
+                if not self._ways[child][1]:
+                    stamps.clear()
+
+    def all(self) -> list[Link]:
+        """All links, by the name of the child."""
+        with self._lock:
+            return [
+                Link(*self._way(child), stamps[-1], self._rate(child))
+                for child, stamps in sorted(self._stamps_ns.items())
+                if stamps
+            ]
+
+    def _way(self, child: str) -> tuple[str, str, bool]:
+        parent, static = self._ways[child]
+        return parent, child, static
+
+    def _rate(self, child: str) -> float | None:
+        stamps = self._stamps_ns[child]
+        times = sum(1 for a, b in pairwise(stamps) if b > a)
+        if self._ways[child][1] or not times:
+            return None
+        return times * _NS / (stamps[-1] - stamps[0])
 
 
 class Frames:
-    """The frames that are known, by transforms or by messages, and the one that stays put.
+    """The known frames, from transforms and messages, and the fixed one among them.
 
-    ``chosen`` is the fixed frame that a person asked for, or None: then it is the outermost one
-    that REP 105 names, the root of the tree, or the frame of the first message. ``awaited`` is the
-    one before time jumped, and holds until it is known again; empty: none. ``joints`` holds the
-    newest positions of joints by name, in radians or metres.
+    ``chosen`` is the fixed frame that a person chose, or None: then it is the outermost one that
+    REP 105 names, the root of the tree, or the frame of the first message. ``awaited`` is the one
+    before a time jump, which stays until it is known again. ``joints`` holds the newest positions
+    of joints by name, in radians or metres.
     """
 
     def __init__(self) -> None:
@@ -34,13 +94,10 @@ class Frames:
         self.chosen: str | None = None
         self.awaited = ""
         self._seen: list[str] = []
-        self._odd: set[str] = set()  # what was said of transforms
+        self._odd: set[str] = set()  # reported faults of transforms
 
     def add(self, message: TransformStamped | Transforms, static: bool) -> list[str]:
-        """Learn transforms; what is wrong or odd with them, as far as that is new.
-
-        Those that are none are left out.
-        """
+        """Add transforms; their faults, as far as these are new. Damaged ones are skipped."""
         several = message.transforms if isinstance(message, Transforms) else (message,)
         odd = [what for one in several if (what := self._add(one, static))]
         new = list(dict.fromkeys(what for what in odd if what not in self._odd))
@@ -48,7 +105,7 @@ class Frames:
         return new
 
     def _add(self, one: TransformStamped, static: bool) -> str:
-        """Learn one; what is odd with it."""
+        """Add one; its fault, or nothing."""
         child, parent = _name(one.child_frame_id), _name(one.header.frame_id)
         before = self.tree.parent(child)
         try:
@@ -58,16 +115,16 @@ class Frames:
         self.links.add(one, static)
         if before not in (None, parent):
             there = " and ".join(sorted({str(before), parent}))
-            return f"{child!r} is in several frames: {there}"
+            return f"{child!r} has several parents: {there}"
         return ""
 
     def see(self, frame: str) -> None:
-        """Learn that there is such a frame."""
+        """Add a frame that a message named."""
         if _name(frame) not in self._seen:
             self._seen.append(_name(frame))
 
     def forget(self) -> None:
-        """Time jumped: of transforms that move, none is known any more."""
+        """Forget the transforms that move, as time jumped."""
         self.awaited = self.fixed
         self.tree.reset()
         self.links.forget()
@@ -79,7 +136,7 @@ class Frames:
 
     @property
     def fixed(self) -> str:
-        """The frame in which everything is drawn; empty as long as none is known."""
+        """The frame in which everything is drawn; empty until one is known."""
         in_tree = self.tree.frames()
         if self.chosen is not None and self.chosen in {*in_tree, *self._seen}:
             return self.chosen
@@ -95,24 +152,18 @@ class Frames:
 
     @property
     def robot(self) -> str | None:
-        """The frame of the robot's body, if there is one by the names of REP 105 and 120."""
+        """The frame of the robot's body, by the names of REP 105 and 120."""
         known = self.tree.frames()
         return next((name for name in _ROBOTS if name in known), None)
 
     @property
     def mover(self) -> str | None:
-        """Of the frames that move in their parents, that which most others hang below."""
+        """The moving frame with the most frames below it."""
         moving = [link.child for link in self.links.all() if not link.static]
         return max(moving, key=lambda name: len(self._below(name)), default=None)
 
     def robot_size_m(self, places: Mapping[str, Floats]) -> float:
-        """The size of the robot by which things are drawn, metres.
-
-        It is how far from its body the farthest of its parts is; 1 where that is not known.
-
-        Args:
-            places: frame -> T_fixed_frame.
-        """
+        """The robot's size, from its body to its farthest part, in metres; 1 where unknown."""
         robot = self.robot
         if robot is None or robot not in places:
             return 1.0
@@ -126,15 +177,14 @@ class Frames:
         return [name for name in self.tree.frames() if frame in self._above(name)]
 
     def locate(self, frame: str, stamp_ns: int, patient: bool = False) -> Floats:
-        """T_fixed_frame, 4x4, at a time; no name is the fixed frame itself.
+        """T_fixed_frame, 4x4, at a time; an empty name is the fixed frame.
 
         Args:
-            frame: its name.
-            stamp_ns: when; 0 is the newest that is known.
-            patient: do not fall back on the newest that is known.
+            stamp_ns: when; 0 is the newest.
+            patient: do not fall back on the newest.
 
         Raises:
-            NoTransform: it cannot be said.
+            NoTransform: it is unknown.
         """
         fixed, frame = self.fixed, _name(frame)
         if frame in ("", fixed):
@@ -147,7 +197,7 @@ class Frames:
             return self.tree.lookup(fixed, frame)
 
     def places(self) -> dict[str, Floats]:
-        """Frame -> T_fixed_frame as it is known last, of all whose place is known."""
+        """Frame -> its newest T_fixed_frame, of all that are connected with the fixed one."""
         found, fixed = {}, self.fixed
         for name in self.tree.frames():
             with suppress(NoTransform):
@@ -155,7 +205,7 @@ class Frames:
         return found
 
     def _largest_root(self) -> str:
-        """The root that most frames hang below."""
+        """The root with the most frames below it."""
         roots = self.tree.roots
         if len(roots) == 1:
             return roots[0]
@@ -166,7 +216,7 @@ class Frames:
         return [frame, *self._above(frame)][-1]
 
     def _above(self, frame: str) -> list[str]:
-        """Its parent, the parent of that, and so on; of frames that go round, each once."""
+        """The chain of parents; in a loop, each once."""
         above: list[str] = []
         parent = self.tree.parent(frame)
         while parent is not None and parent not in (frame, *above):

@@ -1,4 +1,4 @@
-"""Markers that are not made of solids: lines, points, texts and meshes, each in its own node."""
+"""Markers that are not solids: lines, points, texts, triangles and meshes, each in its own node."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _HAIR_PX = 1.0  # of a line whose width is 0
 
 
 def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """Draw a marker in its own frame; one that is made of solids is drawn elsewhere.
+    """Draw a marker that is not made of solids, in its own frame.
 
     Raises:
         ValueError: it cannot be drawn.
@@ -35,7 +35,7 @@ def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
 
 
 def looks_like(one: Marker, other: Marker) -> bool:
-    """Whether two markers look the same; they may be at different places."""
+    """True if two markers differ at most in their poses."""
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _LOOKS)
 
 

@@ -77,7 +77,7 @@ def add_mesh(
     """Draw a mesh, in a node of this name and in others below it.
 
     Args:
-        rgba: its colour, 0 to 1, where the file has none.
+        rgba: its colour, 0 to 1, for files without colours.
         own_colors: use those of the file.
     """
     red, green, blue, alpha = (float(value) for value in np.clip(rgba, 0, 1))

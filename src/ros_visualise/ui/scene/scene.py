@@ -16,15 +16,13 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, JointState, Text, Transforms
 from ros_visualise.data.poses import is_static
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.axes import Axes
-from ros_visualise.ui.scene.data_time import DataTime
-from ros_visualise.ui.scene.drawing import Look
+from ros_visualise.ui.scene.axes import FrameAxes
+from ros_visualise.ui.scene.drawing import Appearance
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import DRAWINGS
-from ros_visualise.ui.scene.picking import Ray, pick
-from ros_visualise.ui.scene.pins import Pins
-from ros_visualise.ui.scene.topics import URDF_FILE, Entry, Topics
-from ros_visualise.ui.scene.view import View
+from ros_visualise.ui.scene.picking import Pins, Ray, pick
+from ros_visualise.ui.scene.topics import URDF_FILE, DataTime, SceneTopic, SceneTopics
+from ros_visualise.ui.scene.view import SceneView
 
 log = logging.getLogger(__name__)
 
@@ -33,15 +31,10 @@ _AWAITED_S = 2.0  # after a time jump, for the frame in which all was drawn
 
 
 class Scene:
-    """Draws what it is shown; all of it may be called from any thread.
+    """Draws messages; safe to call from any thread.
 
-    A message is placed by the transform at its own stamp. It is waited a little for one that is not
-    there yet; then the newest one has to do.
-
-    Args:
-        server: the page.
-        clock: seconds.
-        urdf: a robot to draw in place of those that topics describe; empty: none.
+    A message is placed by the transform at its own stamp; if that does not come within a moment, by
+    the newest one. ``urdf`` is a robot to draw in place of those that topics describe.
     """
 
     def __init__(
@@ -53,35 +46,32 @@ class Scene:
         self.frames = Frames()
         self.calibrations: dict[str, CameraInfo] = {}
         self._server, self._clock, self._urdf = server, clock, urdf
-        self._topics = Topics(server.scene)
-        self._look = Look()
+        self._topics = SceneTopics(server.scene)
+        self._appearance = Appearance()
         self._size_m, self._known = 1.0, 0  # of the robot, and of how many frames
         self.time = DataTime(clock)
         self._fixed = ""
         self._lock = threading.RLock()
-        self.view = View(server, clock)
-        self._axes = Axes(server.scene)
+        self.view = SceneView(server, clock)
+        self._axes = FrameAxes(server.scene)
         self._pins = Pins(server.scene)
         self._places: dict[str, Floats] = {}
         self._forgot_s = 0.0
-        self._said: set[str] = set()  # topics of which it was said what is wrong
+        self._reported: set[str] = set()  # topics with a reported problem
 
     @property
-    def look(self) -> Look:
-        """How things are drawn; may be changed."""
-        return self._look
+    def appearance(self) -> Appearance:
+        """Settings for all drawings."""
+        return self._appearance
 
-    @look.setter
-    def look(self, look: Look) -> None:
+    @appearance.setter
+    def appearance(self, appearance: Appearance) -> None:
         with self._lock:
-            self._look = look
+            self._appearance = appearance
             self._redraw()
 
     def follow(self, topics: Mapping[str, type]) -> None:
-        """These are the topics from now on, and the classes of their messages.
-
-        Of topics on which one camera's images are, the first is the one drawn.
-        """
+        """Draw these topics from now on, of one camera's only the first; given with their types."""
         with self._lock:
             self.view.shown = bool(topics)
             has_file = bool(self._urdf and topics)
@@ -90,34 +80,31 @@ class Scene:
                 self._take(URDF_FILE, Text(self._urdf))
 
     def show(self, topic: str, message: Any) -> None:
-        """Draw a message as soon as it can be said where."""
+        """Draw a message as soon as it can be located."""
         with self._lock:
             self.time.see(message.header.stamp_ns)
             if isinstance(message, Transforms):
                 for what in self.frames.add(message, is_static(topic)):
-                    log.warning("%s: %s (said once)", topic, what)
+                    log.warning("%s: %s (further occurrences suppressed)", topic, what)
             elif isinstance(message, JointState):
                 self.frames.joints.update(message.positions_by_name)
             else:
                 self._take(topic, message)
 
     def wants(self, topic: str) -> bool:
-        """Whether messages of a topic are drawn."""
+        """True if messages of a topic are drawn."""
         with self._lock:
             entry = self._topics.get(topic)
             return entry is not None and entry.visible and not self._topics.is_covered(topic)
 
     def is_waiting(self, topic: str) -> bool:
-        """Whether the last message of a topic waits for its transform, and a next one has to."""
+        """True while the last message of a topic waits for its transform."""
         with self._lock:
             entry = self._topics[topic]
             return entry.waiting is not None and self._clock() < entry.until_s
 
     def forget(self) -> None:
-        """Time jumped, because a person went elsewhere or a recording starts over.
-
-        What was drawn is not there any more, until it comes again.
-        """
+        """Remove all drawings, as time jumped: by a seek, or because a recording starts over."""
         with self._lock:
             self.time.forget()
             self.frames.forget()
@@ -126,7 +113,7 @@ class Scene:
                 entry.forget()
 
     def refresh(self) -> None:
-        """Draw what has come, where it belongs."""
+        """Draw what has come."""
         with self._lock, self._server.atomic():
             if self._clock() - self._forgot_s > _AWAITED_S:
                 self.frames.awaited = ""
@@ -138,43 +125,39 @@ class Scene:
                 self._update(topic, entry)
             self._places = self.frames.places()
             self._measure()
-            self._axes.draw(self._places, self._look.for_robot(self._size_m))
+            self._axes.draw(self._places, self._appearance.for_robot(self._size_m))
             self.view.update(self._robot(), partial(self._topics.extent, self._places))
 
     def pick(self, ray: Ray) -> Floats | None:
-        """The place (3,) in the fixed frame that is meant by a click; None: only sky.
-
-        Args:
-            ray: as a browser tells it, which does not know how far the world was moved.
-        """
+        """The clicked point (3,) in the fixed frame; None for the sky. ``ray`` is a browser's."""
         with self._lock:
             here = Ray(ray.origin - self.view.offset, ray.direction)
             return pick(here, self._topics.points())
 
     def pin(self, places_xyz: list[Floats], text: str) -> None:
-        """Mark these places in the fixed frame, with a text, and no others."""
+        """Replace the pins: places in the fixed frame, with a text."""
         with self._lock:
             self._pins.show(places_xyz, text, self._size_m)
 
     @property
     def robot_xyz(self) -> Floats | None:
-        """Where the robot is in the fixed frame, (3,) metres; None: not known."""
+        """The robot's position in the fixed frame, (3,) metres, or None."""
         with self._lock:
             T_fixed_robot = self._robot()
             return None if T_fixed_robot is None else T_fixed_robot[:3, 3]
 
     def color(self, topic: str) -> Color:
-        """That of a topic in the scene, where it has one of its own."""
+        """A topic's colour."""
         with self._lock:
             return self._topics.color(topic)
 
     def is_covered(self, topic: str) -> bool:
-        """Whether another topic shows what the same camera sees."""
+        """True if another topic shows the same."""
         with self._lock:
             return self._topics.is_covered(topic)
 
     def is_visible(self, topic: str) -> bool:
-        """Whether a topic is drawn unless something else shows the same."""
+        """True if a topic is switched on."""
         with self._lock:
             return self._topics[topic].visible
 
@@ -184,29 +167,29 @@ class Scene:
             self._topics[topic].visible = visible
 
     def set_coloring(self, topic: str, coloring: Enum) -> None:
-        """Colour a topic by something else, one of its drawing's ``colorings``."""
+        """Choose a topic's colour scheme, one of its drawing's ``colorings``."""
         with self._lock:
             self._topics[topic].coloring = coloring
             self._topics[topic].again()
 
     def set_fixed(self, frame: str | None) -> None:
-        """Draw everything in this frame; None: in the one that fits best."""
+        """Choose the fixed frame; None: automatically."""
         with self._lock:
             self.frames.chosen = frame
 
     def reset_view(self) -> None:
-        """Have everybody look from behind the robot, or at everything."""
+        """Move all cameras behind the robot, or so that they see everything."""
         with self._lock:
             self.view.reset()
 
     @property
     def anchor(self) -> Floats:
-        """What stays in view, in the coordinates of the cameras: (3,) metres."""
+        """The point that stays in view, (3,) metres in the coordinates of the cameras."""
         with self._lock:
             return self.view.anchor
 
     def look_from(self, client: int | None, position: Floats, look_at: Floats) -> None:
-        """Have one browser, or all at first, look from a place at another; see `View`."""
+        """Move the camera of one browser, or of all new ones; see `SceneView`."""
         with self._lock:
             self.view.look_from(client, position, look_at)
 
@@ -218,7 +201,7 @@ class Scene:
 
     @property
     def topic_frames(self) -> dict[str, str]:
-        """Topic -> the frame of its newest message; no name is the fixed frame."""
+        """Topic -> the frame of its newest message; an empty name is the fixed frame."""
         with self._lock:
             return {name: entry.frame for name, entry in self._topics if entry.message is not None}
 
@@ -250,8 +233,8 @@ class Scene:
         for _, entry in self._topics:
             entry.again()
 
-    def _update(self, topic: str, entry: Entry) -> None:
-        """Draw a topic; whatever a message of it holds, the others are drawn."""
+    def _update(self, topic: str, entry: SceneTopic) -> None:
+        """Draw a topic; whatever fails, the others are drawn."""
         try:
             if entry.waiting is not None:
                 self._try(topic, entry)
@@ -264,15 +247,17 @@ class Scene:
         except Exception as error:
             entry.waiting = None
             entry.problem = f"{type(error).__name__}: {error}"
-            self._say(topic, entry.problem, error)
+            self._report(topic, entry.problem, error)
 
-    def _say(self, topic: str, what: str, bug: Exception | None = None) -> None:
-        if topic not in self._said:
-            self._said.add(topic)
-            log.warning("%s is not drawn: %s (said once)", topic, what, exc_info=bug)
+    def _report(self, topic: str, what: str, bug: Exception | None = None) -> None:
+        if topic not in self._reported:
+            self._reported.add(topic)
+            log.warning(
+                "%s not drawn: %s (further occurrences suppressed)", topic, what, exc_info=bug
+            )
 
-    def _try(self, topic: str, entry: Entry) -> None:
-        """Draw the message that waits, unless it is worth to wait for its transform."""
+    def _try(self, topic: str, entry: SceneTopic) -> None:
+        """Draw the waiting message, unless its transform may still come."""
         message, drawing = entry.waiting, self._topics.drawing(topic)
         entry.frame = drawing.frame_of(message, self.frames)
         stamp_ns = 0 if drawing.stays else message.header.stamp_ns
@@ -285,14 +270,14 @@ class Scene:
             return
         drawing.place(T)
         drawing.settle(message, self.frames)
-        entry.draw(drawing, self._look.for_robot(self._size_m))
+        entry.draw(drawing, self._appearance.for_robot(self._size_m))
         if entry.problem:
-            self._say(topic, entry.problem)
+            self._report(topic, entry.problem)
 
     def _robot(self) -> Floats | None:
         """T_fixed_robot: by its frame, else by the first odometry, else by the frame that moves."""
         name = self.frames.robot
         if name in self._places:
             return self._places[name]
-        told = self._topics.robot()
-        return self._places.get(self.frames.mover or "") if told is None else told
+        by_topic = self._topics.robot()
+        return self._places.get(self.frames.mover or "") if by_topic is None else by_topic

@@ -1,4 +1,4 @@
-"""The thread that draws the scene: of each topic the newest message, while somebody looks."""
+"""The thread that draws the newest message of each topic, while a browser is connected."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ _MOST_HELD = 1000  # that wait at most: none must be lost in between
 
 
 def topics_of(graph: Graph) -> dict[str, type]:
-    """What of a graph belongs to the scene: nothing, where it has images alone.
-
-    What is made on demand is left out, too.
-    """
+    """The topics of a graph for the scene: none if it has images alone, and none made on demand."""
     kinds = {name: topic.type for name, topic in graph.topics.items() if not topic.on_demand}
     kinds |= graph.inputs
     kinds = {name: kind for name, kind in kinds.items() if kind is not Text or is_robot(name)}
@@ -31,16 +28,13 @@ def topics_of(graph: Graph) -> dict[str, type]:
 
 
 class SceneThread:
-    """Takes messages from a runtime and has a scene draw them, 15 times a second at most.
+    """Has a scene draw the messages of a runtime, up to 15 times a second.
 
-    Transforms and markers are taken at all times, so that whoever comes while nothing moves sees
-    all at its place; nothing else is done while nobody looks.
+    Transforms and markers are taken at all times, so that browsers that come later see them too;
+    everything else only while ``is_watched``.
 
     Args:
-        runtime: what runs.
-        scene: what draws.
-        is_watched: whether anybody looks at the page.
-        in_haste: whether the graph runs as fast as it goes, and time taken here slows it.
+        unthrottled: True while the graph runs as fast as possible, and work here slows it.
     """
 
     def __init__(
@@ -48,7 +42,7 @@ class SceneThread:
         runtime: Runtime,
         scene: Scene,
         is_watched: Callable[[], bool],
-        in_haste: Callable[[], bool],
+        unthrottled: Callable[[], bool],
     ) -> None:
         self._runtime, self._scene = runtime, scene
         scene.time.is_live = runtime.playback is None
@@ -58,10 +52,9 @@ class SceneThread:
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
         self._place = (0, 0)
-        self._rounds = Rounds("scene", self._do_round, self._finish, _PERIOD_S, in_haste)
+        self._rounds = Rounds("scene", self._do_round, self._finish, _PERIOD_S, unthrottled)
 
     def start(self) -> None:
-        """Begin."""
         self._rounds.start()
 
     def follow(self, graph: Graph) -> None:
@@ -77,7 +70,7 @@ class SceneThread:
             self._rest_but(self._kinds)
 
     def close(self, timeout_s: float) -> None:
-        """End after the round that is under way."""
+        """End after the present round."""
         self._rounds.close(timeout_s)
 
     def _finish(self) -> None:
@@ -114,7 +107,7 @@ class SceneThread:
             self._show(topic, message, self._messages[topic].epoch)
 
     def _show(self, topic: str, message: Any, epoch: int) -> None:
-        """Draw a message; what is drawn goes where time has jumped, or a loop has begun anew."""
+        """Draw a message; after a time jump or at a new lap, clear the scene first."""
         playback = self._runtime.playback
         place = epoch, 0 if playback is None else playback.laps
         if place > self._place:
@@ -123,7 +116,7 @@ class SceneThread:
         self._scene.show(topic, message)
 
     def _rest(self, topic: str) -> None:
-        """Ask for nothing on a topic until it is wanted again."""
+        """Unsubscribe until the topic is wanted again."""
         if topic in self._messages:
             self._messages.pop(topic).close()
 

@@ -1,8 +1,8 @@
-"""The topics of the scene: what of each is drawn, and what waits to be."""
+"""The topics of the scene: the drawing of each, and the message that waits for it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -26,25 +26,25 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import transforms
 from ros_visualise.plotting.colors import PALETTE, Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
-from ros_visualise.ui.scene.drawings.markers import Markers
-from ros_visualise.ui.scene.drawings.poses import Pose
-from ros_visualise.ui.scene.drawings.sensors import Fix
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, node_name
+from ros_visualise.ui.scene.drawings.markers import MarkersDrawing
+from ros_visualise.ui.scene.drawings.poses import PoseDrawing
+from ros_visualise.ui.scene.drawings.sensors import FixDrawing
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
 
 URDF_FILE = "--urdf"
 """The name of the robot description in a file, beside the topics."""
-_TELLS_ROBOT = (Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix)
+_ROBOT_POSES = (Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix)
 
 
 @dataclass
-class Entry:
-    """A topic: its drawing, the message that waits to be drawn, and the one that is.
+class SceneTopic:
+    """A topic: its drawing, the message that waits to be drawn, and the one that is drawn.
 
-    ``wanted``: nothing else shows the same; ``visible``: a person wants it; ``until_s``: how long a
-    message waits for its own transform; ``frame``: in which the message drawn is; ``problem``: why
-    the last one is not drawn.
+    ``wanted``: nothing else shows the same; ``visible``: switched on; ``until_s``: until when a
+    message waits for its own transform; ``frame``: of the message drawn; ``problem``: why the last
+    one is not drawn.
     """
 
     kind: type
@@ -60,20 +60,20 @@ class Entry:
 
     @property
     def message(self) -> Any:
-        """The newest; None if there is none."""
+        """The newest message, or None."""
         return self.waiting or self.shown
 
-    def draw(self, drawing: Drawing, look: Look) -> None:
-        """Draw the message that waits."""
+    def draw(self, drawing: Drawing, appearance: Appearance) -> None:
+        """Draw the waiting message."""
         message = self.waiting
         self.waiting, self.shown, self.problem = None, message, ""
         try:
-            drawing.draw(message, look)
+            drawing.draw(message, appearance)
         except (DamagedMessage, ValueError) as error:  # such as a cloud without heights
             self.problem = str(error)
 
     def follow(self, frames: Frames) -> None:
-        """Put what stays until the next message where its frame is now."""
+        """Move a drawing that stays to where its frame is now."""
         if self.drawing is None or self.shown is None or not self.drawing.stays:
             return
         with suppress(NoTransform):
@@ -82,48 +82,43 @@ class Entry:
                 self.drawing.place(T_fixed_frame)
 
     def again(self) -> None:
-        """Let what is drawn be drawn once more."""
+        """Draw the same message once more."""
         if self.drawing is not None and self.coloring is not None:
             self.drawing.coloring = self.coloring
         if self.waiting is None and self.shown is not None:
             self.waiting, self.until_s = self.shown, 0.0
 
     def forget(self) -> None:
-        """Time jumped: what was drawn is not there any more."""
+        """Remove what is drawn, as time jumped."""
         self.waiting = self.shown = None
         self.frame = self.problem = ""
         if self.drawing is not None:
             self.drawing.reset()
 
 
-class Topics:
-    """The entries of the topics, by name."""
+class SceneTopics:
+    """The topics of a scene by name."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         self._scene = scene
-        self._entries: dict[str, Entry] = {}
+        self._entries: dict[str, SceneTopic] = {}
 
-    def __getitem__(self, topic: str) -> Entry:
+    def __getitem__(self, topic: str) -> SceneTopic:
         return self._entries[topic]
 
-    def __iter__(self) -> Iterator[tuple[str, Entry]]:
+    def __iter__(self) -> Iterator[tuple[str, SceneTopic]]:
         return iter(self._entries.items())
 
-    def get(self, topic: str) -> Entry | None:
-        """That of a topic; None of one that is not drawn."""
+    def get(self, topic: str) -> SceneTopic | None:
+        """A topic, or None if it is not drawn."""
         return self._entries.get(topic)
 
-    def provide(self, topic: str, kind: type) -> Entry:
-        """That of a topic; it is made if need be.
-
-        Args:
-            topic: its name.
-            kind: the class of its messages.
-        """
-        return self._entries.setdefault(topic, Entry(kind))
+    def provide(self, topic: str, kind: type) -> SceneTopic:
+        """A topic with messages of this class, made if need be."""
+        return self._entries.setdefault(topic, SceneTopic(kind))
 
     def follow(self, kinds: Mapping[str, type]) -> None:
-        """These are the topics from now on, and the classes of their messages."""
+        """Draw these topics from now on; given with the classes of their messages."""
         drawn = {name: kind for name, kind in kinds.items() if kind in DRAWINGS}
         there = self._entries
         for name in there.keys() - drawn.keys():
@@ -132,16 +127,16 @@ class Topics:
         self._entries = {
             name: there[name]
             if name in there and there[name].kind is kind
-            else Entry(kind, not is_beside_image(name, kinds), not is_aside(kind, kinds))
+            else SceneTopic(kind, not is_beside_image(name, kinds), not is_aside(kind, kinds))
             for name, kind in drawn.items()
         }
 
     def color(self, topic: str) -> Color:
-        """That of what stands for a topic, where that has one of its own."""
+        """A topic's colour."""
         return PALETTE[list(self._entries).index(topic) % len(PALETTE)]
 
     def drawing(self, topic: str) -> Drawing:
-        """What stands for a topic; it is made when it is first needed."""
+        """A topic's drawing, made when first needed."""
         entry = self._entries[topic]
         if entry.drawing is None:
             name = node_name("topics", topic)
@@ -150,13 +145,13 @@ class Topics:
         return entry.drawing
 
     def is_seen(self, topic: str) -> bool:
-        """Whether it is to be seen as it is now."""
+        """True if a topic is visible at the moment."""
         entry = self._entries[topic]
         return entry.visible and entry.shown is not None and not self.is_covered(topic)
 
     def is_covered(self, topic: str) -> bool:
-        """Whether another topic shows the same: an earlier one what the same camera sees, where
-        images come first, or markers what was detected."""
+        """True if another topic shows the same: an image or an earlier topic of the same camera,
+        markers of the same detections, or the robot of a file."""
         entry = self._entries[topic]
         if entry.kind is Detections3D and entry.message is not None:
             names = {one.id for one in entry.message.detections}
@@ -175,24 +170,24 @@ class Topics:
         return False
 
     def _texts(self) -> set[str]:
-        """The names that markers show."""
+        """Texts of the markers."""
         drawn = [one.drawing for _, one in self if one.visible]
-        return {text for one in drawn if isinstance(one, Markers) for text in one.texts}
+        return {text for one in drawn if isinstance(one, MarkersDrawing) for text in one.texts}
 
     def robot(self) -> Floats | None:
-        """T_fixed_robot by the first odometry, else pose, else fix; None if there is none."""
-        for kind in _TELLS_ROBOT:
+        """T_fixed_robot by the first odometry, else pose, else fix; None without any."""
+        for kind in _ROBOT_POSES:
             for _, entry in self:
-                if entry.kind is kind and isinstance(entry.drawing, Pose | Fix) and entry.shown:
+                if (
+                    entry.kind is kind
+                    and isinstance(entry.drawing, PoseDrawing | FixDrawing)
+                    and entry.shown
+                ):
                     return entry.drawing.T_fixed_frame @ entry.drawing.T_frame_body
         return None
 
     def extent(self, places: Mapping[str, Floats]) -> npt.NDArray[np.floating]:
-        """Points (N, 3) in the fixed frame that tell how large all that is drawn is.
-
-        Args:
-            places: frame -> T_fixed_frame; they tell it where nothing is drawn.
-        """
+        """Points (N, 3) in the fixed frame that span all drawings, or else the frames' places."""
         parts = [transforms.apply(one.T_fixed_frame, one.extent()) for one in self._shown()]
         if not any(map(len, parts)):
             parts = [T[None, :3, 3] for T in places.values()]
@@ -212,6 +207,30 @@ class Topics:
 
 
 def is_aside(kind: type, kinds: Mapping[str, type]) -> bool:
-    """Whether a topic is not drawn at first: fixes jump, and others tell better where it is."""
+    """True if a topic is hidden at first: fixes jump, and other topics have better positions."""
     better = (Odometry, PoseStamped, PoseWithCovarianceStamped, Transforms)
     return kind is NavSatFix and any(other in better for other in kinds.values())
+
+
+class DataTime:
+    """The time of what is shown: the newest stamp; where ``is_live``, it goes on from there."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self.is_live = False
+        self.newest_ns, self._came_s = 0, 0.0
+
+    def see(self, stamp_ns: int) -> None:
+        """Note the stamp of a message."""
+        if stamp_ns > self.newest_ns:
+            self.newest_ns, self._came_s = stamp_ns, self._clock()
+
+    def forget(self) -> None:
+        """Begin anew, as time jumped."""
+        self.newest_ns, self._came_s = 0, 0.0
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the data."""
+        passed_s = self._clock() - self._came_s if self.is_live else 0.0
+        return self.newest_ns + round(passed_s * 1e9)

@@ -1,4 +1,4 @@
-"""From where the scene is seen: behind and above the robot at first, and along with it."""
+"""The cameras of the scene: behind and above the robot at first, and along with it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import viser
 from ros_visualise.data import Floats
 
 _NEAREST_M, _FARTHEST_M = 4.0, 28.0
-_BEYOND_M = 1e9  # coordinates that are no place; those of the largest grids are below 1e7
+_BEYOND_M = 1e9  # absurd coordinates; the largest map grids are below 1e7
 _SHORTEST_M = 1e-3
 _MOST = 70  # percent of what is drawn decides how far away from a robot the camera stands
 _MOST_ALONE, _OUTSIDE = 85, 1.6  # the same without a robot, and so many times as far away
@@ -24,15 +24,12 @@ _FOV = np.radians(50)
 _GRID = {"cell_size": 1.0, "section_size": 10.0, "cell_thickness": 0.6, "section_thickness": 1.0}
 
 
-class View:
-    """The world's node and the grid in it; the cameras of all browsers.
+class SceneView:
+    """The world's node with its grid, and the cameras of all browsers.
 
-    To follow the robot, the world moves under the cameras: however people move these, it does not
-    jerk, and coordinates stay small.
-
-    Attributes:
-        follows: whether it goes along with the robot.
-        onlookers: gives the numbers of the browsers whose views are not kept.
+    To follow the robot (``follows``), the world moves under the cameras: motion is smooth however
+    people move these, and coordinates stay small. ``onlookers`` returns the numbers of the browsers
+    whose views are not saved.
     """
 
     def __init__(self, server: viser.ViserServer, clock: Callable[[], float]) -> None:
@@ -62,20 +59,20 @@ class View:
 
     @property
     def offset(self) -> Floats:
-        """Where the fixed frame is in the coordinates of the cameras: (3,) metres."""
+        """Origin of the fixed frame, (3,) metres in the coordinates of the cameras."""
         return self._offset
 
     @property
     def anchor(self) -> Floats:
-        """What views are kept by, (3,) metres in the coordinates of the cameras: the robot that is
+        """Origin of saved views, (3,) metres in the coordinates of the cameras: the robot that is
         followed, else the fixed frame."""
         return self._offset if self._held is None or not self.follows else self._offset + self._held
 
     def look_from(self, client: int | None, position: Floats, look_at: Floats) -> None:
-        """Have one browser, or all at first, look from a place at another.
+        """Move a camera.
 
         Args:
-            client: the number of the browser; None: of all that come, until the view is reset.
+            client: the number of the browser; None: all new ones, until the view is reset.
             position, look_at: (3,) metres each, from the `anchor`.
         """
         if client is None:
@@ -87,8 +84,8 @@ class View:
 
     @property
     def moved(self) -> tuple[Floats, Floats] | None:
-        """Where people look from and at, in the browser whose view was moved last, as (3,) metres
-        from the `anchor`; None where it is as it is by itself."""
+        """Position and target of the camera that was moved last, (3,) metres each from the
+        `anchor`; None if none was moved."""
         onlookers = self.onlookers()
         there = self._server.get_clients().items()
         clients = [client for number, client in there if number not in onlookers]
@@ -102,7 +99,7 @@ class View:
 
     @property
     def shown(self) -> bool:
-        """Whether there is a scene to look at; without one there is no grid."""
+        """True if there is a scene; without one there is no grid."""
         return self._grid.visible
 
     @shown.setter
@@ -110,18 +107,17 @@ class View:
         self._grid.visible = shown
 
     def restart(self) -> None:
-        """Look anew at what is drawn next: it is in another frame."""
+        """Choose the view anew, as the fixed frame has changed."""
         self._started_s, self._settled, self._robot, self._held = None, False, None, None
 
     def update(
         self, T_fixed_robot: Floats | None, extent: Callable[[], npt.NDArray[np.floating]]
     ) -> None:
-        """Go on with the robot to where it is now.
+        """Follow the robot.
 
         Args:
-            T_fixed_robot: 4x4; None as long as it is not known. Its axes are zero where nobody
-                knows where it looks.
-            extent: gives points (N, 3) in the fixed frame that tell how large everything is.
+            T_fixed_robot: 4x4, or None; its axes are zero if its heading is unknown.
+            extent: returns points (N, 3) in the fixed frame that span everything.
         """
         if T_fixed_robot is not None and not _is_place(T_fixed_robot).all():
             T_fixed_robot = None
@@ -138,13 +134,13 @@ class View:
             self._settle()
 
     def reset(self) -> None:
-        """Have everybody look at the robot, or at everything, from behind and above."""
+        """Move all cameras behind and above the robot, or so that they see everything."""
         self._wanted.clear()
         self._first = None
         self._show_all()
 
     def _show_all(self) -> None:
-        """Have everybody look from behind and above, but for those who want something else."""
+        """Move all cameras, except those that look elsewhere."""
         position, look_at = self._pose()
         if self._first is not None:
             position, look_at = (place + self.anchor for place in self._first)
@@ -163,7 +159,7 @@ class View:
                 there.camera.fov = float(_FOV)
 
     def _settle(self) -> None:
-        """Look as soon as there is something; for a while, again when it turns out to be larger."""
+        """Choose the view as soon as there is something, and for a while again as it grows."""
         if not len(self._points()):
             return
         now_s, before = self._clock(), self._far
@@ -180,12 +176,12 @@ class View:
             self._wanted.clear()
 
     def _points(self) -> npt.NDArray[np.floating]:
-        """What tells how large everything is, without what is nowhere."""
+        """Points that span everything, without absurd ones."""
         points = self._extent()
         return points[_is_place(points).all(axis=1)]
 
     def _pose(self) -> tuple[Floats, Floats]:
-        """Where the camera stands and what it looks at, as the cameras see the moved world."""
+        """Position and target of the camera, in the coordinates of the cameras."""
         points, T = self._points(), self._robot
         if T is None:
             centre = np.median(points, axis=0) if len(points) else np.zeros(3)
@@ -203,7 +199,7 @@ class View:
 
 
 def _heading(T_fixed_robot: Floats, points: npt.NDArray[np.floating]) -> Floats:
-    """Where a robot looks; where nobody knows that, towards the middle of what is drawn."""
+    """The robot's heading; if unknown, towards the middle of what is drawn."""
     ahead: Floats = T_fixed_robot[:3, 0]
     if ahead.any() or not len(points):
         return ahead
@@ -212,7 +208,7 @@ def _heading(T_fixed_robot: Floats, points: npt.NDArray[np.floating]) -> Floats:
 
 
 def _level(direction: Floats) -> Floats:
-    """A direction (3,) without its height, of length 1; any where it has no other part."""
+    """A direction (3,) without its height, of length 1."""
     level: Floats = direction * [1, 1, 0]
     length = float(np.linalg.norm(level))
     return level / length if length > _SHORTEST_M else np.array([1.0, 0, 0])

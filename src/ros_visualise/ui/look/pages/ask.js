@@ -7,7 +7,7 @@ async function ask(what, values = {}) {
   const answer = await fetch(`?${query}`, { headers: { "X-Ros-Visualise": "1" } });
   if (!answer.ok) {
     const said = await answer.json().catch(() => ({}));
-    throw new Error(said.error || `the program answered ${answer.status}`);
+    throw new Error(said.error || `the program replied with status ${answer.status}`);
   }
   return answer;
 }
@@ -30,7 +30,7 @@ function addPages() {
   const nav = document.querySelector("nav");
   const here = asked("look");
   for (const page of ["image", "plots", "messages", "log", "diagnostics"]) {
-    const link = element("a", page, page === here ? "here" : "");
+    const link = element("a", page[0].toUpperCase() + page.slice(1), page === here ? "here" : "");
     link.href = `?look=${page}`;
     nav.append(link);
   }

@@ -35,7 +35,7 @@ function show() {
   const rows = shown.statuses.filter(fits);
   rows.sort((one, other) => levelOf(other) - levelOf(one) || one.name.localeCompare(other.name));
   $("statuses").replaceChildren(...rows.map(row));
-  if (!shown.statuses.length) $("statuses").append(element("div", "no diagnostics yet", "dim"));
+  if (!shown.statuses.length) $("statuses").append(element("div", "No diagnostics yet", "dim"));
 }
 async function start() {
   addPages();

@@ -1,6 +1,6 @@
 // Which images are shown: the newest of a topic and, with it, that of another of the same stamp.
 const $ = (id) => document.getElementById(id);
-const NONE = "nothing";
+const NONE = "None";
 const state = { one: null, other: null, alone: "", held: false };
 const stage = new Stage($("view"), tell);
 
@@ -26,7 +26,7 @@ function show() {
 const seen = () => stage.layers[0]?.picture || state.one;
 function later() {  // how far the stamps are apart, where none is the same
   const apart = state.other ? Number(BigInt(state.other.stamp) - BigInt(state.one.stamp)) / 1e6 : 0;
-  return apart ? `; the other one ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
+  return apart ? `; the other ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
 }
 async function savePng() {  // a difference is made here: it is saved as it is shown
   if (seen() !== state.one)
@@ -53,7 +53,7 @@ function tell() {
   const inside = (picture) => under[0] < picture.width && under[1] < picture.height;
   $("value").textContent = under
     ? `x ${under[0]}, y ${under[1]}\n${shown.filter(inside).map((p) => describe(p, under)).join("\n")}`
-    : "point at a pixel";
+    : "Hover over a pixel";
   $("along").hidden = !stage.line;
   if (stage.line) $("length").textContent = drawProfile($("profile"), seen(), stage.line);
 }
@@ -122,7 +122,7 @@ async function start() {
   const { images } = await (await ask("topics")).json();
   images.forEach((topic) => { $("topic").add(new Option(topic)); });
   [NONE, ...images].forEach((topic) => { $("other").add(new Option(topic)); });
-  if (!images.length) return say("there are no images here");
+  if (!images.length) return say("no image topics");
   $("topic").value = images.includes(asked("topic")) ? asked("topic") : images[0];
   $("other").value = images.includes(asked("other")) ? asked("other") : NONE;
   choose();

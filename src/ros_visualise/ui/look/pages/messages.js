@@ -19,7 +19,7 @@ function branch(name, value, path, depth) {
   const box = element("details");
   const folded = depth > 1 && entries.length > 12;
   box.open = opened.has(path) || (!folded && !opened.has(`-${path}`));
-  const count = list ? ` ${value.length} of them` : "";
+  const count = list ? ` ${value.length} items` : "";
   const head = element("summary", name, "name");
   head.append(element("span", count, "dim"));
   box.append(head);

@@ -93,10 +93,10 @@ function turbo(x, out, to) {
 }
 function difference(one, other) {  // a picture of the values' difference; of unlike ones, of what is shown
   if (one.width !== other.width || one.height !== other.height) {
-    throw new Error("the images differ in size: choose wipe");
+    throw new Error("the images differ in size; choose Wipe");
   }
   if (one.measured !== other.measured) {
-    throw new Error("measurements and gray levels cannot be subtracted: choose wipe");
+    throw new Error("measurements and gray levels cannot be subtracted; choose Wipe");
   }
   const alike = one.channels === other.channels && one.dtype === other.dtype;
   return alike ? subtract(one, other) : subtract(asShown(one), asShown(other));

@@ -1,7 +1,7 @@
 // Numbers of any topics over the time that is played; a click goes there.
 const $ = (id) => document.getElementById(id);
-const NOTHING = "There is no topic with numbers to plot. A film has some only if it brings telemetry.";
-const CHOOSE = "Choose a topic, and some of its numbers: they are drawn over the whole recording. A click on the plot goes to that time.";
+const NOTHING = "No topic has numbers to plot. A video has some only if it contains telemetry.";
+const CHOOSE = "Choose a topic and some of its fields to plot them over the whole recording. Click the plot to seek.";
 const MARGIN = { left: 62, right: 12, top: 10, bottom: 26 };
 const state = {
   chosen: new URLSearchParams(location.search).getAll("field"),
@@ -125,14 +125,14 @@ function drawLegend() {
     mark.style.background = color(name);
     const value = curve && valueAt(curve, time);
     const remove = element("button", "×");
-    remove.title = "remove";
+    remove.title = "Remove";
     remove.onclick = () => choose(name, false);
     row.append(mark, element("span", name.replace(/[/_.:]/g, "$&\u200b")), element("b", value?.toPrecision(6) ?? "–", "number"), remove);
     return row;
   });
   $("hint").hidden = state.chosen.length > 0;
   $("hint").textContent = state.offers ? CHOOSE : NOTHING;
-  if (rows.length) rows.push(element("div", `at ${time.toFixed(2)} s`, "dim number"));
+  if (rows.length) rows.push(element("div", `At ${time.toFixed(2)} s`, "dim number"));
   $("legend").replaceChildren(...rows);
 }
 function choose(name, on) {
@@ -154,7 +154,7 @@ async function fieldsOf(topic) {  // as soon as there is a message
 }
 async function offer() {
   const topic = $("topic").value;
-  $("fields").replaceChildren(element("div", "reading its fields", "dim"));
+  $("fields").replaceChildren(element("div", "Reading the fields...", "dim"));
   const fields = await fieldsOf(topic);
   if (topic !== $("topic").value) return;
   const rows = fields.map((path) => {
@@ -182,7 +182,7 @@ async function update() {
   const reading = state.curves.filter((curve) => curve.share !== null && curve.share < 1);
   $("reading").hidden = !reading.length;
   $("all").value = Math.min(1, ...reading.map((curve) => curve.share));
-  $("play").textContent = state.playing ? "pause" : "play";
+  $("play").textContent = state.playing ? "Pause" : "Play";
   tell({ message: state.curves.map((curve) => curve.error).find(Boolean) || "" });
   draw();
 }

@@ -1,4 +1,4 @@
-"""What is added to viser's page in the browser: a title of our own, and our scripts."""
+"""Our title and scripts in viser's page."""
 
 from __future__ import annotations
 
@@ -20,12 +20,10 @@ _HEAD, _TITLE = b"<head>", b"<title>Viser</title>"
 
 
 def complete(response: Response, title: str, is_foreign: bool, is_viewer: bool = False) -> Response:
-    """The answer to a request; viser's page with title and scripts, anything else as it is.
+    """Add title and scripts to viser's page; other responses are unchanged.
 
     Args:
-        response: the answer.
-        title: of the page.
-        is_foreign: another web site may have led here, and the page's address arranges nothing.
+        is_foreign: another web site may have led here: settings in the address are ignored.
         is_viewer: the page is read-only.
     """
     if response.headers.get("Content-Type", "").startswith("text/html"):
@@ -40,21 +38,17 @@ def complete(response: Response, title: str, is_foreign: bool, is_viewer: bool =
 def add_channel(
     gui: viser.GuiApi, worker: Worker, name: str, action: Callable[[str, int], object]
 ) -> None:
-    """Do this with each text that a script of ours sends by ``rv.send(name, text)``.
+    """Have a worker call an action for each text that a script sends by ``rv.send(name, text)``.
 
-    Args:
-        gui: of the page.
-        worker: does it.
-        name: of the channel.
-        action: called with the text, and with the number of the browser that sent it.
+    The action is called with the text and the number of the browser.
     """
     element = gui.add_text(name, "", visible=False)
 
     async def heard(event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
         client = event.client_id
-        assert client is not None  # no program sends any
+        assert client is not None  # the program sends none
         await worker.listener(None, lambda text: action(text, client))(event)
-        element._impl.value = ""  # else viser would leave out a text that is sent again
+        element._impl.value = ""  # otherwise viser drops a repeated text
 
     element.on_update(heard)
     gui.add_html(f'<i hidden data-channel="{name}" data-uuid="{element._impl.uuid}"></i>')
@@ -67,11 +61,11 @@ def _completed(
     if is_packed:
         page = gzip.decompress(page)
     if _HEAD not in page or _TITLE not in page:
-        raise RuntimeError("this viser has another page: nothing can be added to it")
+        raise RuntimeError("unsupported viser: its page has changed")
     texts = [(_FOLDER / name).read_text() for name in _SCRIPTS]
     facts = {"rv.isForeign": is_foreign, "rv.isViewer": is_viewer}
-    told = [f"{name} = true;\n" for name, holds in facts.items() if holds]
-    texts[1:1] = told  # rv is made by the first
+    lines = [f"{name} = true;\n" for name, holds in facts.items() if holds]
+    texts[1:1] = lines  # rv is made by the first
     scripts = "".join(f"<script>\n{text}</script>" for text in texts)
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     page = page.replace(_TITLE, f"<title>{escape(title)}</title>".encode(), 1)

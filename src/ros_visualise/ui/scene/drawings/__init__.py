@@ -1,7 +1,7 @@
-"""How messages are drawn in 3D, a file for each kind of thing: `Drawing`s that say what they draw.
+"""Drawings of messages in 3D: a file for each kind, with `Drawing`s that declare what they draw.
 
 Another package brings one by an entry point of the group ``ros_visualise.drawings``; see
-`ros_visualise.core.registry`. A type of messages that is drawn here already stays as it is.
+`ros_visualise.core.registry`. A type of messages that is drawn here already is not replaced.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DRAWINGS = Registry("drawings", __name__, _read)
 
 
 def by_message() -> dict[type, type[Drawing]]:
-    """Type of messages -> what draws them."""
+    """Type of messages -> its drawing."""
     found: dict[type, type[Drawing]] = {}
     for drawing in (one for several in DRAWINGS.all() for one in several):
         for kind in drawing.draws:

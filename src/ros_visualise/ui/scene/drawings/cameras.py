@@ -1,4 +1,4 @@
-"""Cameras: their fields of view, and what they see."""
+"""Cameras: their fields of view with their images."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ import viser
 from ros_visualise.data import CameraInfo, Image
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.preview import rgb_preview
-from ros_visualise.ui.scene.drawing import Drawing, Look
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 _IMAGE_SIZE = 320
 _JPEG_QUALITY = 75
 _LENGTH = 0.6
 
 
-class Camera(Drawing):
-    """An `Image` or a `CameraInfo`: a frustum in the camera's optical frame.
-
-    Of an image whose camera is not calibrated nothing is drawn: nobody knows what it sees.
-    """
+class CameraDrawing(Drawing):
+    """The frustum of an `Image` or a `CameraInfo`, for calibrated cameras only."""
 
     draws = (CameraInfo, Image)
 
@@ -31,7 +28,7 @@ class Camera(Drawing):
         super().__init__(scene, name, color)
         self._frustum: viser.CameraFrustumHandle | None = None
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         info = message if isinstance(message, CameraInfo) else message.camera_info
         view = None if info is None else view_of(info)
         if view is None:
@@ -51,7 +48,7 @@ class Camera(Drawing):
                 receive_shadow=False,
             )
         self._frustum.fov, self._frustum.aspect = fov, aspect
-        self._frustum.scale = _LENGTH * look.axes_size
+        self._frustum.scale = _LENGTH * appearance.axes_size
         if isinstance(message, Image):
             self._frustum.image = rgb_preview(message, _IMAGE_SIZE)
 

@@ -1,4 +1,4 @@
-"""Things that were detected in space, as clear boxes with their classes."""
+"""Objects detected in 3D, as transparent boxes with their classes."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detections3D
 from ros_visualise.geometry import transforms
 from ros_visualise.plotting.colors import Color, color_of
-from ros_visualise.ui.scene.drawing import Drawing, Look
-from ros_visualise.ui.scene.solid_batch import SolidBatch
-from ros_visualise.ui.scene.solids import mesh_of
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
+from ros_visualise.ui.scene.solids import SolidBatch, mesh_of
 
 _ALPHA = 0.4
 _TEXT = 0.7
@@ -33,7 +32,7 @@ class DetectedBoxes(Drawing):
         self._labels: list[viser.LabelHandle] = []
         self._places: npt.NDArray[np.floating] = np.zeros((0, 3))
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, Detections3D)
         several = message.detections
         try:
@@ -44,7 +43,7 @@ class DetectedBoxes(Drawing):
             raise DamagedMessage(f"Detections3D: {error}") from None
         sizes = np.array([one.size_xyz for one in several]).reshape(-1, 3)
         if not (np.isfinite(T).all() and np.isfinite(sizes).all()):
-            raise DamagedMessage("Detections3D: a box holds a value that is not a number")
+            raise DamagedMessage("Detections3D: a box has a value that is not a number")
         colors = np.array([color_of(one.class_id) for one in several]).reshape(-1, 3) / 255
         rgba = np.column_stack([colors, np.full(len(several), _ALPHA)])
         self._boxes.put(_BOXES, (T, sizes, rgba))
@@ -63,7 +62,7 @@ class DetectedBoxes(Drawing):
         self._places = np.zeros((0, 3))
 
     def _label(self, texts: list[tuple[str, npt.NDArray[np.floating]]]) -> None:
-        """Show these texts at these places, and no others."""
+        """Replace the labels: texts at places."""
         for number, (text, position) in enumerate(texts[:_MOST_LABELS]):
             if number == len(self._labels):
                 name = f"{self._name}/label{number}"

@@ -1,4 +1,4 @@
-"""Maps, as pictures that lie where the map is."""
+"""Maps, as pictures on the ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import OccupancyGrid, Pixels
 from ros_visualise.geometry import transforms
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, move
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 
 _SHARP_PX, _MAX_PX = 800, 2048
 """A picture's longer side: with fewer pixels cells would blur, more would take too long."""
@@ -24,15 +24,15 @@ _LAYER_M = 0.01
 
 
 class Scheme(Enum):
-    """What a map's cells tell: ``AUTO`` is costs where the topic is called a costmap."""
+    """Colour schemes of maps; ``AUTO`` is costs where the topic's name has "costmap" in it."""
 
-    AUTO = "auto"
-    MAP = "map"
-    COSTS = "costs"
+    AUTO = "Auto"
+    MAP = "Map"
+    COSTS = "Costs"
 
 
-class Grid(Drawing):
-    """An `OccupancyGrid`: as long as none of its cells changes, nothing is sent but its place."""
+class GridDrawing(Drawing):
+    """An `OccupancyGrid`; while its cells stay the same only its pose is sent."""
 
     draws = (OccupancyGrid,)
 
@@ -48,14 +48,14 @@ class Grid(Drawing):
         self._scheme = Scheme.AUTO
         self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, OccupancyGrid)
         try:
             T_frame_origin = transforms.from_pose(message.position_xyz, message.quat_xyzw)
         except ValueError as error:
             raise DamagedMessage(f"OccupancyGrid: {error}") from None
         if not (np.isfinite(T_frame_origin).all() and 0 < message.resolution < np.inf):
-            raise DamagedMessage("OccupancyGrid: its origin or its resolution is no number")
+            raise DamagedMessage("OccupancyGrid: its origin or resolution is not a number")
         scheme = self._own_scheme if self.coloring is Scheme.AUTO else self.coloring
         if not message.cells.size:
             return
@@ -126,10 +126,7 @@ def palette_of(scheme: Scheme) -> Pixels:
 
 
 def depth_of(longer_m: float, scheme: Scheme) -> float:
-    """How far below its place a map is drawn, in metres, so that none hides what stands on it.
-
-    Larger ones lie lower, and those of costs on the others.
-    """
+    """Distance below its place at which a map is drawn, metres: larger ones lower, costs on top."""
     return _LAYER_M * (float(np.log2(1 + longer_m)) + (1 if scheme is Scheme.COSTS else 2))
 
 

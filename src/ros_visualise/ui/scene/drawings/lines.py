@@ -1,4 +1,4 @@
-"""Lines: paths, the trails of what moves, and outlines."""
+"""Lines: paths, trails and polygons."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import viser
 from ros_visualise.data import Floats, Path, PolygonStamped
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 _MAX_VERTICES = 5000
 _WIDTH_PX = 2.5
@@ -21,7 +21,7 @@ _MAX_SPEED_MPS = 400.0  # faster is a jump
 
 
 class Line:
-    """One line through some points, changed in place."""
+    """One line through points, changed in place."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         self._handle = scene.add_line_segments(
@@ -29,7 +29,7 @@ class Line:
         )
 
     def show(self, vertices: npt.NDArray[np.floating]) -> None:
-        """Go through these points (N, 3), evenly thinned where there are many."""
+        """Replace its points (N, 3); many are thinned evenly."""
         kept = thinned(vertices)
         self._handle.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
 
@@ -44,7 +44,7 @@ class PathDrawing(Drawing):
         self._line = Line(scene, f"{name}/line", color)
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, Path)
         positions = message.positions_xyz
         self._vertices = positions[np.isfinite(positions).all(axis=1)]
@@ -57,7 +57,7 @@ class PathDrawing(Drawing):
         self._line.show(np.zeros((0, 3)))
 
 
-class Outline(Drawing):
+class PolygonDrawing(Drawing):
     """A `PolygonStamped`."""
 
     draws = (PolygonStamped,)
@@ -67,7 +67,7 @@ class Outline(Drawing):
         self._line = Line(scene, f"{name}/line", color)
         self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, PolygonStamped)
         self._corners = message.points_xyz[np.isfinite(message.points_xyz).all(axis=1)]
         self._line.show(np.concatenate([self._corners, self._corners[:1]]))
@@ -80,10 +80,10 @@ class Outline(Drawing):
 
 
 class Trail:
-    """Where something was, from its positions as they come: the whole way, in bounded room.
+    """The whole way of something that moves, in bounded memory.
 
-    Positions nearer to one another than a spacing are left out; when there are too many, every
-    second goes and the spacing doubles.
+    Positions nearer to each other than a spacing are skipped; when there are too many, every second
+    one is dropped and the spacing doubles.
     """
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class Trail:
         self._last: tuple[int, Floats] | None = None
 
     def add(self, stamp_ns: int, position_xyz: Floats) -> None:
-        """Go on to a position (3,), unless it is late; after a jump, begin anew there."""
+        """Add a position (3,), unless it is late; after a jump, begin anew."""
         is_late = self._last is not None and stamp_ns < self._last[0]
         if is_late or not np.isfinite(position_xyz).all():
             return
@@ -110,7 +110,6 @@ class Trail:
         self._kept += 1
 
     def clear(self) -> None:
-        """Forget all."""
         self._kept, self._spacing_m, self._last = 0, _SPACING_M, None
 
     @property
@@ -127,5 +126,5 @@ class Trail:
 
 
 def thinned(vertices: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    """Some of many points (N, 3), evenly, with the first and the last."""
+    """Points (N, 3), evenly thinned where there are many; the first and the last are kept."""
     return vertices[evenly(len(vertices), _MAX_VERTICES)]

@@ -1,4 +1,4 @@
-"""Markers in the scene: those of a topic that were added and not deleted, each at its place."""
+"""Markers: those that a topic has added and not deleted."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
 from ros_visualise.geometry import transforms
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, move
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.marker_nodes import add_node, looks_like
-from ros_visualise.ui.scene.solid_batch import SolidBatch
-from ros_visualise.ui.scene.solids import Solids, mesh_of, solids_of
+from ros_visualise.ui.scene.solids import SolidBatch, Solids, mesh_of, solids_of
 
 _MOST = 5000  # markers of a topic; of more the oldest go
 _TRIES = 5  # for the transform at a marker's own stamp, before the newest has to do
@@ -30,10 +29,10 @@ _Key = tuple[str, int]
 
 @dataclass
 class _Kept:
-    """A marker that is there: until when, where, and what is drawn of it.
+    """A present marker: until when, where, and its nodes.
 
-    ``T_fixed_marker`` is where it is drawn, if it is; ``solids`` are what it is made of, once that
-    was asked for, and ``node`` is there where it is made of none.
+    ``T_fixed_marker`` is set while it is drawn; ``solids`` are computed once; a marker that is not
+    made of solids has a ``node``.
     """
 
     marker: Marker
@@ -46,12 +45,12 @@ class _Kept:
 
     @property
     def follows(self) -> bool:
-        """Whether it moves with its frame."""
+        """True if it moves with its frame."""
         return self.marker.frame_locked or not self.marker.header.stamp_ns
 
 
-class Markers(Drawing):
-    """The markers of a topic, of a `Marker` or a `MarkerArray` at a time."""
+class MarkersDrawing(Drawing):
+    """The markers of a topic of `Marker` or `MarkerArray`."""
 
     draws = (Marker, MarkerArray)
 
@@ -61,8 +60,8 @@ class Markers(Drawing):
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._kept: dict[_Key, _Kept] = {}
-        self._gone: dict[_Key, _Kept] = {}  # while a message is taken in: it may add them again
-        self._changed: dict[_Key, _Kept] = {}  # is to be drawn anew
+        self._gone: dict[_Key, _Kept] = {}  # removed by a message that may add them again
+        self._changed: dict[_Key, _Kept] = {}  # to be drawn
         self._batches = {
             kind: SolidBatch(scene, f"{name}/{kind}", *mesh_of(kind)) for kind in _KINDS
         }
@@ -71,7 +70,7 @@ class Markers(Drawing):
         self._problems: dict[_Key, str] = {}
 
     def gather(self, message: Any, now_ns: int) -> None:
-        """Do what a message says; what is drawn changes with the next `update`."""
+        """Add, change and delete markers; the drawing changes with the next `update`."""
         for marker in message.markers if isinstance(message, MarkerArray) else (message,):
             if marker.action == MarkerAction.DELETEALL:
                 self._clear(marker.ns)
@@ -81,20 +80,20 @@ class Markers(Drawing):
                 self._remove((marker.ns, marker.id))
         while len(self._kept) > _MOST:
             self._remove(next(iter(self._kept)))
-        self._let_go()
+        self._drop_gone()
 
-    def draw(self, message: Any, look: Look) -> None:
-        """Nothing: a message is gathered as soon as it comes."""
+    def draw(self, message: Any, appearance: Appearance) -> None:
+        """Nothing to do: messages are gathered."""
 
     def frame_of(self, message: Any, frames: Frames) -> str:
         """The fixed one: each marker has a frame of its own."""
         return ""
 
     def update(self, frames: Frames, now_ns: int) -> str:
-        """Let markers end and move; why some are not drawn."""
+        """Remove expired markers and move the others; returns why some are not drawn."""
         for key in [key for key, one in self._kept.items() if one.until_ns <= now_ns]:
             self._remove(key)
-        self._let_go()
+        self._drop_gone()
         if frames.fixed != self._fixed:
             self._fixed = frames.fixed
             for key, one in self._kept.items():
@@ -108,7 +107,7 @@ class Markers(Drawing):
 
     @property
     def texts(self) -> set[str]:
-        """The names that can be read there."""
+        """The texts of text markers."""
         markers = (one.marker for one in self._kept.values())
         return {one.text for one in markers if one.type == MarkerType.TEXT_VIEW_FACING}
 
@@ -122,14 +121,10 @@ class Markers(Drawing):
 
     def reset(self) -> None:
         self._clear("")
-        self._let_go()
+        self._drop_gone()
 
     def _place(self, key: _Key, one: _Kept, frames: Frames, newest: dict[str, Floats]) -> None:
-        """Find out where a marker's frame is, unless that is known for good.
-
-        Args:
-            newest: frame -> where it is now, as far as that was asked for in this round.
-        """
+        """Locate a marker's frame, unless it stays; ``newest`` caches frames of this round."""
         before = one.T_fixed_frame
         if before is not None and one.tries >= _TRIES and not one.follows:
             return
@@ -144,7 +139,7 @@ class Markers(Drawing):
             one.T_fixed_frame, self._changed[key] = found, one
 
     def _show(self) -> None:
-        """Draw what changed of the markers that are there."""
+        """Draw the changed markers."""
         for key, one in self._changed.items():
             if self._kept.get(key) is not one:
                 continue
@@ -158,7 +153,7 @@ class Markers(Drawing):
             batch.show()
 
     def _draw(self, key: _Key, one: _Kept) -> None:
-        """Draw a marker in the place of what was drawn of it; nothing where it is nowhere."""
+        """Draw a marker anew, or hide it while its frame is unknown."""
         if one.T_fixed_frame is None:
             self._hide(key, one)
             return
@@ -175,7 +170,6 @@ class Markers(Drawing):
             self._show_node(one, T_fixed_marker)
 
     def _hide(self, key: _Key, one: _Kept) -> None:
-        """Draw nothing of a marker."""
         for batch in self._batches.values():
             batch.drop(key)
         if one.node is not None:
@@ -196,7 +190,7 @@ class Markers(Drawing):
         move(one.node, T_fixed_marker)
 
     def _add(self, marker: Marker, now_ns: int) -> None:
-        """Take a marker in; of one that only moves, what is drawn of it moves."""
+        """Add a marker; one that only moves keeps its nodes."""
         key = marker.ns, marker.id
         until_ns = now_ns + marker.lifetime_ns if marker.lifetime_ns > 0 else math.inf
         self._remove(key)
@@ -213,12 +207,12 @@ class Markers(Drawing):
             self._gone[key] = one
 
     def _clear(self, ns: str) -> None:
-        """Delete all markers of a namespace; without a name, of all."""
+        """Delete the markers of a namespace, or all for an empty name."""
         for key in [key for key in self._kept if ns in ("", key[0])]:
             self._remove(key)
 
-    def _let_go(self) -> None:
-        """Take off the scene what was removed and not added again."""
+    def _drop_gone(self) -> None:
+        """Remove the nodes of markers that were not added again."""
         for key, one in self._gone.items():
             if key not in self._kept:
                 self._hide(key, one)
@@ -228,7 +222,7 @@ class Markers(Drawing):
 
 
 def _locate(one: _Kept, frames: Frames, newest: dict[str, Floats]) -> Floats:
-    """T_fixed_frame of its frame: now, or at its stamp, or now where that cannot be said."""
+    """T_fixed_frame of its frame: at its stamp, or the newest."""
     frame = one.marker.header.frame_id
     one.tries += 1
     if not one.follows:
@@ -249,13 +243,13 @@ def pose_of(marker: Marker) -> Floats:
     """
     parts = (marker.position_xyz, marker.quat_xyzw, marker.scale_xyz, marker.points_xyz.ravel())
     if not np.isfinite(np.concatenate(parts)).all():
-        raise ValueError("holds a value that is not a number")
+        raise ValueError("has a value that is not a number")
     quat_xyzw = marker.quat_xyzw if marker.quat_xyzw.any() else _LEVEL
     return transforms.from_pose(marker.position_xyz, quat_xyzw)
 
 
 def _outline(marker: Marker) -> npt.NDArray[np.floating]:
-    """Some points that tell how large it is."""
+    """Some points that span it."""
     if len(marker.points_xyz):
         return marker.points_xyz[:: -(-len(marker.points_xyz) // 100)]
     return np.array([-0.5, 0.5])[:, None] * marker.scale_xyz

@@ -1,4 +1,4 @@
-"""Many poses at once, such as the places where a robot may be."""
+"""Many poses at once, such as a particle filter's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import viser
 from ros_visualise.data import PoseArray
 from ros_visualise.geometry import rotations
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
 from ros_visualise.ui.scene.drawings.lines import thinned
 
 _NO_LINES = np.zeros((0, 2, 3), np.float32)
@@ -21,7 +21,7 @@ _ARROW = np.array([[[0, 0], [1, 0]], [[1, 0], [0.7, 0.15]], [[1, 0], [0.7, -0.15
 """Its lines: start and end of each, along the x and the y axis of a pose, in lengths."""
 
 
-class Particles(Drawing):
+class ParticlesDrawing(Drawing):
     """A `PoseArray`: a flat arrow along the x axis of each, in one element for all."""
 
     draws = (PoseArray,)
@@ -33,9 +33,9 @@ class Particles(Drawing):
         )
         self._positions: npt.NDArray[np.floating] = np.zeros((0, 3))
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, PoseArray)
-        arrows = arrows_of(message, _LENGTH * look.axes_size)
+        arrows = arrows_of(message, _LENGTH * appearance.axes_size)
         self._positions = arrows[::3, 0]
         self._lines.points = arrows.astype(np.float32)
 
@@ -47,10 +47,7 @@ class Particles(Drawing):
 
 
 def arrows_of(poses: PoseArray, length_m: float) -> npt.NDArray[np.floating]:
-    """Start and end (3 N, 2, 3) of the lines of arrows, three for each; those of no pose left out.
-
-    Where there are very many, they are thinned evenly.
-    """
+    """Start and end (3 N, 2, 3) of the lines of arrows, three for each valid pose."""
     rows = np.concatenate([poses.positions_xyz, poses.quats_xyzw], axis=1)
     valid = np.isfinite(rows).all(axis=1) & (np.linalg.norm(rows[:, 3:], axis=1) > _LEAST)
     kept = thinned(rows[valid])

@@ -13,7 +13,7 @@ from ros_visualise.data import LaserScan, Pixels, PointCloud
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.coloring import Coloring, by_value, colors_of, heights_of
-from ros_visualise.ui.scene.drawing import Drawing, Look
+from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 Precision = Literal["float16", "float32"]
 Points = npt.NDArray[np.float32]
@@ -23,7 +23,7 @@ _EXTENT_POINTS = 500
 
 
 class _Dots(Drawing):
-    """Points whose number, places and colours change from one message to the next."""
+    """Points that all change from one message to the next."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
@@ -67,37 +67,37 @@ class _Dots(Drawing):
             self._handle.point_size = size
 
 
-class Cloud(_Dots):
-    """A `PointCloud`: without the points that are none, evenly thinned where there are many."""
+class CloudDrawing(_Dots):
+    """A `PointCloud`: its valid points, evenly thinned where there are many."""
 
     draws = (PointCloud,)
 
     colorings = Coloring
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, PointCloud)
-        points, xyz = choose(message, look.max_points)
+        points, xyz = choose(message, appearance.max_points)
         heights = heights_of(xyz, self.T_fixed_frame)
         colors = colors_of(message, points, heights, self.coloring, self._color)
-        self._show(xyz, colors, look.point_size)
+        self._show(xyz, colors, appearance.point_size)
 
 
-class Scan(_Dots):
-    """A `LaserScan`: its rays' ends, those that are measurements."""
+class ScanDrawing(_Dots):
+    """A `LaserScan`: the ends of its valid rays."""
 
     draws = (LaserScan,)
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, LaserScan)
         points, valid = ends_of(message)
         colors = np.array(self._color, np.uint8)
         if len(message.intensities) == len(message.ranges) and self.coloring is not Coloring.PLAIN:
             colors = by_value(message.intensities[valid])
-        self._show(points, colors, 1.5 * look.point_size)
+        self._show(points, colors, 1.5 * appearance.point_size)
 
 
 def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Points]:
-    """The points of a cloud that are drawn, in its layout (N,), and as (N, 3) metres."""
+    """Valid points of a cloud, in its layout (N,), and as (N, 3) metres."""
     points, xyz = cloud.points.ravel(), cloud.xyz
     finite = np.isfinite(xyz).all(axis=1)
     if not finite.all():
@@ -109,13 +109,13 @@ def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Po
 
 
 def ends_of(scan: LaserScan) -> tuple[Points, npt.NDArray[np.bool_]]:
-    """Where the rays of a scan ended, (N, 3) metres in its frame, and which rays did (REP 117).
+    """Ends (N, 3) of the valid rays of a scan, metres in its frame, and which rays are (REP 117).
 
     Raises:
-        DamagedMessage: its angles are no numbers.
+        DamagedMessage: its angles are not numbers.
     """
     if not np.isfinite([scan.angle_min, scan.angle_increment]).all():
-        raise DamagedMessage("LaserScan: its angles are no numbers")
+        raise DamagedMessage("LaserScan: its angles are not numbers")
     ranges = scan.ranges
     valid = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
     angles = scan.angle_min + np.flatnonzero(valid) * scan.angle_increment

@@ -1,4 +1,4 @@
-"""Where something is: axes, the way that it came, and how sure it is."""
+"""Poses: axes, a trail and the uncertainty."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, move, to_wxyz
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, move, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 
 Posed = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped
@@ -26,7 +26,7 @@ _SIGMAS = 2.0
 _MIN_SIGMA_M = 1e-3
 
 
-class Pose(Drawing):
+class PoseDrawing(Drawing):
     """A message with one pose: axes, a trail, and an ellipsoid of two standard deviations."""
 
     draws = (Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped)
@@ -42,13 +42,13 @@ class Pose(Drawing):
             f"{name}/covariance", 1.0, color=color, subdivisions=2, opacity=0.3, visible=False
         )
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         self.T_frame_body = pose_of(message)
-        self._axes.scale = look.axes_size
+        self._axes.scale = appearance.axes_size
         move(self._axes, self.T_frame_body)
         self._trail.add(message.header.stamp_ns, self.T_frame_body[:3, 3])
         self._line.show(self._trail.vertices)
-        covariance = covariance_of(message) if look.covariances else None
+        covariance = covariance_of(message) if appearance.covariances else None
         self._ellipsoid.visible = covariance is not None
         if covariance is not None:
             self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(covariance)
@@ -66,7 +66,7 @@ def pose_of(message: Posed) -> Floats:
     """T_frame_body, 4x4, in the frame of the message's header.
 
     Raises:
-        DamagedMessage: its quaternion is none, or something is no number.
+        DamagedMessage: its quaternion is zero, or a value is not a number.
     """
     is_transform = isinstance(message, TransformStamped)
     position = message.translation_xyz if is_transform else message.position_xyz  # type: ignore[union-attr]
@@ -75,14 +75,12 @@ def pose_of(message: Posed) -> Floats:
     except ValueError as error:
         raise DamagedMessage(f"{type(message).__name__}: {error}") from None
     if not np.isfinite(T_frame_body).all():
-        raise DamagedMessage(
-            f"{type(message).__name__}: its pose holds a value that is not a number"
-        )
+        raise DamagedMessage(f"{type(message).__name__}: its pose has a value that is not a number")
     return T_frame_body
 
 
 def covariance_of(message: Posed) -> Floats | None:
-    """Of its position, 3x3 in m^2; None where it does not say."""
+    """Covariance of the position, 3x3 in m^2; None where unknown."""
     if isinstance(message, Odometry):
         found = message.pose_covariance[:3, :3]
     elif isinstance(message, PoseWithCovarianceStamped):

@@ -11,7 +11,7 @@ import viser
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Text
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, move
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.meshes import add_mesh, load_mesh
 from ros_visualise.ui.scene.urdf import RobotModel, Shape, read_model
@@ -38,7 +38,7 @@ class RobotDrawing(Drawing):
         self._links: dict[str, viser.FrameHandle] = {}
         self._triangles = 0
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         if message.text == self._text:
             return
         self._text, self._problem, self._triangles = message.text, "", 0

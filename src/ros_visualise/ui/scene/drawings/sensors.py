@@ -1,4 +1,4 @@
-"""What tells of the robot itself: satellite fixes and inertial measurements."""
+"""Satellite fixes and inertial measurements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.plotting.colors import Color
-from ros_visualise.ui.scene.drawing import Drawing, Look, to_wxyz
+from ros_visualise.ui.scene.drawing import Appearance, Drawing, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 from ros_visualise.ui.scene.frames import Frames
 
@@ -22,10 +22,10 @@ _GRAVITY_MPS2 = 9.81
 _LENGTH = 0.6
 
 
-class Fix(Drawing):
+class FixDrawing(Drawing):
     """A `NavSatFix`: a trail on the plane through the first one, x east, y north, z up.
 
-    That one is in the map's origin, where nobody knows where the frame of a fix is.
+    The first one is at the map's origin, unless its frame can be located.
     """
 
     draws = (NavSatFix,)
@@ -36,19 +36,19 @@ class Fix(Drawing):
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
         self._datum: Floats | None = None
-        self.T_frame_body: Floats = np.diag([0.0, 0, 0, 1])  # nobody knows where it looks
+        self.T_frame_body: Floats = np.diag([0.0, 0, 0, 1])  # its heading is unknown
         self._trail = Trail()
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
         self._line = Line(scene, f"{name}/trail", color)
         self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
 
     def gather(self, message: Any, now_ns: int) -> None:
-        """Go on with the trail, from the very first fix, as a path of fixes does."""
+        """Continue the trail from the very first fix."""
         position = self._on_plane(message)
         if position is not None:
             self._trail.add(message.header.stamp_ns, position)
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         position = self._on_plane(message)
         if position is None:
             return
@@ -56,7 +56,7 @@ class Fix(Drawing):
         self.T_frame_body[:3, 3] = datum + position
         self._vertices = datum + self._trail.vertices
         self._line.show(self._vertices)
-        self._dot.position, self._dot.scale = datum + position, look.axes_size
+        self._dot.position, self._dot.scale = datum + position, appearance.axes_size
         self._dot.visible = True
 
     def frame_of(self, message: Any, frames: Frames) -> str:
@@ -82,7 +82,7 @@ class Fix(Drawing):
         self._line.show(self._vertices)
 
     def _on_plane(self, fix: NavSatFix) -> Floats | None:
-        """Metres east, north and up of the first fix; None where a fix says nothing."""
+        """Metres east, north and up of the first fix; None for an invalid one."""
         place = np.array([fix.latitude, fix.longitude, fix.altitude])
         place[2] = np.nan_to_num(place[2])  # a fix may lack its height
         if fix.status < 0 or not np.isfinite(place).all():
@@ -93,10 +93,8 @@ class Fix(Drawing):
 
 
 class ImuDrawing(Drawing):
-    """An `Imu`: an arrow for the acceleration, as long as the axes at 1 g, and the attitude.
-
-    The attitude is drawn as axes where the sensor is, turned as it says against the fixed frame.
-    """
+    """An `Imu`: an arrow for the acceleration, as long as the axes at 1 g, and axes for the
+    attitude in the fixed frame."""
 
     draws = (Imu,)
 
@@ -106,21 +104,21 @@ class ImuDrawing(Drawing):
         self._axes.origin_color = color
         self._arrow = scene.add_arrows(f"{name}/acceleration", np.zeros((1, 2, 3)), color)
 
-    def draw(self, message: Any, look: Look) -> None:
+    def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, Imu)
         self._axes.visible = message.orientation_covariance[0, 0] != -1
-        self._axes.scale = look.axes_size
+        self._axes.scale = appearance.axes_size
         if self._axes.visible:
             self._axes.wxyz = to_wxyz(self._attitude(message))
         self._arrow.visible = bool(
             message.linear_covariance[0, 0] != -1 and np.isfinite(message.linear_xyz).all()
         )
         if self._arrow.visible:
-            tip = message.linear_xyz / _GRAVITY_MPS2 * _LENGTH * look.axes_size
+            tip = message.linear_xyz / _GRAVITY_MPS2 * _LENGTH * appearance.axes_size
             self._arrow.points = np.stack([np.zeros(3), tip])[None].astype(np.float32)
 
     def _attitude(self, message: Imu) -> npt.NDArray[np.float64]:
-        """Of the sensor in its own frame's place: the frame may be turned already."""
+        """Attitude relative to the sensor's frame, which may be rotated already."""
         try:
             R_fixed_sensor = rotations.to_matrix(message.quat_xyzw)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""What people arranged on the page: kept in its address, and in a YAML file."""
+"""Settings of the page that were changed: kept in its address, and saved to a YAML file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import viser
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
-from ros_visualise.ui.arrangements import Arrangement, Value
+from ros_visualise.ui import Arrangement, Value
 from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.elements import refusal
+from ros_visualise.ui.page.inbound import refusal
 from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
@@ -30,22 +30,32 @@ _KINDS = (
     viser.GuiDropdownHandle,
 )
 _NOT_KEPT = ("open", "recording", "robot")
-"""Folders whose elements say what to do now, not how the page is."""
+"""Folders of commands rather than settings."""
 _SWITCHES = {"True": True, "False": False}
+_RENAMED = {
+    "part": "playback range",
+    "from": "start",
+    "to": "end",
+    "looks": "appearance",
+    "points at most": "max points",
+    "axes of frames": "frame axes",
+    "names of frames": "frame names",
+    "follow the robot": "follow robot",
+    "on the image": "overlay",
+    "show": "image",
+}
+"""Names in addresses and layout files of the last release, and those of today in lower case."""
 _MOST_IN_ADDRESS = 4000  # characters; browsers may send little more in one text
 _VIEW, _FARTHEST_M = "view", 1e6
 
 
-class Memory:
-    """What is known of the page from one graph to the next.
-
-    Args:
-        wanted: how the page is to be arranged at first.
+class SettingsMemory:
+    """Settings of the page from one graph to the next.
 
     Attributes:
-        first: place -> the value that its element had at first.
-        run: tells browsers that this is still the same program.
-        wanted: how the page is to be arranged next.
+        first: place -> the initial value of its element.
+        run: by which browsers know that this is still the same program.
+        wanted: the settings to apply next.
     """
 
     def __init__(self, wanted: Arrangement) -> None:
@@ -54,32 +64,27 @@ class Memory:
         self.wanted: Arrangement = wanted
 
     def remember(self, arrangement: Arrangement) -> None:
-        """Arrange the page so again; parts that were marked are those of one recording."""
-        self.wanted = {p: v for p, v in arrangement.items() if not p.startswith("part/")}
+        """Apply these settings again; playback ranges belong to one recording."""
+        self.wanted = {p: v for p, v in arrangement.items() if not p.startswith("playback range/")}
 
 
-class Kept:
-    """Knows which elements have other values than at first, and can set them so again.
+class PageSettings:
+    """The elements with other values than initially; sets them again from an address or a file.
 
-    A place is the folders and the tab in which an element is, and its label; of several the same,
-    the later ones are numbered. What stands in no folder, as playback, is not kept. A value for an
-    element that is not there yet waits until it is, and one for a choice until there is that to
-    choose.
+    A place is the folders and the tab of an element, and its label, in lower case; of several the
+    same, the later ones are numbered. Elements outside of folders, as playback, are not kept. A
+    value waits until its element exists and offers it.
 
     Each browser's address has these values too (``scripts/address.js``). One that is opened with an
-    address sets what this names; all else stays as it is.
-
-    Args:
-        gui: of the page.
-        worker: sets what the address of a browser names.
-        scene: what each browser has its own view of.
-        memory: of the graph that was shown before.
+    address applies its settings and leaves all others.
     """
 
-    def __init__(self, gui: viser.GuiApi, worker: Worker, scene: Scene, memory: Memory) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, worker: Worker, scene: Scene, memory: SettingsMemory
+    ) -> None:
         self._gui, self._scene = gui, scene
         self._first, self._run = memory.first, memory.run
-        self._waiting: dict[str, Value] = dict(memory.wanted)
+        self._waiting = _by_name(memory.wanted)
         if _VIEW in self._waiting:
             scene.look_from(None, *_places(str(self._waiting.pop(_VIEW))))
         add_channel(gui, worker, "address", self._take_address)
@@ -87,22 +92,22 @@ class Kept:
         self._element = gui.add_html("")
 
     def take_in(self) -> None:
-        """Note the values that elements have which are new: what is changed later is kept."""
+        """TopicText the values that elements have which are new: what is changed later is kept."""
         for place, element in self._elements():
             self._first.setdefault(place, element.value)
 
     def refresh(self) -> None:
-        """Take in elements that are new, set those whose value waits, and tell the browsers."""
+        """Apply the values that wait for new elements, and send the address to browsers."""
         self.take_in()
         there = dict(self._elements())
         for place in self._waiting.keys() & there.keys():
             if _has(there[place], self._waiting[place]):
                 self._set(there[place], self._waiting.pop(place), place)
-        self._tell()
+        self._send_address()
 
     @property
     def arrangement(self) -> dict[str, Value]:
-        """The values that are not as at first."""
+        """The values that were changed."""
         return {
             place: element.value
             for place, element in self._elements()
@@ -111,14 +116,14 @@ class Kept:
 
     @property
     def saved(self) -> dict[str, Value]:
-        """The same, and the view in 3D where somebody moved it."""
+        """The same, with the 3D view if it was moved."""
         moved = self._scene.view.moved
         if moved is None:
             return self.arrangement
         view = ",".join(f"{xyz:.2f}" for place in moved for xyz in place)
         return self.arrangement | {_VIEW: view}
 
-    def _tell(self) -> None:
+    def _send_address(self) -> None:
         address = urlencode(self.arrangement, safe="/ ,:", quote_via=quote).replace(" ", "%20")
         if len(address) > _MOST_IN_ADDRESS:  # whole values, as many as have room
             address = address[: address.rfind("&", 0, _MOST_IN_ADDRESS)]
@@ -131,14 +136,14 @@ class Kept:
             self._element.content = content
 
     def _take_address(self, address: str, _: int) -> None:
-        self._waiting = dict(parse_qsl(address, keep_blank_values=True))
+        self._waiting = _by_name(dict(parse_qsl(address, keep_blank_values=True)))
         self.refresh()
 
-    def _take_view(self, told: str, client: int) -> None:
-        self._scene.look_from(client, *_places(told))
+    def _take_view(self, view: str, client: int) -> None:
+        self._scene.look_from(client, *_places(view))
 
     def _set(self, element: Any, value: Value, place: str) -> None:
-        """As a person would: with all that follows from it.
+        """Set an element as a person would, with all consequences.
 
         Raises:
             UsageError: it cannot have that value.
@@ -161,12 +166,12 @@ class Kept:
             path = self._path(element)
             if not isinstance(element, _KINDS) or not path:
                 continue
-            place = "/".join([*path, element.label])
+            place = "/".join([*path, element.label]).casefold()
             seen[place] = seen.get(place, 0) + 1
             yield (place if seen[place] == 1 else f"{place} {seen[place]}"), element
 
     def _path(self, element: Any) -> list[str]:
-        """Labels of what an element is in; empty if it is not kept."""
+        """Labels of an element's containers; empty if it is not kept."""
         path: list[str] = []
         place = element._impl.parent_container_id
         containers: Mapping[str, Any] = self._gui._container_handle_from_uuid
@@ -174,17 +179,18 @@ class Kept:
             is_tab = isinstance(container, viser.GuiTabHandle)
             path.insert(0, container._label if is_tab else container.label or "")
             place = "root" if is_tab else container._impl.parent_container_id
-        return [] if path[:1] in [[one] for one in _NOT_KEPT] else [one for one in path if one]
+        is_kept = path and path[0].casefold() not in _NOT_KEPT
+        return [one for one in path if one] if is_kept else []
 
 
-_NOBODY = -1  # no browser's number
+_NOBODY = -1  # not a browser's number
 
 
 def _places(view: str) -> tuple[Floats, Floats]:
-    """Where a view is from, and what it looks at: (3,) metres each.
+    """Position and target of a view, (3,) metres each.
 
     Raises:
-        UsageError: these are no six numbers.
+        UsageError: the text is not six numbers.
     """
     try:
         numbers = [float(text) for text in view.split(",")]
@@ -195,15 +201,27 @@ def _places(view: str) -> tuple[Floats, Floats]:
     return np.array(numbers[:3]), np.array(numbers[3:])
 
 
+def _by_name(arrangement: Arrangement) -> dict[str, Value]:
+    """Place, as it is called today -> value."""
+    return {
+        "/".join(_RENAMED.get(part, part) for part in place.casefold().split("/")): value
+        for place, value in arrangement.items()
+    }
+
+
 def _has(element: Any, value: Value) -> bool:
-    return not isinstance(element, viser.GuiDropdownHandle) or value in element.options
+    if not isinstance(element, viser.GuiDropdownHandle):
+        return True
+    return str(value).casefold() in map(str.casefold, element.options)
 
 
 def _read(element: Any, text: str) -> Value:
-    """The value that a text in an address means for an element."""
+    """An element's value for a text in an address."""
     if isinstance(element, viser.GuiCheckboxHandle):
         return _SWITCHES.get(text, text)
-    if isinstance(element, viser.GuiTextHandle | viser.GuiDropdownHandle):
+    if isinstance(element, viser.GuiDropdownHandle):
+        return next((one for one in element.options if one.casefold() == text.casefold()), text)
+    if isinstance(element, viser.GuiTextHandle):
         return text
     try:
         return float(text)

@@ -1,4 +1,4 @@
-"""Answers what the pages for looking closely ask for."""
+"""Answers the queries of the pages that inspect a graph."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from urllib.parse import quote
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import READ_ONLY, Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.answers import READ_ONLY, Answer, Query, Refusal, as_json
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
-from ros_visualise.ui.look.logs import Lines
+from ros_visualise.ui.look.monitor import LogLines, NodeMonitor
 from ros_visualise.ui.look.taps import Taps
-from ros_visualise.ui.look.told import Told
 from ros_visualise.ui.look.trees import tree_of
 
 log = logging.getLogger(__name__)
@@ -30,18 +29,18 @@ PAGES = ("image", "plots", "messages", "log", "diagnostics")
 _WAIT_S = 0.5
 
 
-class Looker:
-    """Answers questions about a running graph, from any thread."""
+class Inspector:
+    """Answers queries about a running graph, from any thread."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
         self._images = Images(runtime)
         self._messages = Taps(runtime, 1)
         self._curves = Curves(runtime)
-        self._lines = Lines()
-        self._told = Told(runtime, self._lines)
+        self._lines = LogLines()
+        self._monitor = NodeMonitor(runtime, self._lines)
         logging.getLogger("ros_visualise").addHandler(self._lines)
-        self._answers: Mapping[str, Callable[[Question], Answer]] = {
+        self._answers: Mapping[str, Callable[[Query], Answer]] = {
             "pixels": self._images.pixels,
             "png": self._images.png,
             "message": self._message,
@@ -50,51 +49,46 @@ class Looker:
             "log": self._log,
             "diagnostics": self._diagnostics,
         }
-        self._acts: Mapping[str, Callable[[Question], Answer]] = {"play": self._play}
+        self._acts: Mapping[str, Callable[[Query], Answer]] = {"play": self._play}
 
-    def answer(self, question: Question, is_viewer: bool = False) -> Answer | None:
-        """The answer to a question; None where it is not for us.
-
-        Args:
-            question: what is asked.
-            is_viewer: whether it may change nothing.
-        """
+    def answer(self, query: Query, is_viewer: bool = False) -> Answer | None:
+        """The answer to a query, read-only for ``is_viewer``; None leaves it to viser."""
         try:
-            return self._answer(question, is_viewer)
+            return self._answer(query, is_viewer)
         except Refusal as refusal:
             return refusal.answer
         except (RosVisualiseError, ValueError) as error:  # such as an image that is damaged
             return as_json({"error": str(error)}, 422)
 
     def refresh(self) -> None:
-        """Take in what nodes tell; let go of topics that nobody asked for lately."""
-        self._told.take()
+        """Take log and diagnostics; unsubscribe from topics without recent queries."""
+        self._monitor.take()
         self._images.rest()
         self._messages.rest()
         self._curves.rest()
 
     def close(self) -> None:
-        """Let go of all."""
+        """Unsubscribe from all topics."""
         logging.getLogger("ros_visualise").removeHandler(self._lines)
         self._images.rest(all_of_them=True)
         self._messages.rest(all_of_them=True)
         self._curves.close()
-        self._told.close()
+        self._monitor.close()
 
-    def _answer(self, question: Question, is_viewer: bool) -> Answer | None:
-        if "look" in question:
-            return _page(question.text("look"))
-        if "ask" not in question:
+    def _answer(self, query: Query, is_viewer: bool) -> Answer | None:
+        if "look" in query:
+            return _page(query.text("look"))
+        if "ask" not in query:
             return None
-        asked = question.text("ask")
+        asked = query.text("ask")
         if asked in self._acts and is_viewer:
             raise Refusal(READ_ONLY, 403)
         if asked == "topics":
             return self._topics(is_viewer)
         answers = {**self._answers, **self._acts}
         if asked not in answers:
-            raise Refusal(f"unknown question{did_you_mean(asked, answers)}", 404)
-        return answers[asked](question)
+            raise Refusal(f"unknown query{did_you_mean(asked, answers)}", 404)
+        return answers[asked](query)
 
     def _topics(self, is_viewer: bool) -> Answer:
         topics = self._runtime.graph.topics
@@ -107,50 +101,52 @@ class Looker:
             }
         )
 
-    def _message(self, question: Question) -> Answer:
-        topic = question.text("topic")
+    def _message(self, query: Query) -> Answer:
+        topic = query.text("topic")
         if topic not in self._runtime.graph.topics:
-            raise Refusal("there is no such topic", 404)
+            raise Refusal("no such topic", 404)
         found = self._messages.newest(topic, _WAIT_S)
         if found is None:
             raise Refusal("no message yet", 404)
         return as_json({"stamp": str(found.header.stamp_ns), "message": tree_of(found)})
 
-    def _log(self, question: Question) -> Answer:
-        return as_json({"lines": self._lines.after(question.whole("after") or 0)})
+    def _log(self, query: Query) -> Answer:
+        return as_json({"lines": self._lines.after(query.whole("after") or 0)})
 
-    def _diagnostics(self, _: Question) -> Answer:
-        return as_json({"statuses": self._told.statuses(), "live": self._runtime.playback is None})
+    def _diagnostics(self, _: Query) -> Answer:
+        return as_json(
+            {"statuses": self._monitor.statuses(), "live": self._runtime.playback is None}
+        )
 
-    def _play(self, question: Question) -> Answer:
+    def _play(self, query: Query) -> Answer:
         playback = self._runtime.playback
         if playback is None:
-            raise Refusal("this source cannot be paused, and has no other time to go to", 409)
-        if "seek" in question:
-            playback.seek(question.seconds("seek"))
-        elif "step" in question:
-            playback.step(-1 if question.text("step") == "back" else 1)
-        elif "toggle" in question:
+            raise Refusal("this source cannot be paused or seeked", 409)
+        if "seek" in query:
+            playback.seek(query.seconds("seek"))
+        elif "step" in query:
+            playback.step(-1 if query.text("step") == "back" else 1)
+        elif "toggle" in query:
             playback.toggle()
         state = playback.state
         return as_json({"position": state.position_s, "playing": state.playing})
 
 
 def link(page: str, **values: str) -> str:
-    """The address of a page, as seen from every other page of this server."""
+    """The address of a page, relative to every page of this server."""
     more = "".join(f"&{name}={quote(value)}" for name, value in values.items())
     return f"?look={page}{more}"
 
 
 def _page(name: str) -> Answer:
     if name not in PAGES:
-        raise Refusal(f"there is no such page; choose from {', '.join(PAGES)}", 404)
+        raise Refusal(f"no such page; choose from {', '.join(PAGES)}", 404)
     return Answer(_read(f"{name}.html"), "text/html; charset=utf-8")
 
 
 @cache
 def _read(name: str) -> bytes:
-    """A page with its icon, style and scripts inside, so that it is one answer."""
+    """A page with its icon, style and scripts inside."""
     page = (_FOLDER / name).read_text("utf-8").replace("<title>", f"{_ICON}\n<title>")
     for part in sorted(_FOLDER.glob("*.css")) + sorted(_FOLDER.glob("*.js")):
         page = page.replace(f"/* {part.name} */", part.read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""The files of which a person may choose what is shown next."""
+"""The files that can be opened from the page."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from ros_visualise.sources.opening import is_recorded_folder
 
 VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
 SUFFIXES = (*suffixes(), *VIDEOS)
-"""How the names end of what can be opened."""
+"""Suffixes of files that can be opened."""
 _MOST = 500  # files of a folder that are offered
 
 
-class Shelf:
-    """The videos and recordings in two folders, and the one that was asked for.
+class FileChooser:
+    """The videos and recordings in two folders, and the one to open next.
 
     Args:
-        folder: the one of what is shown.
-        uploads: the one that the page records and uploads to.
+        folder: that of the present file.
+        uploads: that of the page's recordings and uploads.
 
     Attributes:
-        current: what is shown; None: no file.
+        current: the present file, or None.
     """
 
     def __init__(self, folder: Path, uploads: Path, current: Path | None = None) -> None:
@@ -31,7 +31,7 @@ class Shelf:
         self._asked: Path | None = None
 
     def files(self) -> dict[str, Path]:
-        """What can be opened: name -> path; what is in the second folder is named with it."""
+        """Files that can be opened: name -> path; of a name in both folders, the second in full."""
         there: dict[str, Path] = {}
         for folder in self._folders:
             names = {path.name: path for path in _openable(folder)}
@@ -39,18 +39,14 @@ class Shelf:
         return there
 
     def ask(self, path: Path) -> None:
-        """Show this next.
-
-        Raises:
-            UsageError: it is none of these files.
-        """
+        """Open this next; raises UsageError if it is none of these files."""
         folder = next((one for one in self._folders if _is_same(one, path.parent)), None)
         if folder is None or not _is_openable(path) or not path.exists():
-            raise UsageError(f"{path}: is not there to be opened; choose another file")
+            raise UsageError(f"{path}: cannot be opened; choose another file")
         self._asked = folder / path.name
 
     def take(self) -> Path | None:
-        """What was asked for since; None: nothing."""
+        """The file to open, once; None without any."""
         asked, self._asked = self._asked, None
         return asked
 
@@ -59,7 +55,7 @@ def _openable(folder: Path) -> list[Path]:
     """Videos and recordings in a folder, which may be folders too."""
     try:
         found = sorted(path for path in folder.iterdir() if _is_openable(path))
-    except OSError:  # it was removed, or nobody may read it
+    except OSError:  # removed, or unreadable
         return []
     return found[:_MOST]
 

@@ -6,7 +6,7 @@ from page_client import Client
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
-from ros_visualise.ui.arrangements import read_arrangement
+from ros_visualise.ui import ViewOptions, read_arrangement
 from ros_visualise.ui.page import Page
 
 
@@ -35,7 +35,7 @@ def test_reload_and_a_link_lose_nothing(browse, page, runtime):
     tab.goto(link)
     wait_until(tab, lambda: filters.current.threshold == 78)
     wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
-    kept = "#filters/threshold=78&edge_detector/show=/edges_overlay"
+    kept = "#filters/threshold=78&edge_detector/image=/edges_overlay"
     wait_until(tab, lambda: tab.url.endswith(kept))
 
     other = browse()
@@ -52,7 +52,7 @@ def test_what_changed_before_anybody_looked_is_kept_too(browse, page, runtime):
 
 
 def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
-    page = Page(port=port, token=False)  # without, no other site knows the address
+    page = Page(ViewOptions(port=port, token=False))  # without, no other site knows the address
     page.open(runtime)
     context = chromium.new_context()
     tab = context.new_page()
@@ -106,13 +106,17 @@ def test_a_view_that_was_moved_is_saved_and_comes_back(port, scene, server):
 
 def test_a_file_arranges_the_page(port, runtime, tmp_path):
     write_yaml({"filters/threshold": 60, "windows/filters": False}, tmp_path / "l.yaml")
-    page = Page(port=port, arrangement=read_arrangement(tmp_path / "l.yaml"), record_dir=tmp_path)
+    page = Page(
+        ViewOptions(
+            port=port, arrangement=read_arrangement(tmp_path / "l.yaml"), record_dir=tmp_path
+        )
+    )
     page.open(runtime)
     client = Client(port)
     client.read_until(lambda: runtime.parameters["filters"].current.threshold == 60)
     client.read_until(lambda: client.values["filters"] is False)
-    client.set("layout", "mine.yaml")
-    client.set("save layout", True)
+    client.set("Layout", "mine.yaml")
+    client.set("Save layout", True)
     client.read_until(lambda: (tmp_path / "mine.yaml").exists())
     client.read_until(lambda: (tmp_path / "mine.yaml").read_text() != "")
     found = read_arrangement(tmp_path / "mine.yaml")
@@ -126,5 +130,5 @@ def test_files_that_are_no_layout(tmp_path, text):
     (tmp_path / "l.yaml").write_text(text)
     with pytest.raises(OpenError, match="must hold lines PLACE: VALUE"):
         read_arrangement(tmp_path / "l.yaml")
-    with pytest.raises(OpenError, match="save layout"):
+    with pytest.raises(OpenError, match="Save layout"):
         read_arrangement(tmp_path / "none.yaml")

@@ -1,10 +1,11 @@
-"""What nodes tell of themselves: lines of the log, and how they are doing."""
+"""Log and diagnostics of all nodes."""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -13,11 +14,36 @@ from ros_visualise.data.reports import Log
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.runtime.topics import Subscription
-from ros_visualise.ui.look.logs import Lines
 
+_KEPT, _LONGEST = 1000, 2000  # lines, and their characters
 _WAITING = 1000  # messages of a topic between two rounds
 _PERIOD_S = 1.0
 _MOST = 1000  # statuses
+
+
+class LogLines(logging.Handler):
+    """The last lines of the log, numbered; safe to call from any thread."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._lines: deque[dict[str, Any]] = deque(maxlen=_KEPT)
+        self._number = 0
+        self._guard = threading.Lock()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.add(record.created, record.levelname, record.threadName or "", record.getMessage())
+
+    def add(self, time_s: float, level: str, node: str, text: str) -> None:
+        """Add a line; the time is seconds since 1970."""
+        line = {"time": time_s, "level": level, "node": node, "text": text[:_LONGEST]}
+        with self._guard:
+            self._number += 1
+            self._lines.append({"number": self._number, **line})
+
+    def after(self, number: int) -> list[dict[str, Any]]:
+        """Lines with larger numbers."""
+        with self._guard:
+            return [line for line in self._lines if line["number"] > number]
 
 
 class _Heard(NamedTuple):
@@ -25,17 +51,14 @@ class _Heard(NamedTuple):
     time_s: float
 
 
-class Told:
-    """Listens to what all nodes of a graph tell of themselves, as long as the page is there.
+class NodeMonitor:
+    """Collects log and diagnostics of all nodes of a graph.
 
-    Args:
-        runtime: what runs.
-        lines: where lines of the log go; those that this process logs are there without.
-        clock: seconds.
+    ``lines`` receives the log of other processes, beside that of this one.
     """
 
     def __init__(
-        self, runtime: Runtime, lines: Lines, clock: Callable[[], float] = time.monotonic
+        self, runtime: Runtime, lines: LogLines, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._runtime, self._lines, self._clock = runtime, lines, clock
         self._heard: dict[str, _Heard] = {}
@@ -44,7 +67,7 @@ class Told:
         self._lock = threading.Lock()
 
     def take(self) -> None:
-        """Take in what has come since; to be called a few times a second."""
+        """Take new messages; to be called a few times a second."""
         topics = self._topics()
         for topic in self._subscriptions.keys() - topics:
             self._subscriptions.pop(topic).close()
@@ -58,18 +81,18 @@ class Told:
             self._keep(self._statuses())
 
     def statuses(self) -> list[dict[str, Any]]:
-        """The newest status by each name, and for how many seconds nothing newer has come."""
+        """The newest status of each name, and its age in seconds."""
         with self._lock:
             return [_as_values(heard, self._clock()) for heard in self._heard.values()]
 
     def close(self) -> None:
-        """Listen no more."""
+        """Unsubscribe."""
         for subscription in self._subscriptions.values():
             subscription.close()
         self._subscriptions = {}
 
     def _topics(self) -> set[str]:
-        """Those on which nodes tell of themselves: of the graph, and beside it."""
+        """The topics of log and diagnostics, of the graph and beside it."""
         graph = self._runtime.graph.topics.items()
         kinds: Mapping[str, type] = {name: one.type for name, one in graph}
         return {name for name, kind in kinds.items() if kind is DiagnosticArray} | set(
@@ -92,7 +115,7 @@ class Told:
                 del self._heard[next(iter(self._heard))]
 
     def _statuses(self) -> list[DiagnosticStatus]:
-        """Of the nodes of this process."""
+        """Statuses of the nodes of this process."""
         nodes = self._runtime.report(_PERIOD_S).nodes.items()
         return [self._own.status(name, node, node.figures()) for name, node in nodes]
 

@@ -11,42 +11,39 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.ui.look import PAGES, Looker, link
+from ros_visualise.ui.look import PAGES, Inspector, link
 from ros_visualise.ui.page.connection import viewers
-from ros_visualise.ui.page.driving import Driving
-from ros_visualise.ui.page.fields import FieldPlot
-from ros_visualise.ui.page.files import Files, Opener
+from ros_visualise.ui.page.files import Opener, PageFiles
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
-from ros_visualise.ui.page.kept import Kept, Memory
-from ros_visualise.ui.page.layout import Choice
+from ros_visualise.ui.page.layout import WindowSwitches
 from ros_visualise.ui.page.notice import Notice, Warnings
-from ros_visualise.ui.page.plots import Plots
+from ros_visualise.ui.page.plots import FieldPlot, Plots
 from ros_visualise.ui.page.presets import PresetChoice
-from ros_visualise.ui.page.recorder import Recorder
-from ros_visualise.ui.page.robot import RobotStatus
-from ros_visualise.ui.page.saver import Saver
+from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
+from ros_visualise.ui.page.robot import Driving, RobotStatus
+from ros_visualise.ui.page.scene_panel import ScenePanel
 from ros_visualise.ui.page.scripts import add_channel
-from ros_visualise.ui.page.space import Space
+from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import end_lines, loss_lines, topic_table, travel_lines
-from ros_visualise.ui.page.tools import Tools
+from ros_visualise.ui.page.tools import ActionPanels
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.scene.drawing import Look
+from ros_visualise.ui.scene.drawing import Appearance
 from ros_visualise.ui.scene.kinds import is_track, is_tree
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
-from ros_visualise.ui.shown import teller
+from ros_visualise.ui.shown import robot_status
 
 _PERIOD_S, _DRIVE_PERIOD_S = 0.2, 0.05
 _WINDOW_S = 2.0
 
 
-class Desk:
-    """Builds the page and keeps it up to date; warnings in the log show on it too.
+class PageContent:
+    """Builds the page and keeps it up to date; shows warnings of the log too.
 
     When the graph changes, windows of unchanged nodes stay as they are.
     """
@@ -55,13 +52,13 @@ class Desk:
         self,
         server: viser.ViserServer,
         runtime: Runtime,
-        files: Files,
-        looker: Looker,
-        memory: Memory,
+        files: PageFiles,
+        inspector: Inspector,
+        memory: SettingsMemory,
         urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
-        self._looker, self._memory = looker, memory
+        self._looker, self._memory = inspector, memory
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -72,13 +69,13 @@ class Desk:
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server, urdf=urdf)
         self._scene.view.onlookers = partial(viewers, server)
-        self._scene.look = Look(names=is_tree(topics_of(self._graph)))
-        robot = teller(self._graph)[0]
+        self._scene.appearance = Appearance(names=is_tree(topics_of(self._graph)))
+        robot = robot_status(self._graph)[0]
         self._robot_name = None if robot is None else robot.name
         self._windows: list[Window] = []
         self._windows = self._make_windows()
-        self._images = ImageThread(self._pictures(), self._is_watched, self._in_haste)
-        self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._in_haste)
+        self._images = ImageThread(self._pictures(), self._is_watched, self._unthrottled)
+        self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._unthrottled)
         self._add_main_panel(gui)
         self._follow_scene()
         self._choice.begin()
@@ -91,7 +88,7 @@ class Desk:
         self._drawing.start()
 
     def close(self, timeout_s: float) -> None:
-        """End the threads; each may take so long."""
+        """End the threads, each within the given time."""
         self._memory.remember(self._kept.arrangement)
         self._recorder.close()
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
@@ -107,7 +104,7 @@ class Desk:
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._kept = Kept(gui, self._worker, self._scene, self._memory)
+        self._kept = PageSettings(gui, self._worker, self._scene, self._memory)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
@@ -115,42 +112,42 @@ class Desk:
             self._transport = Transport(gui, playback, live, self._worker)
         self._preset = PresetChoice(gui, self._runtime, self._worker)
         self._opener = None
-        if self._files.shelf is not None:
+        if self._files.chooser is not None:
             self._opener = Opener(gui, self._files, self._worker)
-        self._tools = Tools(gui, self._runtime, self._worker, self._act)
+        self._tools = ActionPanels(gui, self._runtime, self._worker, self._act)
         self._tools.follow(self._graph)
-        robot = gui.add_folder("robot")
+        robot = gui.add_folder("Robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
         self._driving = Driving(gui, robot, self._runtime, self._driver)
         self._space_folder = gui.add_folder("3D")
-        self._space = Space(
+        self._space = ScenePanel(
             self._server, self._space_folder, self._runtime, self._scene, self._worker
         )
-        self._frames_folder = gui.add_folder("frames", expand_by_default=False)
+        self._frames_folder = gui.add_folder("Frames", expand_by_default=False)
         with self._frames_folder:
             self._frames = gui.add_html("")
-        with gui.add_folder("topics"):
+        with gui.add_folder("Topics"):
             self._table = gui.add_html("")
             gui.add_html(_LINKS)
-        self._windows_folder = gui.add_folder("windows")
+        self._windows_folder = gui.add_folder("Windows")
         with self._windows_folder:
             self._size = self._add_size(gui)
-        self._choice = Choice(gui, self._windows_folder, self._worker)
+        self._choice = WindowSwitches(gui, self._windows_folder, self._worker)
         add_channel(gui, self._worker, "pick", self._pick)
-        with gui.add_folder("recording"):
-            self._recorder = Recorder(gui, self._runtime, self._worker, self._files)
-            Saver(gui, self._runtime, self._worker, self._files.folder, self._kept)
-        with gui.add_folder("graph"):
+        with gui.add_folder("Recording"):
+            self._recorder = RecordingPanel(gui, self._runtime, self._worker, self._files)
+            SavePanel(gui, self._runtime, self._worker, self._files.folder, self._kept)
+        with gui.add_folder("Graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
-        self._plots_folder = gui.add_folder("plots", expand_by_default=False)
+        self._plots_folder = gui.add_folder("Plots", expand_by_default=False)
         with self._plots_folder:
             self._field_plot = FieldPlot(gui, self._runtime)
             self._field_plot.follow(_kinds_of(self._graph))
             self._plots = Plots(gui, self._graph)
 
     def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
-        hint = "images are sent with at most so many pixels on their longer side"
-        size = gui.add_slider("image size", 240, 1920, 40, SIZE, hint=hint)
+        hint = "Longer side of the images on the page, pixels"
+        size = gui.add_slider("Image size", 240, 1920, 40, SIZE, hint=hint)
         size.on_update(self._worker.listener("size", self._set_size))
         return size
 
@@ -158,7 +155,7 @@ class Desk:
         self._images.size = size
 
     def _make_windows(self) -> list[Window]:
-        """A window for each node that has anything to show; those that fit are kept."""
+        """A window for each node with something to show; unchanged ones are kept."""
         there = {window.name: window for window in self._windows}
         return [
             self._make_window(n, there.get(n.name)) for n in self._graph.members if has_window(n)
@@ -171,16 +168,16 @@ class Desk:
         act = None if node.name == self._robot_name else self._act
         return Window(gui, self._runtime, node, self._worker, self._scene, act)
 
-    def _pick(self, told: str, _: int) -> None:
-        """Take the click that a browser tells: ``NODE ACROSS DOWN``."""
+    def _pick(self, text: str, _: int) -> None:
+        """Handle a browser's click, ``NODE ACROSS DOWN``."""
         with suppress(ValueError):  # such as one that is no number
-            name, across, down = told.split()
+            name, across, down = text.split()
             for window in self._windows:
                 if window.name == name:
                     window.pick(float(across), float(down))
 
     def _act(self, node: str, action: str) -> None:
-        """Do an action on a thread of its node, so that driving and other nodes need not wait."""
+        """Do an action on its node's thread, so that driving and other nodes need not wait."""
         self._driver.post(object(), partial(self._begin_action, node, action))
 
     def _begin_action(self, node: str, action: str) -> None:
@@ -191,7 +188,7 @@ class Desk:
         self._actors[node].post(object(), partial(self._runtime.act, node, action))
 
     def _end_actors(self) -> None:
-        """End those of nodes that have left the graph."""
+        """End the threads of nodes that have left the graph."""
         there = {node.name for node in self._runtime.graph.members}
         for name in self._actors.keys() - there:
             self._actors.pop(name).close(0)
@@ -203,7 +200,7 @@ class Desk:
         return [window.picture for window in self._windows if window.picture is not None]
 
     def _follow_scene(self) -> None:
-        """Draw the graph as it is now; with images only, the scene stays out of the way."""
+        """Draw the present graph; with images only, there is no scene."""
         topics = topics_of(self._graph)
         self._drawing.follow(self._graph)
         self._space.follow(topics, self._graph.inputs)
@@ -215,7 +212,7 @@ class Desk:
         self._size.visible = bool(self._pictures())
 
     def _follow(self) -> None:
-        """Show the graph as it is now."""
+        """Show the present graph."""
         self._graph, before = self._runtime.graph, self._windows
         self._windows = self._make_windows()
         self._images.show(self._pictures())
@@ -280,14 +277,16 @@ class Desk:
     def _is_watched(self) -> bool:
         return bool(self._server.get_clients())
 
-    def _in_haste(self) -> bool:
+    def _unthrottled(self) -> bool:
         playback = self._runtime.playback
         return playback is not None and playback.state.rate == 0
 
 
 _LINKS = (
-    '<div class="rv-note rv-links">more pages: '
-    + ", ".join(f'<a href="{link(page)}" target="_blank">{page}</a>' for page in PAGES[1:])
+    '<div class="rv-note rv-links">More pages: '
+    + ", ".join(
+        f'<a href="{link(page)}" target="_blank">{page.capitalize()}</a>' for page in PAGES[1:]
+    )
     + "</div>"
 )
 

@@ -1,9 +1,9 @@
 """Access to the page: every request is checked here.
 
-A web site that somebody visits can send requests to programs on their machine. With each request,
-browsers say the server's name (``Host``) and the site that asks (``Origin``), and no site can forge
-these. A site whose name suddenly points to this machine (DNS rebinding) shows in both. Who has an
-account on this machine reaches its servers too, so the page's address holds a token.
+Any web site that a person visits can send requests to programs on their machine. With each request,
+browsers send the server's name (``Host``) and the requesting site (``Origin``), and no site can
+forge these. A site whose name suddenly points to this machine (DNS rebinding) shows in both. Other
+accounts on this machine reach its servers too, so the page's address holds a token.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 
 
 class Fetch(NamedTuple):
-    """What a browser says of why it asks (``Sec-Fetch-Site``, ``-Mode``, ``-Dest``).
+    """A browser's reason for a request (``Sec-Fetch-Site``, ``-Mode``, ``-Dest``).
 
-    Browsers send it to this machine and over https; from elsewhere it is empty.
+    Browsers send it to this machine and over https; otherwise it is empty.
     """
 
     site: str = ""
@@ -45,7 +45,7 @@ _UNSAID = Fetch()
 
 
 @dataclass(frozen=True)
-class Door:
+class AccessRules:
     """Decides which requests are answered.
 
     Attributes:
@@ -53,8 +53,8 @@ class Door:
         proxies: other names that ``Host`` may have: those of the sites in ``origins``.
         addresses: whether ``Host`` may be any address, as for a server on all interfaces.
         origins: other web sites that may use the page, as ``https://example.org``.
-        token: what the path of a request has to begin with; empty: nothing.
-        view_token: what it may begin with instead, of requests that change nothing.
+        token: the first part of each request's path; empty: none.
+        view_token: its alternative for read-only requests.
     """
 
     names: frozenset[str]
@@ -65,35 +65,30 @@ class Door:
     view_token: str = ""
 
     def refusal(self, path: str, host: str, origin: str | None, fetch: Fetch = _UNSAID) -> str:
-        """Why a request is refused, in words; empty if it is allowed.
+        """The reason why a request is rejected; empty if it is allowed.
 
         Args:
-            path: the path that is asked for.
             host: its ``Host``: the name or address, and the port, of this server.
-            origin: its ``Origin``: the site that asks, if a page does.
-            fetch: what led to it.
+            origin: its ``Origin``: the requesting site, if it comes from a page.
         """
         called = _split(f"//{host}").hostname
         if called not in self.proxies and not self._is_called(called):
             name = repr(host[:_SHOWN])
-            return f"this server is not called {name}; --allow-origin http://NAME allows a name"
+            return f"unknown host name {name}; --allow-origin http://NAME allows it"
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
-            return f"a page of {origin[:_SHOWN]!r} asked for access; --allow-origin SITE allows it"
+            return f"request from the web site {origin[:_SHOWN]!r}; --allow-origin SITE allows it"
         if origin not in self.origins and not self._may_lead_here(fetch):
-            return "another web site asked; it may only link to the page"
+            return "request from another web site; it may only link to the page"
         if self.token and not (_begins(path, self.token) or self.is_viewer(path)):
-            return "open the whole address, with its token, that was printed at the start"
+            return "token missing; open the whole address that was printed at the start"
         return ""
 
     def is_viewer(self, path: str) -> bool:
-        """Whether an allowed request may look, and change nothing."""
+        """True if an allowed request is read-only."""
         return bool(self.view_token) and _begins(path, self.view_token)
 
     def is_foreign(self, fetch: Fetch) -> bool:
-        """Whether another web site may have made the link that led a browser here.
-
-        No other site knows the token.
-        """
+        """True if a link on another web site may have led here; none knows the token."""
         return not self.token and fetch.site not in _OWN_SITES
 
     def inside(self, path: str) -> str:
@@ -102,13 +97,13 @@ class Door:
         return path.removeprefix(f"/{token}") if token else path
 
     def _may_lead_here(self, fetch: Fetch) -> bool:
-        """Whether it is no request of another site, or only a link there that somebody follows."""
+        """True unless another site sent the request; following a link there is allowed."""
         framed = {"iframe", "frame"} if self.origins else set()
         is_link = fetch.mode == "navigate" and fetch.dest in {"document"} | framed
         return is_link or not fetch.site or fetch.site in _OWN_SITES
 
     def _is_own(self, origin: str, host: str) -> bool:
-        """Whether a page came from this server."""
+        """True if a page came from this server."""
         site = _split(origin)
         called = _split(f"//{host}", site.scheme)
         is_page = site.scheme in _PORTS  # and no browser's extension
@@ -118,17 +113,11 @@ class Door:
         return name is not None and (name in self.names or (self.addresses and _is_address(name)))
 
 
-def open_door(host: str, origins: Collection[str] = (), token: bool = True) -> Door:
-    """The checks for a server that listens at an address.
+def access_rules(host: str, origins: Collection[str] = (), token: bool = True) -> AccessRules:
+    """The rules for a server that listens at an address.
 
-    Every request needs a token: a new one for each run, or that in the environment variable
-    ``ROS_VISUALISE_TOKEN``. With that in ``ROS_VISUALISE_VIEW_TOKEN`` it can look and change
-    nothing.
-
-    Args:
-        host: the address.
-        origins: other web sites that may use the page.
-        token: False: no request needs a token.
+    Unless ``token`` is False, every request needs one: a new one for each run, or that in the
+    environment variable ``ROS_VISUALISE_TOKEN``; that in ``ROS_VISUALISE_VIEW_TOKEN`` is read-only.
 
     Raises:
         UsageError: an origin is not a site, or a token is too short or has other characters.
@@ -140,11 +129,11 @@ def open_door(host: str, origins: Collection[str] = (), token: bool = True) -> D
         own = socket.gethostname().lower()  # and no longer name: that is looked up on the network
         names |= {own, f"{own}.local"}
     tokens = _choose_tokens(os.environ) if token else ("", "")
-    return Door(names, proxies, addresses, allowed, *tokens)
+    return AccessRules(names, proxies, addresses, allowed, *tokens)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach an address or a name."""
+    """True if only this machine can reach an address or a name."""
     try:
         found = socket.getaddrinfo(host or "0.0.0.0", None)
     except (OSError, UnicodeError):  # of a name that cannot be one
@@ -153,7 +142,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _choose_tokens(environment: Mapping[str, str]) -> tuple[str, str]:
-    """The one for everything, and the one for looking."""
+    """The token, and the read-only one."""
     token = _choose_token(environment, _TOKEN_VARIABLE)
     view_token = _choose_token(environment, _VIEW_TOKEN_VARIABLE)
     if token == view_token:
@@ -169,7 +158,7 @@ def _choose_token(environment: Mapping[str, str], variable: str) -> str:
 
 
 def _begins(path: str, token: str) -> bool:
-    """Whether a token is the first part of a path; as long as that takes says nothing of it."""
+    """True if a token is the first part of a path; takes the same time for any other."""
     first = re.split("[/?]", path.removeprefix("/"), maxsplit=1)[0]
     return hmac.compare_digest(first.encode(), token.encode())
 
@@ -182,7 +171,7 @@ def _origin(text: str) -> str:
 
 
 def _split(url: str, scheme: str = "") -> SplitResult:
-    """The parts of a URL; None of a malformed one."""
+    """The parts of a URL; all empty for a malformed one."""
     try:
         parts = urlsplit(url, scheme)
         _ = parts.port

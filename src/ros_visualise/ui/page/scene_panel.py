@@ -19,15 +19,15 @@ from ros_visualise.ui.page.worker import Listener, Worker
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.scene import Scene
 
-_AUTO = "auto"
-_SIZED = "m, for a robot of 1 m"
+_AUTO = "Auto"
+_SIZED = "Metres, for a robot of 1 m"
 _MANY_COLORS = "linear-gradient(90deg, #30f, #2cf, #4f4, #fc2, #d20)"
 _COLORED = (PointCloud, Marker, MarkerArray, Detections3D, OccupancyGrid)
 
 _Element = viser.GuiInputHandle[Any] | viser.GuiHtmlHandle
 
 
-class Space:
+class ScenePanel:
     """The elements that drive a scene, in a folder."""
 
     def __init__(
@@ -43,23 +43,18 @@ class Space:
         self._switches: dict[str, list[_Element]] = {}
         with folder:
             self._frame = gui.add_dropdown(
-                "fixed frame", (_AUTO,), hint="the frame that everything is drawn in"
+                "Fixed frame", (_AUTO,), hint="Frame that everything is drawn in"
             )
             self._frame.on_update(self._listener("fixed", self._set_fixed))
             self._add_view()
             self._pointing = Pointing(server, runtime, scene, worker)
             self._note = gui.add_html("", visible=False)
-            self._topics = gui.add_folder("legend")
-            with gui.add_folder("looks", expand_by_default=False):
+            self._topics = gui.add_folder("Legend")
+            with gui.add_folder("Appearance", expand_by_default=False):
                 self._add_looks()
 
     def follow(self, topics: Mapping[str, type], inputs: Mapping[str, type]) -> None:
-        """These are the topics from now on, and the classes of their messages.
-
-        Args:
-            topics: what is shown.
-            inputs: what comes from outside the graph.
-        """
+        """Offer these topics, and goals on ``inputs`` of the graph; given with their types."""
         self._pointing.follow(inputs)
         drawn = {
             topic: kind
@@ -76,7 +71,7 @@ class Space:
                     self._switches[topic] = self._add_switches(topic, kind)
 
     def refresh(self) -> None:
-        """Show which frames there are, what is drawn in which, and what cannot be drawn."""
+        """Show the frames, and which topics cannot be drawn."""
         scene = self._scene
         self._pointing.refresh()
         for topic, elements in self._switches.items():
@@ -89,34 +84,34 @@ class Space:
         self._note.visible = bool(lines)
 
     def _add_view(self) -> None:
-        follow = self._gui.add_checkbox("follow the robot", True, hint="the robot stays in view")
+        follow = self._gui.add_checkbox("Follow robot", True, hint="Keep the robot in view")
         follow.on_update(self._listener("follow", self._set_follow))
-        button = self._gui.add_button("reset view")
+        button = self._gui.add_button("Reset view")
         button.on_click(self._listener("view", lambda _: self._scene.reset_view()))
 
     def _add_looks(self) -> None:
-        gui, look = self._gui, self._scene.look
+        gui, look = self._gui, self._scene.appearance
         elements: dict[str, viser.GuiInputHandle[Any]] = {
-            "axes": gui.add_checkbox("axes of frames", look.axes, hint="x red, y green, z blue"),
+            "axes": gui.add_checkbox("Frame axes", look.axes, hint="x red, y green, z blue"),
             "names": gui.add_checkbox(
-                "names of frames",
+                "Frame names",
                 look.names,
-                hint="frames that are very close share one label",
+                hint="Frames close to each other share a label",
             ),
-            "axes_size": gui.add_slider("axes size", 0.1, 5.0, 0.1, look.axes_size, hint=_SIZED),
+            "axes_size": gui.add_slider("Axes size", 0.1, 5.0, 0.1, look.axes_size, hint=_SIZED),
             "point_size": gui.add_slider(
-                "point size", 0.01, 0.5, 0.01, look.point_size, hint=_SIZED
+                "Point size", 0.01, 0.5, 0.01, look.point_size, hint=_SIZED
             ),
             "max_points": gui.add_slider(
-                "points at most",
+                "Max points",
                 5000,
                 500_000,
                 5000,
                 look.max_points,
-                hint="most points that are drawn of one cloud",
+                hint="Points drawn of one cloud",
             ),
             "covariances": gui.add_checkbox(
-                "covariances", look.covariances, hint="ellipsoids of two standard deviations"
+                "Covariances", look.covariances, hint="Ellipsoids of two standard deviations"
             ),
         }
         for name, element in elements.items():
@@ -131,7 +126,7 @@ class Space:
         if colorings is None:
             return [swatch, switch]
         choices = [coloring.value for coloring in colorings]
-        color = self._gui.add_dropdown("colour by", choices, hint=topic)
+        color = self._gui.add_dropdown("Colour by", choices, hint=topic)
         choose = partial(self._set_coloring, topic, colorings)
         color.on_update(self._listener(("color", topic), choose))
         return [swatch, switch, color]
@@ -146,14 +141,14 @@ class Space:
         self._scene.view.follows = follows
 
     def _set_look(self, name: str, value: Any) -> None:
-        self._scene.look = replace(self._scene.look, **{name: value})
+        self._scene.appearance = replace(self._scene.appearance, **{name: value})
 
     def _set_coloring(self, topic: str, colorings: type[Enum], name: str) -> None:
         self._scene.set_coloring(topic, colorings(name))
 
 
 def _swatch(kind: type, color: Color) -> str:
-    """The colour of a topic, beside the switch that comes next: HTML."""
+    """The colour of a topic, beside the switch below: HTML."""
     paint = _MANY_COLORS if kind in _COLORED else css(color)
     return f'<div class="rv-swatch"><i style="background: {paint}"></i></div>'
 
@@ -161,23 +156,23 @@ def _swatch(kind: type, color: Color) -> str:
 def note(
     fixed: str, frames: Mapping[str, str], problems: Mapping[str, str], has_transforms: bool
 ) -> list[str]:
-    """Lines that say what is drawn where: HTML.
+    """Lines about the fixed frame and about problems: HTML.
 
     Args:
-        fixed: the frame in which everything is drawn; empty while none is known.
+        fixed: the fixed frame, or empty.
         frames: topic -> the frame of its newest message.
         problems: topic -> why it is not drawn.
-        has_transforms: whether any has come.
+        has_transforms: True once any has come.
     """
     if has_transforms or not fixed:
-        where = [f"drawn in <b>{escape(fixed)}</b>"] if fixed else []
+        where = [f"Shown in <b>{escape(fixed)}</b>"] if fixed else []
         return where + [f"{escape(topic)}: {escape(why)}" for topic, why in problems.items()]
     there = [topic for topic, frame in frames.items() if frame in ("", fixed)]
     apart = [f"{topic} ({frame})" for topic, frame in frames.items() if topic not in there]
     wrong = {topic: why for topic, why in problems.items() if topic in there}
     line = (
-        f"no transforms: drawn in <b>{escape(fixed)}</b> is {escape(', '.join(there)) or 'nothing'}"
+        f"No transforms. Shown in <b>{escape(fixed)}</b>: {escape(', '.join(there)) or 'nothing'}"
     )
     if apart:
-        line += f"; not drawn, as no transform leads to their frames: {escape(', '.join(apart))}"
+        line += f". Not shown (no transform to their frames): {escape(', '.join(apart))}"
     return [line, *(f"{escape(topic)}: {escape(why)}" for topic, why in wrong.items())]

@@ -4,23 +4,23 @@ import pytest
 from page_client import TOKEN, VIEW_TOKEN
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.ui.page.door import Fetch, is_loopback, open_door
+from ros_visualise.ui.page.access import Fetch, access_rules, is_loopback
 
 OWN = "127.0.0.1:8080"
 
 
 def open_to_all(host="127.0.0.1", origins=()):
-    return open_door(host, origins, token=False)
+    return access_rules(host, origins, token=False)
 
 
 @pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LOCALHOST", "[::1]"])
 @pytest.mark.parametrize("port", ["", ":8080", ":9000"])  # of ssh -L too
 def test_this_machine_comes_in_by_its_own_names(name, port):
-    door, host = open_to_all(), f"{name}{port}"
+    rules, host = open_to_all(), f"{name}{port}"
     for path in ("/", "/index.html", "/no/such?page"):
-        assert door.refusal(path, host, None) == ""
-        assert door.refusal(path, host, f"http://{host}") == ""
-        assert door.inside(path) == path
+        assert rules.refusal(path, host, None) == ""
+        assert rules.refusal(path, host, f"http://{host}") == ""
+        assert rules.inside(path) == path
 
 
 @pytest.mark.parametrize("path", ["/", "/index.html", "/no/such/page"])
@@ -48,19 +48,19 @@ def test_this_machine_comes_in_by_its_own_names(name, port):
 )
 def test_others_are_refused_on_every_path(host, origin, path):
     assert open_to_all().refusal(path, host, origin)
-    own = open_door("127.0.0.1")
+    own = access_rules("127.0.0.1")
     assert own.refusal(f"/{own.token}{path}", host, origin)
 
 
 def test_a_proxy_is_let_in_by_its_origin():
-    door = open_to_all(origins=["https://Robot.example.org/"])
+    rules = open_to_all(origins=["https://Robot.example.org/"])
     for host in ("robot.example.org", "127.0.0.1:8080"):
-        assert door.refusal("/", host, "https://robot.example.org") == ""
-    assert door.refusal("/", "robot.example.org", "http://robot.example.org:81")
-    assert door.refusal("/", "robot.example.org", "https://example.org")
+        assert rules.refusal("/", host, "https://robot.example.org") == ""
+    assert rules.refusal("/", "robot.example.org", "http://robot.example.org:81")
+    assert rules.refusal("/", "robot.example.org", "https://example.org")
     for site in ("http://robot.example.org", "http://robot.example.org:8080"):  # was not named
         for host in ("robot.example.org", "robot.example.org:8080", "127.0.0.1:8080"):
-            assert door.refusal("/", host, site)
+            assert rules.refusal("/", host, site)
 
 
 @pytest.mark.parametrize(
@@ -73,66 +73,66 @@ def test_a_proxy_is_let_in_by_its_origin():
 )
 def test_what_is_no_origin_is_refused_by_name(origin):
     with pytest.raises(UsageError, match=r"give a site as https://robot\.example\.org"):
-        open_door("127.0.0.1", [origin])
+        access_rules("127.0.0.1", [origin])
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0", "::", "", "192.0.2.7"])
 def test_a_token_is_needed_everywhere(host):
-    door = open_door(host)
+    rules = access_rules(host)
     called = OWN if host in ("127.0.0.1", "localhost") else "192.0.2.7:8080"
     for token in (TOKEN, VIEW_TOKEN):
-        assert door.refusal(f"/{token}", called, f"http://{called}") == ""
-        assert door.refusal(f"/{token}/index.html?a", called, None) == ""
+        assert rules.refusal(f"/{token}", called, f"http://{called}") == ""
+        assert rules.refusal(f"/{token}/index.html?a", called, None) == ""
         for path in ("/", "/index.html", f"/{token}x", f"/{token[:-1]}", f"/?{token}", "", "/%00"):
-            assert "the whole address, with its token" in door.refusal(path, called, None)
-        assert door.refusal(f"/{token}", "evil.example:8080", None)
-        assert door.refusal(f"/{token}", called, "http://evil.example")
-        assert door.inside(f"/{token}") == ""
-        assert door.inside(f"/{token}/index.html") == "/index.html"
-        assert door.is_viewer(f"/{token}/x?y") == (token == VIEW_TOKEN)
+            assert "token missing" in rules.refusal(path, called, None)
+        assert rules.refusal(f"/{token}", "evil.example:8080", None)
+        assert rules.refusal(f"/{token}", called, "http://evil.example")
+        assert rules.inside(f"/{token}") == ""
+        assert rules.inside(f"/{token}/index.html") == "/index.html"
+        assert rules.is_viewer(f"/{token}/x?y") == (token == VIEW_TOKEN)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.7"])
 def test_elsewhere_addresses_are_names(host):
-    door = open_door(host)
+    rules = access_rules(host)
     for called in ("192.0.2.7:8080", "127.0.0.1:8080", "[2001:db8::1]:8080"):
-        assert door.refusal(f"/{TOKEN}", called, f"http://{called}") == ""
+        assert rules.refusal(f"/{TOKEN}", called, f"http://{called}") == ""
 
 
 def test_without_a_token_nobody_is_a_mere_viewer():
-    door = open_to_all()
-    assert (door.token, door.view_token) == ("", "")
+    rules = open_to_all()
+    assert (rules.token, rules.view_token) == ("", "")
     for path in ("/", "", "/?look=plots", f"/{VIEW_TOKEN}"):
-        assert door.refusal(path, OWN, None) == ""
-        assert not door.is_viewer(path)
+        assert rules.refusal(path, OWN, None) == ""
+        assert not rules.is_viewer(path)
 
 
 def test_tokens_are_made_anew_and_a_poor_one_is_refused(monkeypatch):
     monkeypatch.delenv("ROS_VISUALISE_TOKEN")
     monkeypatch.delenv("ROS_VISUALISE_VIEW_TOKEN")
-    doors = [open_door("127.0.0.1") for _ in range(20)]
-    tokens = {door.token for door in doors} | {door.view_token for door in doors}
+    doors = [access_rules("127.0.0.1") for _ in range(20)]
+    tokens = {rules.token for rules in doors} | {rules.view_token for rules in doors}
     assert len(tokens) == 40
     assert all(len(token) >= 20 for token in tokens)
     for variable in ("ROS_VISUALISE_TOKEN", "ROS_VISUALISE_VIEW_TOKEN"):
         monkeypatch.setenv(variable, "1234")
         with pytest.raises(UsageError, match=f"{variable}: give 16 to 200 letters"):
-            open_door("0.0.0.0")
+            access_rules("0.0.0.0")
         monkeypatch.setenv(variable, TOKEN)
     with pytest.raises(UsageError, match="give two that differ"):
-        open_door("127.0.0.1")
+        access_rules("127.0.0.1")
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site", "none, cross-site", "x"])
 def test_other_sites_may_only_link_here(site):
-    door, path = open_door("127.0.0.1"), f"/{TOKEN}"
+    rules, path = access_rules("127.0.0.1"), f"/{TOKEN}"
     for mode, dest in (
         *(("no-cors", "image"), ("cors", "empty"), ("navigate", "iframe"), ("navigate", "object")),
         *(("websocket", "websocket"), ("no-cors", "script"), ("", ""), ("navigate", "")),
     ):
-        assert "another web site" in door.refusal(path, OWN, None, Fetch(site, mode, dest))
-    assert door.refusal(path, OWN, None, Fetch(site, "navigate", "document")) == ""
-    named = open_door("127.0.0.1", ["https://robot.example.org"])
+        assert "another web site" in rules.refusal(path, OWN, None, Fetch(site, mode, dest))
+    assert rules.refusal(path, OWN, None, Fetch(site, "navigate", "document")) == ""
+    named = access_rules("127.0.0.1", ["https://robot.example.org"])
     assert named.refusal(path, OWN, None, Fetch(site, "navigate", "iframe")) == ""
     fetch = Fetch(site, "cors", "empty")
     assert named.refusal(path, OWN, "https://robot.example.org", fetch) == ""
@@ -141,7 +141,7 @@ def test_other_sites_may_only_link_here(site):
 
 def test_a_link_arranges_the_page_where_its_maker_knew_the_token():
     link = Fetch("cross-site", "navigate", "document")
-    assert not open_door("127.0.0.1").is_foreign(link)
+    assert not access_rules("127.0.0.1").is_foreign(link)
     assert open_to_all().is_foreign(link)
     assert open_to_all().is_foreign(Fetch())  # of an old browser
     assert not open_to_all().is_foreign(Fetch("none", "navigate", "document"))
