@@ -271,7 +271,7 @@ class TestRefusals:
     def test_recordings(self, video, tmp_path):
         record = ["video", video, *QUICK, "--record"]
         assert ".mcap" in refused(*record, tmp_path / "out.xyz")
-        assert "no folder" in refused(*record, tmp_path / "nowhere" / "out.mcap")
+        assert "no such folder" in refused(*record, tmp_path / "nowhere" / "out.mcap")
         assert "there are /image_raw" in refused(*record, f"{tmp_path / 'out.mcap'}@/nothing")
 
     def test_numbers(self, video):
@@ -451,4 +451,4 @@ def test_a_recording_is_split_beside_its_name(video, tmp_path):
     assert "needs --record" in refused("video", video, *QUICK, "--split", "1G")
     assert "1x: give bytes as 1G" in refused(*again[:-1], "1x")
     whole = [*QUICK, "--record", tmp_path / "r.bag", "--split", "64K", "--overwrite"]
-    assert "what is read" in refused("bag", parts[0], *whole)
+    assert "it is the source" in refused("bag", parts[0], *whole)

@@ -260,7 +260,7 @@ class Graph:
     def _with_frames(self) -> Graph:
         """The same graph, with transforms for the nodes that need frames, if any are published.
 
-        Those that a node's step takes are given as any other input.
+        Those that a node's step takes are given as any other input; without them it gets none.
         """
         published = {
             port: f"/{port}"
@@ -269,9 +269,9 @@ class Graph:
         }
 
         def framed(node: Node) -> Node:
-            needed = published.keys() - node.type.stepped.keys() if node.type.frames else ()
-            inputs = {port: topic for port, topic in published.items() if port in needed}
-            return replace(node, inputs={**inputs, **node.inputs})
+            stepped = TRANSFORMS.keys() & node.type.stepped.keys()
+            needs = node.type.frames and stepped <= node.inputs.keys()
+            return replace(node, inputs={**published, **node.inputs}) if needs else node
 
         return replace(self, nodes=tuple(framed(node) for node in self.nodes))
 
