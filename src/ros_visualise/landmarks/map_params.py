@@ -21,9 +21,7 @@ class MapParams:
         group="map",
     )
     object_prefix: str = param(
-        "object_",
-        "prefix for classes of other objects that are only numbers",
-        group="map",
+        "object_", "prefix for classes of other objects that are only numbers", group="map"
     )
     moving: str = param(
         "", "moving classes, ignored as landmarks, such as pad, person", group="map"
@@ -32,12 +30,7 @@ class MapParams:
         True, "place objects of unknown distance, such as posts, on the ground", group="ground"
     )
     ground_height: float = param(
-        0.0,
-        "height of the ground, metres",
-        min=-1e4,
-        max=1e4,
-        slider=(-10, 10),
-        group="ground",
+        0.0, "height of the ground, metres", min=-1e4, max=1e4, slider=(-10, 10), group="ground"
     )
     ground_sigma: float = param(
         0.1,

@@ -35,12 +35,7 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.model import (
-    BASE,
-    bodies_of_robot,
-    site_position,
-    standing_height,
-)
+from ros_visualise.simulation.model import BASE, bodies_of_robot, site_position, standing_height
 from ros_visualise.simulation.sensors.camera import CameraSensorParams
 
 MAP, ODOM, ODOM_START, DECK = "map", "odom", "odom_start", "pad_deck"

@@ -66,11 +66,7 @@ class WorldBuilder:
         )
 
     def add_material(
-        self,
-        name: str,
-        draw: Draw,
-        repeat: float | None = None,
-        kind: str = "2d",
+        self, name: str, draw: Draw, repeat: float | None = None, kind: str = "2d"
     ) -> str:
         """A textured material: once over a geom, or ``repeat`` times per metre."""
         self._store(name, draw, np.full((2, 2, 3), 128, np.uint8))

@@ -25,10 +25,7 @@ class Route:
     """
 
     def __init__(
-        self,
-        points: list[Vector],
-        closed: bool = False,
-        yaws: list[float | None] | None = None,
+        self, points: list[Vector], closed: bool = False, yaws: list[float | None] | None = None
     ) -> None:
         yaws = yaws or [None] * len(points)
         kept = [

@@ -16,12 +16,7 @@ from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import SHAPES, Mission, read_mission
-from ros_visualise.simulation.model import (
-    BuiltWorld,
-    build_world,
-    compile_model,
-    standing_height,
-)
+from ros_visualise.simulation.model import BuiltWorld, build_world, compile_model, standing_height
 from ros_visualise.simulation.pad import Pad, PadParams, place_pad
 from ros_visualise.simulation.robot import Robot
 from ros_visualise.simulation.robots import ROBOTS

@@ -10,15 +10,7 @@ from typing import Any, TypeVar
 
 from ros_visualise.core.declarations import action
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.data import (
-    Header,
-    Image,
-    MarkerArray,
-    PoseStamped,
-    Text,
-    Transforms,
-    Twist,
-)
+from ros_visualise.data import Header, Image, MarkerArray, PoseStamped, Text, Transforms, Twist
 from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.schedule import SensorOutput
 from ros_visualise.simulation.sensors import equipped, outputs_of
@@ -96,11 +88,7 @@ class SimulatedRobot:
     duration_ns = None
 
     def __init__(
-        self,
-        robot: str,
-        scenario: ScenarioParams,
-        settings: RobotParams,
-        playback: Playback,
+        self, robot: str, scenario: ScenarioParams, settings: RobotParams, playback: Playback
     ) -> None:
         mission = None if scenario.mission == _NO_MISSION else scenario.mission
         self._arguments = robot, scenario.world, scenario.seed, mission, settings

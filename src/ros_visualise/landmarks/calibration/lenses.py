@@ -50,9 +50,7 @@ class LensModel:
 MODELS = {
     Lens.PINHOLE: LensModel(Lens.PINHOLE, "plumb_bob", ("k1", "k2", "p1", "p2", "k3")),
     Lens.RATIONAL: LensModel(
-        Lens.RATIONAL,
-        "rational_polynomial",
-        ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+        Lens.RATIONAL, "rational_polynomial", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     ),
     Lens.FISHEYE: LensModel(Lens.FISHEYE, "equidistant", ("k1", "k2", "k3", "k4")),
 }

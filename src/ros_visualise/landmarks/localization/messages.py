@@ -121,15 +121,7 @@ def _markers(track: LandmarkTrack, quat: Floats) -> tuple[Marker, ...]:
     lines = np.vstack([np.zeros((3, 3)), np.eye(3) * extent])[[0, 3, 1, 4, 2, 5]]
     drawn = [
         Marker(MarkerType.SPHERE, at, axes, scale, color, ns="covariance", id=number),
-        Marker(
-            MarkerType.CUBE,
-            at,
-            quat,
-            box,
-            np.append(color[:3], 0.75),
-            ns="box",
-            id=number,
-        ),
+        Marker(MarkerType.CUBE, at, quat, box, np.append(color[:3], 0.75), ns="box", id=number),
         Marker(
             MarkerType.TEXT_VIEW_FACING,
             label,

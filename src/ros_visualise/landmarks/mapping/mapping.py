@@ -66,8 +66,7 @@ class TagMap:
 
 
 def map_of(
-    problem: Problem,
-    gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None,
+    problem: Problem, gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None
 ) -> TagMap | None:
     """A map of the tags of a recording; None if nothing is connected.
 

@@ -166,9 +166,7 @@ def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
     covariance = np.linalg.inv(information)[:3, :3]
     vector = logarithms(off[None])[0]
     return MountingCheck(
-        "the camera relative to the IMU",
-        np.rad2deg(vector),
-        np.rad2deg(np.rad2deg(covariance)),
+        "the camera relative to the IMU", np.rad2deg(vector), np.rad2deg(np.rad2deg(covariance))
     )
 
 

@@ -11,14 +11,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.branches import turn_tags, turn_views
-from ros_visualise.landmarks.mapping.minimising import (
-    GATE,
-    chi2_of,
-    final,
-    kept,
-    minimise,
-    robust,
-)
+from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, final, kept, minimise, robust
 from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
@@ -74,9 +67,7 @@ class SmoothedMap:
 
 
 def smooth(
-    problem: Problem,
-    noise: MeasurementNoise | None = None,
-    prior: SharedPrior = UNKNOWN,
+    problem: Problem, noise: MeasurementNoise | None = None, prior: SharedPrior = UNKNOWN
 ) -> SmoothedMap | None:
     """The poses that fit best; None if nothing is connected.
 

@@ -15,13 +15,7 @@ from ros_visualise.geometry.rigid import Pose, compose, inverse, to_matrix
 from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation import twists
 from ros_visualise.landmarks.navigation.propagation import Propagation
-from ros_visualise.landmarks.navigation.robot import (
-    BEFORE,
-    CORE,
-    POSE,
-    SCALES,
-    VELOCITY,
-)
+from ros_visualise.landmarks.navigation.robot import BEFORE, CORE, POSE, SCALES, VELOCITY
 from ros_visualise.landmarks.navigation.state import FilterState
 
 _EYE = np.eye(3)

@@ -93,19 +93,13 @@ class ImuErrorParams:
     """Parameters of IMU errors."""
 
     imu: bool = param(
-        True,
-        "use the IMU if available; switch it off if the odometry already uses it",
-        group="imu",
+        True, "use the IMU if available; switch it off if the odometry already uses it", group="imu"
     )
     gyro_density: float = param(
         5e-4, "gyroscope noise density, rad/s/sqrt(Hz)", min=1e-7, max=1, group="imu"
     )
     gyro_bias: float = param(
-        0.01,
-        "initial gyroscope bias (standard deviation), rad/s",
-        min=0,
-        max=1,
-        group="imu",
+        0.01, "initial gyroscope bias (standard deviation), rad/s", min=0, max=1, group="imu"
     )
     gyro_walk: float = param(
         5e-5, "gyroscope bias random walk, rad/s^2/sqrt(Hz)", min=0, max=0.1, group="imu"
@@ -114,11 +108,7 @@ class ImuErrorParams:
         5e-3, "accelerometer noise density, m/s^2/sqrt(Hz)", min=1e-6, max=10, group="imu"
     )
     accel_bias: float = param(
-        0.1,
-        "initial accelerometer bias (standard deviation), m/s^2",
-        min=0,
-        max=5,
-        group="imu",
+        0.1, "initial accelerometer bias (standard deviation), m/s^2", min=0, max=5, group="imu"
     )
     accel_walk: float = param(
         5e-4, "accelerometer bias random walk, m/s^3/sqrt(Hz)", min=0, max=1, group="imu"

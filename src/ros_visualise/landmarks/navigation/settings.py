@@ -7,14 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
-from ros_visualise.landmarks.navigation.robot import (
-    ACCEL,
-    CORE,
-    GRAVITY,
-    GRAVITY_MS2,
-    GYRO,
-    SLOW,
-)
+from ros_visualise.landmarks.navigation.robot import ACCEL, CORE, GRAVITY, GRAVITY_MS2, GYRO, SLOW
 from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
 from ros_visualise.landmarks.navigation.state import FilterState
 

@@ -67,10 +67,7 @@ def locate_or_remark(
 
 
 def _poses(
-    tags: Sequence[Tag],
-    sizes: Sequence[float],
-    info: CameraInfo | None,
-    camera: CameraError,
+    tags: Sequence[Tag], sizes: Sequence[float], info: CameraInfo | None, camera: CameraError
 ) -> list[tuple[PoseEstimate, ...]]:
     found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
     sized = [number for number, size in enumerate(sizes) if size > 0]
@@ -121,12 +118,7 @@ def _hypotheses(
         return (Hypothesis(name, score, number=number),)
     return tuple(
         Hypothesis(
-            name,
-            score * one.probability,
-            one.position_xyz,
-            one.quat_xyzw,
-            one.covariance,
-            number,
+            name, score * one.probability, one.position_xyz, one.quat_xyzw, one.covariance, number
         )
         for one in poses
     )

@@ -77,11 +77,7 @@ class Lidar:
         self._points.view(POINT)["ring"][:, 0] = np.repeat(np.arange(rings), columns)
         standing = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type != PLANE))
         geoms = standing[np.argsort(model.geom_type[standing], kind="stable")]
-        boxes, places, axes = (
-            model.geom_aabb[geoms],
-            data.geom_xpos[geoms],
-            data.geom_xmat[geoms],
-        )
+        boxes, places, axes = (model.geom_aabb[geoms], data.geom_xpos[geoms], data.geom_xmat[geoms])
         far = params.lidar_far
         self._culling = RayCulling(boxes, places, axes, elevation, columns, far)
         self._geoms = StaticGeoms(model, data, geoms)

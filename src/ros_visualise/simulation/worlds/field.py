@@ -63,8 +63,7 @@ def _lay_ground(scene: WorldBuilder, shadows: list[Shadow]) -> None:
     path = np.array(scene.path_xy)
     half = _SIDE_M / 2
     scene.add_ground(
-        half,
-        scene.add_material("meadow", lambda: draw_field(_PICTURE_PX, _SIDE_M, path, shadows)),
+        half, scene.add_material("meadow", lambda: draw_field(_PICTURE_PX, _SIDE_M, path, shadows))
     )
     grass = scene.add_material("grass", draw_grass, repeat=0.17)
     middle, reach = (half + _AROUND_M) / 2, (_AROUND_M - half) / 2

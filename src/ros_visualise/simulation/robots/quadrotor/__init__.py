@@ -10,10 +10,7 @@ from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BuiltWorld
 from ros_visualise.simulation.robots import RobotType
 from ros_visualise.simulation.robots.quadrotor.control import Quadrotor
-from ros_visualise.simulation.robots.quadrotor.settings import (
-    QuadrotorNodeParams,
-    QuadrotorParams,
-)
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorNodeParams, QuadrotorParams
 from ros_visualise.simulation.source import TARGET, SimulatedRobot, simulated
 from ros_visualise.sources.playback import Playback
 
