@@ -236,7 +236,7 @@ def test_without_landmarks_nothing_is_written(tmp_path, caplog):
     ("text", "says"),
     [
         (None, "no such file"),
-        ("a: [", "not a readable landmark map"),
+        ("a: [", "not YAML: "),
         ("- 1", "needs a frame_id and a list of landmarks"),
         ("frame_id: map\nlandmarks: [{}]", "landmark 1 is invalid: missing pose"),
         ("frame_id: world\nlandmarks: []", "are in the frame world: set fixed_frame=world"),

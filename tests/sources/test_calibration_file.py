@@ -73,7 +73,7 @@ def test_a_path_may_be_a_url(write, prefix):
 @pytest.mark.parametrize(
     ("url", "expected"),
     [
-        ("missing.yaml", r"missing\.yaml: No such file or directory; give a calibration as camera"),
+        ("missing.yaml", r"missing\.yaml: no such file.*; give a calibration as camera"),
         (".", r"\.: Is a directory"),
         ("package://mine/cam.yaml", "only ROS finds packages; give the file's path"),
         ("http://host/cam.yaml", r"http://host/cam.yaml: give a path or file:///PATH"),
@@ -88,7 +88,7 @@ def test_an_address_without_a_file_is_refused(url, expected):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("image_width: [640", "not YAML as ROS writes it: .*; give a calibration"),
+        ("image_width: [640", "not YAML: .*; give a calibration"),
         ("", "no camera calibration"),
         ("- 1\n- 2\n", "no camera calibration"),
         ("path: video.mp4\n", "no camera calibration: it has no camera_matrix with data"),
@@ -122,7 +122,7 @@ def test_bytes_are_no_yaml(tmp_path):
 
 
 def test_a_file_of_opencv_is_refused(recordings):
-    with pytest.raises(OpenError, match=r"left_intrinsics\.yml: not YAML as ROS writes"):
+    with pytest.raises(OpenError, match=r"left_intrinsics\.yml: not YAML"):
         read_calibration(str(recordings / "calib" / "opencv" / "left_intrinsics.yml"))
 
 

@@ -16,6 +16,7 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, ScalarEvent
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
 
 MOST_VALUES = 1 << 15  # the metadata of a bag of 4,000 files has less; takes a second or two
@@ -43,6 +44,27 @@ def load_yaml(path: Path, most_values: int = MOST_VALUES) -> Any:
     with open_file(path) as file:
         data = file.read(most_values * _VALUE_BYTES + 1)
     return parse_yaml(data, most_values)
+
+
+def open_yaml(path: str | Path, advice: str, most_values: int = MOST_VALUES) -> Any:
+    """The values in a file that a user named.
+
+    Args:
+        path: of the file.
+        advice: what to give instead.
+        most_values: as in `load_yaml`.
+
+    Raises:
+        OpenError: the file is missing, unreadable or not YAML.
+    """
+    try:
+        return load_yaml(Path(path), most_values)
+    except FileNotFoundError:
+        raise OpenError.missing(path, advice) from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; {advice}") from None
+    except BadYaml as error:
+        raise OpenError(f"{path}: not YAML: {error}; {advice}") from None
 
 
 def parse_yaml(data: bytes, most_values: int = MOST_VALUES) -> Any:

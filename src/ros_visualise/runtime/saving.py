@@ -11,7 +11,7 @@ from typing import Any
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.params import Parameters, specs
-from ros_visualise.core.yaml_files import BadYaml, load_yaml, to_yaml
+from ros_visualise.core.yaml_files import open_yaml, to_yaml
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.files import write_file
 
@@ -90,14 +90,7 @@ def load(path: Path) -> dict[str, dict[str, Any]]:
     Raises:
         OpenError: it cannot be read, or holds something else.
     """
-    try:
-        values = load_yaml(path)
-    except FileNotFoundError:
-        raise OpenError.missing(path, _FORM) from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; {_FORM}") from None
-    except BadYaml as error:
-        raise OpenError(f"{path}: not YAML: {error}") from None
+    values = open_yaml(path, _FORM)
     values = {} if values is None else values
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
         raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")

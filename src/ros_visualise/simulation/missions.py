@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.core.errors import OpenError, did_you_mean
-from ros_visualise.core.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
 from ros_visualise.simulation.worlds import World
@@ -140,7 +140,7 @@ def read_mission(path: str | Path, world: World | None = None) -> Mission:
     Raises:
         OpenError: the file is missing or holds no mission.
     """
-    content = _load(path)
+    content = open_yaml(path, f"give a YAML file or one of {', '.join(SHAPES)}")
     if not isinstance(content, dict):
         raise OpenError(f"{path}: give a mission as keys and values, such as shape: square")
     known = [field.name for field in fields(Mission)]
@@ -154,18 +154,6 @@ def read_mission(path: str | Path, world: World | None = None) -> Mission:
         return Mission(**(clear | said))
     except OpenError as error:
         raise OpenError(f"{path}: {error}") from None
-
-
-def _load(path: str | Path) -> Any:
-    try:
-        return load_yaml(Path(path))
-    except FileNotFoundError:
-        advice = f"give a YAML file or one of {', '.join(SHAPES)}"
-        raise OpenError.missing(path, advice) from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; give a YAML file") from None
-    except BadYaml as error:
-        raise OpenError(f"{path}: not YAML: {error}") from None
 
 
 def _read(name: str, value: Any) -> Any:

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 import numpy as np
 
 from ros_visualise.core.errors import OpenError, RecordingError, UnsupportedImage, UsageError
-from ros_visualise.core.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Image
 from ros_visualise.vision.rectification import model_of
 from ros_visualise.vision.reshape import Size, resized
@@ -107,12 +107,7 @@ class Calibration:
 def read_calibration(url: str) -> CameraInfo:
     """The calibration in a file, given by a path or ``file:///path``; raises OpenError."""
     path = path_of(url)
-    try:
-        values = load_yaml(path)
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; {_WANTED}") from None
-    except BadYaml as error:
-        raise OpenError(f"{path}: not YAML as ROS writes it: {error}; {_WANTED}") from None
+    values = open_yaml(path, _WANTED)
     try:
         return _parse(values)
     except ValueError as error:

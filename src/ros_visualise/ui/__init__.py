@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ros_visualise.core.errors import OpenError, UsageError
-from ros_visualise.core.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.names import record_folder
@@ -111,12 +111,7 @@ def read_arrangement(path: Path) -> Arrangement:
     Raises:
         OpenError: it cannot be read, or has another form.
     """
-    try:
-        found = load_yaml(path) or {}
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; give a file that 'Save layout' wrote") from None
-    except BadYaml as error:
-        raise OpenError(f"{path}: not YAML: {error}") from None
+    found = open_yaml(path, "give a file that 'Save layout' wrote") or {}
     is_one = isinstance(found, dict) and all(isinstance(name, str) for name in found)
     if not is_one or not all(isinstance(value, Value) for value in found.values()):
         raise OpenError(f"{path}: must hold lines PLACE: VALUE, such as windows/path: false")

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml, to_yaml
+from ros_visualise.core.yaml_files import MANY_VALUES, open_yaml, to_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.estimate import known
@@ -59,13 +59,7 @@ def load(path: Path) -> MapFile:
     Raises:
         OpenError: the file is missing or not a valid map.
     """
-    try:
-        values = load_yaml(path, MANY_VALUES)
-    except FileNotFoundError:
-        raise OpenError.missing(path, "give a map written by save_map") from None
-    except (OSError, BadYaml) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise OpenError(f"{path}: not a readable landmark map: {why}") from None
+    values = open_yaml(path, "give a map written by save_map", MANY_VALUES)
     try:
         frame_id, found = values["frame_id"], values["landmarks"]
         if not isinstance(frame_id, str) or not frame_id or not isinstance(found, list):

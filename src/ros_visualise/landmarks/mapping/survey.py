@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml
+from ros_visualise.core.yaml_files import MANY_VALUES, open_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Problem, TagPrior
@@ -56,19 +56,15 @@ def read_survey(path: str | Path) -> Survey:
     Raises:
         OpenError: it cannot be read or is invalid; the message says where.
     """
+    values = open_yaml(path, "give a YAML file of the survey", MANY_VALUES)
     try:
-        values = load_yaml(Path(path), MANY_VALUES)
         if not isinstance(values, dict) or not values.keys() & {"landmarks", "distances"}:
             raise ValueError("give a list of landmarks, a list of distances, or both")
         return Survey(
             [_tag(one, where) for where, one in _each(values, "landmarks")],
             [_distance(one, where) for where, one in _each(values, "distances")],
         )
-    except FileNotFoundError:
-        raise OpenError.missing(path, "give a YAML file of the survey") from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}") from None
-    except (BadYaml, ValueError) as error:
+    except ValueError as error:
         raise OpenError(f"{path}: {error}") from None
 
 

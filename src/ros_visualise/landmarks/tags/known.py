@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 
@@ -65,13 +65,10 @@ def read_known_tags(path: str | Path) -> KnownTags:
     Raises:
         OpenError: it cannot be read or is invalid; the message says where.
     """
+    values = open_yaml(path, "give a YAML file of tags")
     try:
-        return _known(load_yaml(Path(path)))
-    except FileNotFoundError:
-        raise OpenError.missing(path, "give a YAML file of tags") from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; give a YAML file of tags") from None
-    except (BadYaml, _Invalid) as error:
+        return _known(values)
+    except _Invalid as error:
         raise OpenError(f"{path}: {error}") from None
 
 
