@@ -112,4 +112,4 @@ def test_transforms_without_frames_leave_nothing_to_choose(run, tmp_path):
         recorder.write("/tf", Transforms(()), STEP_NS)
     status, said = run("trajectory", path, tmp_path / "out.tum")
     assert status == 2
-    assert said == f"ros-visualise: {path}: no poses in it, and no transforms that can be read\n"
+    assert said == f"ros-visualise: {path}: no poses in it, and no readable transforms\n"

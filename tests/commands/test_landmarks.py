@@ -151,7 +151,7 @@ def test_what_cannot_be_read_of_a_folder_is_said_and_lost(find, picture):
     (picture.parent / "broken.png").write_bytes(picture.read_bytes()[:300])
     status, found, errors = find(picture.parent, "--json")
     assert (status, len(found["images"])) == (1, 1)
-    assert "broken.png: no picture that can be read" in errors
+    assert "broken.png: not a readable image" in errors
 
 
 def test_tags_that_were_recorded_get_poses(find, recordings, tmp_path):

@@ -44,7 +44,7 @@ def test_a_closed_playback_ends_it() -> None:
 
 
 def test_no_such_camera_is_told() -> None:
-    with pytest.raises(OpenError, match="there is no /dev/video63"):
+    with pytest.raises(OpenError, match="no such device /dev/video63"):
         CameraSource(CameraParams(uri="63"), Playback())
 
 

@@ -59,7 +59,10 @@ def test_what_is_no_picture_is_said_and_left_out_of_a_folder(folder: Path) -> No
     node = PicturesNode(PicturesParams(path=str(folder)), Playback(rate=0))
     assert len(list(node.messages())) == 2
     notes = node.report()["lost"]["notes"]
-    assert ["11.jpg: no picture" in note or "12.jpg: no picture" in note for note in notes] == [
+    assert [
+        "11.jpg: not a readable image" in note or "12.jpg: not a readable image" in note
+        for note in notes
+    ] == [
         True,
         True,
     ]
@@ -71,7 +74,7 @@ def test_what_cannot_be_opened_is_one_line(tmp_path: Path) -> None:
     for path, message in {
         "": "give a picture",
         str(tmp_path / "none.png"): "no such file",
-        str(tmp_path / "bad.png"): "no picture that can be read",
+        str(tmp_path / "bad.png"): "not a readable image",
         str(tmp_path / "empty"): "a folder without pictures",
     }.items():
         with pytest.raises(OpenError, match=message):

@@ -22,8 +22,8 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.sources import camera as camera_module
 from ros_visualise.sources import live
-from ros_visualise.sources.camera import Camera
-from ros_visualise.sources.live import Address, Stamps, parse_address
+from ros_visualise.sources.camera import LiveCamera
+from ros_visualise.sources.live import Address, CaptureStamps, parse_address
 from ros_visualise.sources.video_pixels import FrameConverter
 
 SERVER = Path(__file__).with_name("serve_video.py")
@@ -52,18 +52,18 @@ def free_port(kind: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def open_patiently(url: str, timeout_s: float) -> Camera:
+def open_patiently(url: str, timeout_s: float) -> LiveCamera:
     """A server needs a moment until it listens."""
     give_up = time.monotonic() + PATIENCE_S
     while True:
         try:
-            return Camera(url, timeout_s=timeout_s)
+            return LiveCamera(url, timeout_s=timeout_s)
         except OpenError:
             assert time.monotonic() < give_up
             time.sleep(0.05)
 
 
-def take(camera: Camera, count: int) -> list[tuple[int, Any]]:
+def take(camera: LiveCamera, count: int) -> list[tuple[int, Any]]:
     """The next images."""
     give_up = time.monotonic() + PATIENCE_S
     taken: list[tuple[int, Any]] = []
@@ -76,7 +76,7 @@ def take(camera: Camera, count: int) -> list[tuple[int, Any]]:
     return taken
 
 
-def take_nothing_until(camera: Camera, caplog: pytest.LogCaptureFixture, text: str) -> None:
+def take_nothing_until(camera: LiveCamera, caplog: pytest.LogCaptureFixture, text: str) -> None:
     give_up = time.monotonic() + PATIENCE_S
     for _ in camera.images():
         assert time.monotonic() < give_up
@@ -126,7 +126,7 @@ def test_a_slow_taker_gets_the_newest_and_the_rest_is_counted() -> None:
         def wait(self, condition: Any, until_ns: int | None) -> None:
             condition.wait(0.001)
 
-    camera = Camera("lavfi:testsrc2=size=64x48:rate=1000", clock=Clock())
+    camera = LiveCamera("lavfi:testsrc2=size=64x48:rate=1000", clock=Clock())
     first = take(camera, 1)[0][0]
     while camera.dropped < 50:
         time.sleep(0.01)
@@ -136,7 +136,7 @@ def test_a_slow_taker_gets_the_newest_and_the_rest_is_counted() -> None:
 
 
 def test_the_test_picture_moves_at_its_rate_and_size() -> None:
-    camera = Camera("test", size=(320, 240), fps=50)
+    camera = LiveCamera("test", size=(320, 240), fps=50)
     images = take(camera, 20)
     camera.close()
     steps = np.diff([stamp for stamp, _ in images]) / S
@@ -147,7 +147,7 @@ def test_the_test_picture_moves_at_its_rate_and_size() -> None:
 
 
 def test_close_ends_the_images() -> None:
-    camera = Camera("test")
+    camera = LiveCamera("test")
     images = camera.images()
     next(images)
     camera.close()
@@ -157,8 +157,8 @@ def test_close_ends_the_images() -> None:
 @pytest.mark.parametrize(
     ("uri", "says"),
     [
-        ("7", "there is no /dev/video7; there are: none"),
-        ("/dev/video7", "there is no /dev/video7; there are: none"),
+        ("7", "no such device /dev/video7; devices: none"),
+        ("/dev/video7", "no such device /dev/video7; devices: none"),
         ("webcam", "no camera 'webcam'"),
         ("lavfi:nonsense", "Filter not found"),
         ("lavfi:sine", "sends no video"),
@@ -171,21 +171,21 @@ def test_what_cannot_be_opened_is_told_in_one_line(
 ) -> None:
     monkeypatch.setattr(live, "glob", lambda pattern: [])
     with pytest.raises(OpenError, match=says) as raised:
-        Camera(uri)
+        LiveCamera(uri)
     assert "\n" not in str(raised.value)
 
 
 def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "glob", lambda pattern: ["/dev/video2", "/dev/video0"])
-    with pytest.raises(OpenError, match=r"there are: /dev/video0, /dev/video2;.*called test"):
-        Camera("7")
+    with pytest.raises(OpenError, match=r"devices: /dev/video0, /dev/video2;.*called test"):
+        LiveCamera("7")
 
 
 def test_a_file_is_no_camera(tmp_path: Path) -> None:
     path = tmp_path / "v.mp4"
     path.touch()
     with pytest.raises(OpenError, match="played as a video"):
-        Camera(str(path))
+        LiveCamera(str(path))
 
 
 def test_a_device_is_asked_for_size_and_rate_and_wall_clock_times() -> None:
@@ -196,7 +196,7 @@ def test_a_device_is_asked_for_size_and_rate_and_wall_clock_times() -> None:
 
 
 def stamps_of(address: Address, own_ms: list[int], arrival_ms: list[int]) -> list[int]:
-    stamps = Stamps(address)
+    stamps = CaptureStamps(address)
     frames = [SimpleNamespace(pts=t, time_base=Fraction(1, 1000)) for t in own_ms]
     pairs = zip(frames, arrival_ms, strict=True)
     return [round(stamps.of(f, a * 10**6) / 10**6) for f, a in pairs]  # type: ignore[arg-type]
@@ -246,7 +246,7 @@ def test_a_stream_of_an_unknown_codec_is_refused(
     known = write_video(tmp_path / "known.mkv", numbered(3, 160, 120)).read_bytes()
     url = serve_file(known.replace(b"V_FFV1", b"V_NONE"))
     with pytest.raises(OpenError, match=r"stream\.mkv: unsupported codec"):
-        Camera(url)
+        LiveCamera(url)
 
 
 def test_whatever_breaks_before_the_first_image_ends_the_wait_for_it(
@@ -257,7 +257,7 @@ def test_whatever_breaks_before_the_first_image_ends_the_wait_for_it(
 
     monkeypatch.setattr(camera_module, "open_live", break_down)
     with pytest.raises(OpenError, match="cannot be read: ZeroDivisionError: in a library"):
-        Camera("test")
+        LiveCamera("test")
     assert [failure.who for failure in PROCESS.failures] == ["camera test"]
     PROCESS.forget()
 
@@ -265,7 +265,7 @@ def test_whatever_breaks_before_the_first_image_ends_the_wait_for_it(
 def test_whatever_breaks_later_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    camera = Camera("test")
+    camera = LiveCamera("test")
     take(camera, 3)
     whole = FrameConverter.image
 

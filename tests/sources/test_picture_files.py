@@ -31,7 +31,7 @@ def part(kind, content):
 def test_a_damaged_png_is_none_and_nobody_else_tells_so(png, tmp_path, capfd, cut):
     path = tmp_path / "damaged.png"
     path.write_bytes(cut(png))
-    with pytest.raises(OpenError, match="no picture that can be read"):
+    with pytest.raises(OpenError, match="not a readable image"):
         read_picture(path)
     assert capfd.readouterr().err == ""
 

@@ -125,7 +125,7 @@ def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
     assert x_of(found) == [1, 2]
     assert found.left_out == {"damaged": 2}
     assert caplog.messages == [
-        "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped (said once)"
+        "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped (further occurrences suppressed)"
     ]
 
 

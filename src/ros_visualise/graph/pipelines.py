@@ -26,11 +26,11 @@ from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
 from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots import ROBOTS
-from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.sources.trajectories import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.vision.reshape import Size
 
 log = logging.getLogger(__name__)
@@ -97,7 +97,7 @@ def recording_pipeline(
         topics: these alone; none: all.
         image: the topic of images; None: the first in gray or colour; empty: none.
         odom: the topic that the path is made of, or a pair of frames, see
-            `ros_visualise.sources.frame_pairs.parse_pair`; None: the first of odometry, else of
+            `ros_visualise.sources.trajectories.parse_pair`; None: the first of odometry, else of
             poses, else of positions; empty: none.
 
     Raises:

@@ -12,7 +12,7 @@ from ros_visualise.core.params import param, specs
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
 from ros_visualise.sources.calibration import Calibration
-from ros_visualise.sources.camera import Camera
+from ros_visualise.sources.camera import LiveCamera
 from ros_visualise.sources.live import may_read_files, parse_address
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.v4l2_controls import GROUP, control_params
@@ -76,7 +76,7 @@ class CameraSource:
         controls = [spec for spec in specs(params) if spec.group == GROUP]
         self._controls = {spec.name for spec in controls}
         asked = {s.name: v for s in controls if (v := getattr(params, s.name)) != s.default}
-        self._camera = Camera(params.uri, size, params.fps, params.timeout, asked)
+        self._camera = LiveCamera(params.uri, size, params.fps, params.timeout, asked)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The live images."""

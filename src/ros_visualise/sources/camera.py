@@ -15,7 +15,7 @@ from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.params import Value
 from ros_visualise.core.rate import Clock, Steady, WallClock
 from ros_visualise.data import Image
-from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
+from ros_visualise.sources.live import CaptureStamps, open_live, parse_address, what_failed
 from ros_visualise.sources.v4l2_controls import set_controls
 from ros_visualise.sources.video_pixels import FrameConverter, Size
 
@@ -25,11 +25,11 @@ _BACK_OFF_S = (0.5, 10.0)
 _IDLE_S = 0.1
 
 
-class Camera:
+class LiveCamera:
     """A live camera: it gives the newest image, and is reopened when it fails.
 
-    Stamps are wall clock times, also after somebody has set the clock, as NTP does: they then jump
-    with it, ahead or back, and a warning says so once.
+    Stamps are wall clock times. When the clock is set, as NTP does, they jump with it, ahead or
+    back, and a warning is logged once.
 
     Args:
         uri: a device (``/dev/video0`` or ``0``), a URL, ``test``, or ``lavfi:GRAPH``.
@@ -37,10 +37,13 @@ class Camera:
         fps: frame rate to ask a device for; 0 leaves it to the device.
         timeout_s: after that long without an image it has failed.
         controls: of a device: name -> value, set whenever it is opened; see `v4l2_controls`.
-        clock: what tells the time.
+        clock: measures time.
+
+    Attributes:
+        dropped: number of images that were replaced by newer ones.
 
     Raises:
-        OpenError: it cannot be opened; the message says what there is.
+        OpenError: it cannot be opened; the message lists the devices.
     """
 
     def __init__(
@@ -65,12 +68,11 @@ class Camera:
         self._opened = self._closed = self._reported = False
         self._received = 0
         self.dropped = 0
-        """Images that nobody took before the next came."""
         supervision.start(self._name, self._watch)
         self._await_opened()
 
     def images(self) -> Iterator[tuple[int, Image] | None]:
-        """(Stamp, newest image), or None if there was none for a while, until it is closed."""
+        """(Stamp, newest image), or None after a while without one, until it is closed."""
         last_ns = self._clock.monotonic_ns()
         while not self._closed:
             newest = self._take()
@@ -82,16 +84,12 @@ class Camera:
             yield newest
 
     def set_controls(self, controls: Mapping[str, Value]) -> None:
-        """Set controls of the device now, and whenever it is opened again.
-
-        Raises:
-            ParameterError: it does not take them now.
-        """
+        """Set controls of the device now, and whenever it is reopened; raises ParameterError."""
         set_controls(self._address.name, controls)
         self._controls = {**self._controls, **controls}
 
     def close(self) -> None:
-        """End it, without waiting for a read that blocks: that ends by its own timeout."""
+        """End it, without waiting for a blocked read: that ends by its own timeout."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -127,7 +125,7 @@ class Camera:
                 self._report(reason)
                 self._wait_until(self._clock.monotonic_ns() + round(delay_s * 1e9))
         finally:
-            self.close()  # nobody waits for it any more, whatever ended it
+            self.close()  # whatever ended it
 
     def _read(self) -> str:
         """Read until it fails; returns why."""
@@ -135,7 +133,7 @@ class Camera:
             with closing(open_live(self._address, self._timeout_s)) as container:
                 self._restore_controls()
                 self._note(opened=True)
-                stamps, start_ns = Stamps(self._address), self._clock.monotonic_ns()
+                stamps, start_ns = CaptureStamps(self._address), self._clock.monotonic_ns()
                 for frame in container.decode(video=0):
                     if self._closed:
                         break
@@ -145,7 +143,7 @@ class Camera:
                     self._steady.of(now_ns, self._clock.monotonic_ns())
                     if self._steady.step_ns:
                         self._say_step(self._steady.step_ns / 1e9)
-                        stamps = Stamps(self._address)
+                        stamps = CaptureStamps(self._address)
                     self._publish(stamps.of(frame, now_ns), frame)
         except OpenError as error:
             self._note(failure=None if self._opened else error)
@@ -173,7 +171,7 @@ class Camera:
             self._newest = stamp_ns, image
             self._received += 1
             if self._reported:
-                log.info("%s: it is back", self._name)
+                log.info("%s: connection restored", self._name)
             self._reported = False
             self._changed.notify_all()
 

@@ -33,7 +33,7 @@ class SourceType:
         makes_time: its messages set the clock, as those of a recording or a simulation; else they
             are stamped with the wall time.
         velocity_axes: those of `VELOCITY_AXES` along which it follows a Twist; robots only.
-        seamless: its end leads back to its start, so that it is looped while somebody watches.
+        seamless: its end leads back to its start, so that it is looped while it is watched.
         extend: name of a parameter that brings further ones, and what makes the parameters with
             these.
         recording: file or folder that it plays, which can be opened once more; its outputs are the
@@ -88,8 +88,8 @@ class Source(Protocol):
         """Figures for the run report."""
 
 
-class _Optional:
-    """Methods that a source need not define."""
+class _SourceDefaults:
+    """Optional methods of a source."""
 
     def receive(self, port: str, message: Any) -> None:
         pass
@@ -135,7 +135,7 @@ def source(
     def declare(target: T) -> T:
         target.declared = SourceType(  # type: ignore[attr-defined]
             name,
-            completed(target, _Optional),  # type: ignore[arg-type]
+            completed(target, _SourceDefaults),  # type: ignore[arg-type]
             params,
             outputs,
             live,

@@ -25,7 +25,7 @@ _PLAYLISTS = (b"ffconcat version", b"#EXTM3U")
 
 
 class _File(io.FileIO):
-    """A file that is closed when nobody reads it any more."""
+    """A file that is closed when FFmpeg no longer refers to it."""
 
     def __del__(self) -> None:
         self.close()
@@ -64,7 +64,7 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
     """The first video stream, decoded by all threads; cover pictures do not count.
 
     Raises:
-        OpenError: there is none.
+        OpenError: no video in it, or it cannot be decoded.
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if container.format.name == "tty" or not container.streams:
@@ -73,7 +73,7 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
         kinds = " and ".join(sorted({s.type for s in container.streams} - {"video"})) or "pictures"
         raise NoVideo(f"{path}: holds {kinds} but no video; give a video file")
     if streams[0].codec_context is None:
-        raise OpenError(f"{path}: of a codec that is not known here; convert it: ffmpeg -i IN OUT")
+        raise OpenError(f"{path}: unsupported codec; convert it: ffmpeg -i IN OUT")
     streams[0].thread_type = "AUTO"
     try:
         limit_frames(streams[0])
@@ -98,7 +98,7 @@ def limit_frames(stream: VideoStream) -> None:
 
 
 class Decoder:
-    """Decodes what can be decoded, and counts what cannot."""
+    """Decodes as much as possible, and counts the rest."""
 
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
         self._container, self._stream = container, stream
@@ -158,7 +158,6 @@ def _check_file(path: Path) -> None:
 
 
 def _no_video(path: Path, why: str = "") -> OpenError:
-    """The error for a file in which FFmpeg finds no video."""
     if is_of_the_shell(path):
         return OpenError(f"{path}: a pipe, which can be read only once; write it to a file first")
     with open_file(path) as file:

@@ -1,4 +1,4 @@
-"""Addresses of live cameras: how FFmpeg opens them, and what its times mean."""
+"""Addresses of live cameras, opened by FFmpeg, and the stamps of their images."""
 
 from __future__ import annotations
 
@@ -32,16 +32,14 @@ _TRY_TEST = "without a camera, try the test picture, which is the camera called 
 
 @dataclass(frozen=True)
 class Address:
-    """How FFmpeg opens a camera; ``name`` is its name in messages."""
+    """FFmpeg's arguments for a camera; ``name`` is its name in messages."""
 
     name: str
     file: str
     format: str | None = None
     options: dict[str, str] = field(default_factory=dict)
-    is_paced: bool = False
-    """It gives frames as fast as they are read."""
-    is_device: bool = False
-    """Its times are those of the wall clock, and a read of it waits without end."""
+    is_paced: bool = False  # it gives frames as fast as they are read
+    is_device: bool = False  # its times are those of the wall clock, and reads have no timeout
 
 
 def is_live(source: str) -> bool:
@@ -52,7 +50,7 @@ def is_live(source: str) -> bool:
 
 
 def may_read_files(uri: str) -> bool:
-    """True if it is anything but a device, the test pattern or a URL, as lavfi's film of a file."""
+    """True unless it is a device, the test pattern or a URL: lavfi, for example, opens files."""
     is_url = "://" in uri and not uri.startswith(("file:", "lavfi:"))
     is_device = uri.isdecimal() or re.fullmatch(r"/dev/video\d+", uri)
     return not (uri == "test" or is_device or is_url)
@@ -62,7 +60,7 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
     """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``.
 
     Raises:
-        OpenError: it is none of these, or there is no such device; the message lists all devices.
+        OpenError: it is none of these; the message lists all devices.
     """
     width, height = size or (640, 480)
     if uri == "test":
@@ -103,7 +101,7 @@ def open_live(address: Address, timeout_s: float) -> InputContainer:
 
 
 def _prepare(container: InputContainer, name: str) -> None:
-    """See that a camera's video can be decoded, and how."""
+    """Check that a camera's video can be decoded, and set up its decoder."""
     if not container.streams.video:
         raise OpenError(f"{name}: sends no video; {_TRY_TEST}")
     stream = container.streams.video[0]
@@ -117,14 +115,14 @@ def _prepare(container: InputContainer, name: str) -> None:
 
 
 def what_failed(error: Exception) -> str:
-    """In a few words, why a camera failed."""
+    """The reason in a few words."""
     if isinstance(error, ExitError):
-        return "it does not answer"
+        return "no answer"
     return str(getattr(error, "strerror", None) or error)
 
 
-class Stamps:
-    """Times of capture by the wall clock; make another one when somebody sets the clock.
+class CaptureStamps:
+    """Times of capture by the wall clock; make another one when the clock was set.
 
     A network stream does not have them: there, the stream's own times are shifted so that the
     image with the shortest delay so far gets its time of arrival. So they have no jitter, and are
@@ -158,13 +156,13 @@ class Stamps:
 
 
 def _check_device(device: str) -> None:
-    there = "there are: " + (", ".join(sorted(glob("/dev/video*"))) or "none")
+    there = f"devices: {', '.join(sorted(glob('/dev/video*'))) or 'none'}"
     if os.path.isfile(device) or os.path.isdir(device):
         raise _not_a_camera(device)
     if not os.path.exists(device) and device.startswith("/dev/"):
-        raise OpenError(f"there is no {device}; {there}; {_TRY_TEST}")
+        raise OpenError(f"no such device {device}; {there}; {_TRY_TEST}")
     if not os.path.exists(device):
-        raise OpenError(f"no camera {device!r}: give a device, a URL or test; devices {there}")
+        raise OpenError(f"no camera {device!r}: give a device, a URL or test; {there}")
 
 
 def _not_a_camera(uri: str) -> OpenError:

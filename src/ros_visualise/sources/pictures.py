@@ -57,13 +57,13 @@ def read_picture(path: Path) -> Image:
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
-        raise OpenError(f"{path}: no picture that can be read; {_GIVEN}")
+        raise OpenError(f"{path}: not a readable image; {_GIVEN}")
     found: Pixels = pixels
     return Image(found, encoding_of(found, "BGR"))
 
 
 def no_pictures(folder: str | os.PathLike[str]) -> OpenError:
-    """What to say of a folder where pictures or a recording were looked for."""
+    """The error for a folder without pictures and without a recording."""
     return OpenError(f"{folder}: a folder with no pictures and no recording in it; {_GIVEN}")
 
 
@@ -75,11 +75,11 @@ class Pictures:
         fps: pictures per second.
 
     Attributes:
-        files: those that are read, in order.
-        faults: what could not be read.
+        files: in order.
+        faults: a note for each unreadable one.
 
     Raises:
-        OpenError: there is none, or the only one cannot be read.
+        OpenError: no picture, or the only one cannot be read.
     """
 
     def __init__(self, path: str | os.PathLike[str], fps: float) -> None:
@@ -99,7 +99,7 @@ class Pictures:
         return round(index * 1e9 / self._fps)
 
     def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
-        """(Time, picture), from the one shown at ``start_ns`` on; what is none is left out."""
+        """(Time, picture), from the one shown at ``start_ns`` on; unreadable ones are skipped."""
         first = min(int(start_ns * self._fps / 1e9 + 1e-6), len(self.files) - 1)
         for index, path in enumerate(self.files[first:], first):
             try:

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.rate import Clock, WallClock
-from ros_visualise.sources.timeline import PlayedPart, Timeline
+from ros_visualise.sources.timeline import PlaybackTimeline, PlayedPart
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -85,7 +85,7 @@ class Playback:
     ) -> None:
         self._clock = clock or WallClock()
         self._changed = threading.Condition()
-        self._line = Timeline(self._clock, rate, live_stamps)
+        self._line = PlaybackTimeline(self._clock, rate, live_stamps)
         self._part = PlayedPart()
         self._requests = _Requests()
         self._quota = _Quota(duration_s, frames)

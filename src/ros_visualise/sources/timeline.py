@@ -11,7 +11,7 @@ from ros_visualise.core.rate import MAX_RATE, Clock
 _LATE_NS = 100_000_000  # further behind than this, time is lost rather than caught up with
 
 
-class Timeline:
+class PlaybackTimeline:
     """Goes on at a rate, and stands still while paused; its user holds a lock.
 
     Args:

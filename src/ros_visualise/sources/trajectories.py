@@ -1,18 +1,22 @@
-"""The way that something went, out of a recording: poses of any type, fixes, paths, or tf."""
+"""Trajectories out of a recording: poses of any type, fixes, paths, or one frame in another by tf.
+
+Two frames are named ``/tf:PARENT.CHILD``, as the package evo writes it; the topic of static
+transforms, if it is not ``/tf_static``, follows after another colon.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter, deque
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Collection, Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.core.errors import DamagedMessage, RosVisualiseError, UsageError
+from ros_visualise.core.errors import DamagedMessage, NoTransform, RosVisualiseError, UsageError
 from ros_visualise.data import (
     Floats,
     Header,
@@ -27,18 +31,11 @@ from ros_visualise.data import (
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import PLANE_FRAME, FramePair, Locator
 from ros_visualise.messages.recorded import content
-from ros_visualise.sources.frame_pairs import (
-    HISTORY_S,
-    ask_for_pair,
-    find_topic,
-    parse_pair,
-    refuse_rest,
-    topics_of,
-)
 from ros_visualise.sources.recordings import Recording
 
 log = logging.getLogger(__name__)
 
+_HISTORY_S = 60.0  # the transforms of one chain may be recorded that far apart
 _KINDS = (
     Odometry,
     PoseStamped,
@@ -48,22 +45,22 @@ _KINDS = (
     NavSatFix,
     Transforms,
 )
-"""What a way can be read from, what is taken rather first."""
+"""Messages that hold trajectories, the preferred ones first."""
 
 
 @dataclass
 class Trajectory:
-    """The way on one topic.
+    """The trajectory on one topic.
 
     Attributes:
         topic: its name; of tf, with its frames.
         path: the poses in order of their stamps, in the frame of its header.
-        left_out: why poses were left out -> how many.
+        left_out: reason -> number of skipped poses.
         unordered: poses that were recorded before others of earlier stamps.
         repeated: poses that have the stamp of the one before.
         without_attitude: poses whose quaternion was zero; they have that of the frame.
-        stamped: whether there are times; else all stamps are zero.
-        turns: whether attitudes are known; of fixes they are not.
+        stamped: true if there are times; else all stamps are zero.
+        turns: true if attitudes are known; of fixes they are not.
     """
 
     topic: str
@@ -74,6 +71,15 @@ class Trajectory:
     without_attitude: int = 0
     stamped: bool = True
     turns: bool = True
+
+
+class NamedPair(NamedTuple):
+    """A frame in another, and the topics of moving and of static transforms."""
+
+    topic: str
+    parent: str
+    child: str
+    static: str | None
 
 
 class _Pose(NamedTuple):
@@ -88,36 +94,43 @@ class _Pose(NamedTuple):
 def read_trajectory(
     recording: Recording, topic: str | None = None, but: str | None = None
 ) -> Trajectory:
-    """Read the way on a topic.
+    """Read the trajectory on a topic.
 
-    Stamps are those of the headers or, where no header has one, when the messages were recorded.
+    Stamps are those of the headers or, if no header has one, when the messages were recorded.
 
     Args:
         recording: what to read.
-        topic: its name, or that of a pair of frames, as `parse_pair`. None: the only one of the
-            best type.
+        topic: its name, or that of a pair of frames. None: the only one of the best type.
         but: a topic that is not to be chosen.
 
     Raises:
-        UsageError: there is no such topic, or none is to be preferred; all are listed.
-        RosVisualiseError: there are no poses on it.
+        UsageError: no such topic, or none is preferred; the message lists all.
+        RosVisualiseError: no poses on it.
     """
     reader = _Reader(recording)
     if topic is not None and ":" in topic:
         poses = reader.transforms(topic)
     else:
-        topic = find_topic(recording, topic, _KINDS) if topic else _choose(recording, but)
+        topic = _find_topic(recording, topic, _KINDS) if topic else _choose(recording, but)
         kind = recording.topics[topic].type.data_class
         if kind is Transforms:
             raise UsageError(ask_for_pair(recording, f"--topic {topic}"))
         poses = reader.last_path(topic) if kind is Path else reader.poses(topic)
-    return _put_together(topic, list(poses), reader)
+    found = list(poses)
+    stamps_ns = np.array([one.stamp_ns for one in found], np.int64)
+    if not stamps_ns.any():
+        stamps_ns = np.array([one.recorded_ns for one in found], np.int64)
+    rows = np.array([one.pose for one in found])
+    frame_id = found[0].frame_id if found else ""
+    trajectory = ordered(topic, stamps_ns, rows, frame_id, reader.left_out)
+    trajectory.turns &= reader.has_attitudes
+    return trajectory
 
 
 def has_poses(recording: Recording, topic: str) -> bool:
-    """True if a recording has a topic of that name that a way can be read from, or such frames."""
+    """True if a recording has a topic with a trajectory of that name, or such frames."""
     name = topic.partition(":")[0].lstrip("/")
-    return any(name == one.lstrip("/") for one in topics_of(recording, _KINDS))
+    return any(name == one.lstrip("/") for one in _topics_of(recording, _KINDS))
 
 
 def ordered(
@@ -130,7 +143,7 @@ def ordered(
     """The trajectory of poses (N, 7) in any order: x, y, z and a quaternion x, y, z, w each.
 
     Raises:
-        RosVisualiseError: there are none.
+        RosVisualiseError: no poses.
     """
     if not len(rows):
         why = ", ".join(f"{count} {why}" for why, count in left_out.items())
@@ -147,8 +160,57 @@ def ordered(
     return Trajectory(topic, path, left_out, unordered, repeated, without_attitude, turns=turns)
 
 
+def parse_pair(recording: Recording, name: str) -> NamedPair:
+    """The pair of frames with a name.
+
+    Raises:
+        UsageError: the name is invalid, or there are no such topics.
+    """
+    topic, _, rest = name.partition(":")
+    frames, _, static = rest.partition(":")
+    parent, _, child = frames.partition(".")
+    if not (parent and child):
+        raise UsageError(f"{name}: write a pair of frames as /tf:PARENT.CHILD")
+    moving = _find_topic(recording, topic, (Transforms,))
+    if static:
+        return NamedPair(moving, parent, child, _find_topic(recording, static, (Transforms,)))
+    there = {name.lstrip("/"): name for name in recording.topics}
+    return NamedPair(moving, parent, child, there.get("tf_static"))
+
+
+def need_motion(recording: Recording, pair: NamedPair) -> None:
+    """Read until a transform shows that the child moves in the parent.
+
+    Raises:
+        UsageError: it does not move, or the two are not connected.
+    """
+    tree = FrameTree(_HISTORY_S)
+    topics = [pair.topic, *([pair.static] if pair.static else [])]
+    with closing(recording.read(topics=topics)) as entries:
+        for entry in entries:
+            with suppress(DamagedMessage, ValueError):  # has no frames
+                tree.add(content(entry.message), entry.topic == pair.static)
+            with suppress(NoTransform):
+                if tree.newest_ns(pair.parent, pair.child) is not None:
+                    return
+    _check_motion(recording, pair, tree)
+
+
+def ask_for_pair(recording: Recording, option: str) -> str:
+    """A message on how to follow a frame by tf, with the names of all frames."""
+    tree = FrameTree(_HISTORY_S)
+    with closing(recording.read(topics=_topics_of(recording, (Transforms,)))) as entries:
+        for entry in entries:
+            with suppress(DamagedMessage, ValueError):
+                tree.add(content(entry.message), False)
+    frames = ", ".join(tree.frames())
+    if not frames:
+        return f"{recording.path}: no poses in it, and no readable transforms"
+    return f"{recording.path}: choose two frames by {option}:PARENT.CHILD of {frames}"
+
+
 class _Reader:
-    """Reads poses off a recording, and counts what says none."""
+    """Reads poses off a recording, and counts messages without one."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -159,7 +221,7 @@ class _Reader:
 
     @property
     def left_out(self) -> dict[str, int]:
-        """Why -> how many."""
+        """Reason -> number of skipped messages."""
         counts = {
             "without a fix": self._locator.without_fix,
             "no numbers": self._locator.refused,
@@ -169,7 +231,7 @@ class _Reader:
         return {why: count for why, count in counts.items() if count}
 
     def poses(self, topic: str) -> Iterator[_Pose]:
-        """Of messages that hold one each."""
+        """The poses of messages with one each."""
         for recorded_ns, message in self._messages(topic):
             pose = self._locator.locate(message)
             if pose is not None:
@@ -179,33 +241,31 @@ class _Reader:
                 yield _Pose(message.header.stamp_ns, recorded_ns, pose, frame_id)
 
     def last_path(self, topic: str) -> Iterator[_Pose]:
-        """Of the last path."""
-        paths = deque(self._messages(topic), maxlen=1)
-        if not paths:
-            return
-        _, last = paths[0]
-        rows = zip(last.stamps_ns.tolist(), last.positions_xyz, last.quats_xyzw, strict=True)
-        for stamp_ns, position, quat in rows:
-            one = PoseStamped(position, quat, Header(stamp_ns, last.header.frame_id))
-            pose = self._locator.locate(one)
-            if pose is not None:
-                yield _Pose(stamp_ns, stamp_ns, pose, last.header.frame_id)
+        """The poses of the last path."""
+        for _, last in deque(self._messages(topic), maxlen=1):
+            frame_id = last.header.frame_id
+            rows = zip(last.stamps_ns.tolist(), last.positions_xyz, last.quats_xyzw, strict=True)
+            for stamp_ns, position, quat in rows:
+                one = PoseStamped(position, quat, Header(stamp_ns, frame_id))
+                pose = self._locator.locate(one)
+                if pose is not None:
+                    yield _Pose(stamp_ns, stamp_ns, pose, frame_id)
 
     def transforms(self, name: str) -> Iterator[_Pose]:
-        """Of one frame in another, at the stamps of all transforms between them that move."""
+        """One frame in another, at the stamps of all transforms between them that move."""
         named = parse_pair(self._recording, name)
-        tree = FrameTree(HISTORY_S)
+        tree = FrameTree(_HISTORY_S)
         pair = FramePair(named.parent, named.child)
         if named.static is not None:  # all of them first: they hold at all times
             for _, message in self._messages(named.static):
-                self._learn(tree, message, static=True)
+                self._add(tree, message, static=True)
         for _, message in self._messages(named.topic):
-            self._learn(tree, message)
+            self._add(tree, message)
             for stamp_ns, pose in pair.follow(tree, message):
                 yield _Pose(stamp_ns, stamp_ns, pose, named.parent)
-        refuse_rest(self._recording, named, tree)
+        _check_motion(self._recording, named, tree)
 
-    def _learn(self, tree: FrameTree, message: Transforms, static: bool = False) -> None:
+    def _add(self, tree: FrameTree, message: Transforms, static: bool = False) -> None:
         try:
             tree.add(message, static)
         except WrongTransforms as error:
@@ -218,14 +278,14 @@ class _Reader:
                     yield entry.stamp_ns, content(entry.message)
                 except DamagedMessage as error:
                     if not self._damaged:
-                        log.warning("%s: %s (said once)", topic, error)
+                        log.warning("%s: %s (further occurrences suppressed)", topic, error)
                     self._damaged += 1
 
 
 def _choose(recording: Recording, but: str | None) -> str:
-    there = [topic for topic in topics_of(recording, _KINDS) if topic != but]
+    there = [topic for topic in _topics_of(recording, _KINDS) if topic != but]
     for kind in _KINDS:
-        of_kind = [topic for topic in topics_of(recording, (kind,)) if topic in there]
+        of_kind = [topic for topic in _topics_of(recording, (kind,)) if topic in there]
         if len(of_kind) == 1 or (of_kind and kind is Transforms):
             return of_kind[0]
         if of_kind:
@@ -234,12 +294,27 @@ def _choose(recording: Recording, but: str | None) -> str:
     raise UsageError(f"{recording.path}: no topic of poses in it; see ros-visualise info")
 
 
-def _put_together(topic: str, poses: list[_Pose], reader: _Reader) -> Trajectory:
-    stamps_ns = np.array([one.stamp_ns for one in poses], np.int64)
-    if not stamps_ns.any():
-        stamps_ns = np.array([one.recorded_ns for one in poses], np.int64)
-    rows = np.array([one.pose for one in poses])
-    frame_id = poses[0].frame_id if poses else ""
-    found = ordered(topic, stamps_ns, rows, frame_id, reader.left_out)
-    found.turns &= reader.has_attitudes
-    return found
+def _find_topic(recording: Recording, wanted: str, kinds: Collection[type]) -> str:
+    """The topic of that name, with or without its first slash; raises UsageError."""
+    there = _topics_of(recording, kinds)
+    found = [name for name in there if name.lstrip("/") == wanted.lstrip("/")]
+    if not found:
+        listed = f"choose from {', '.join(there)}" if there else "it has no topic with poses"
+        raise UsageError(f"{recording.path}: no poses on {wanted}; {listed}")
+    return found[0]
+
+
+def _topics_of(recording: Recording, kinds: Collection[type]) -> list[str]:
+    """The topics with messages of these kinds."""
+    topics = recording.topics.items()
+    return [name for name, info in topics if info.type.data_class in kinds and info.messages]
+
+
+def _check_motion(recording: Recording, pair: NamedPair, tree: FrameTree) -> None:
+    """Raise UsageError unless, by all transforms, the child moves in the parent."""
+    try:
+        newest_ns = tree.newest_ns(pair.parent, pair.child)
+    except NoTransform as error:
+        raise UsageError(f"{recording.path}: {error}; choose of these") from None
+    if newest_ns is None:
+        raise UsageError(f"{recording.path}: {pair.child} does not move in {pair.parent}")

@@ -1,4 +1,4 @@
-"""Trajectories in text files of the TUM and KITTI benchmarks, told apart by their numbers a line.
+"""Trajectories in text files of the TUM and KITTI benchmarks, which differ in numbers per line.
 
 TUM: ``time x y z qx qy qz qw``, the time in seconds. KITTI: the upper three rows of T_frame_pose,
 and no time. Lines that begin with # are comments.
@@ -36,13 +36,16 @@ def is_trajectory_file(path: Path) -> bool:
     except OSError:
         return False
     _, numbers = next(_lines(head), (0, []))
-    return len(numbers) in (_TUM, _KITTI) and all(map(_is_number, numbers))
+    try:
+        return len(list(map(float, numbers))) in (_TUM, _KITTI)
+    except ValueError:
+        return False
 
 
 def read_trajectory_file(path: Path) -> Trajectory:
     """The trajectory in a file for which `is_trajectory_file`.
 
-    Lines that are none are left out and counted.
+    Lines that are no pose are skipped and counted.
 
     Raises:
         OpenError: it cannot be read, or is too large.
@@ -67,7 +70,7 @@ def read_trajectory_file(path: Path) -> Trajectory:
             stamps_ns.append(stamp_ns)
             rows.append(row)
     if wrong:
-        log.warning("%s: line %d is no pose (said once)", path, wrong[0])
+        log.warning("%s: line %d is no pose (further occurrences suppressed)", path, wrong[0])
     left_out = {"damaged": len(wrong)} if wrong else {}
     found = ordered(str(path), np.array(stamps_ns, np.int64), np.array(rows), "", left_out)
     found.stamped = width == _TUM
@@ -81,14 +84,6 @@ def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
         words = line.split()
         if words and not words[0].startswith("#"):
             yield number, words
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _tum(words: list[str]) -> tuple[int, Floats]:

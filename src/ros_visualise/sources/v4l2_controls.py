@@ -42,7 +42,7 @@ S_CTRL = _both_ways(28, _VALUE.size)
 
 
 class Control(NamedTuple):
-    """A control of a device: its number and type there, and the values from and to that it takes.
+    """A control of a device: its number and type, and its range of values.
 
     ``choices`` are the entries of a menu: text -> value.
     """
@@ -57,7 +57,7 @@ class Control(NamedTuple):
 def control_params(device: str) -> list[tuple[str, type, Any]]:
     """The controls of a device as fields of a params class, with the values that they have now.
 
-    There are none where it cannot be opened: whoever opens it says why.
+    A device that cannot be opened has none: the error is reported where it is opened.
     """
     with suppress(OSError), _opened(device) as file:
         there = _controls_of(file).items()
@@ -71,7 +71,7 @@ def set_controls(device: str, wanted: Mapping[str, Value]) -> None:
     Switches and menus come first: they decide whether a number may be set, as that of an exposure.
 
     Raises:
-        ParameterError: it does not take some of them now; the rest are set.
+        ParameterError: the device rejects some of them now; the rest are set.
     """
     if not wanted:
         return
@@ -80,12 +80,12 @@ def set_controls(device: str, wanted: Mapping[str, Value]) -> None:
             there = _controls_of(file)
             known = {name: there[name] for name in wanted if name in there}
             order = sorted(known, key=lambda name: known[name].type == _INTEGER)
-            refused = [f"no control {name!r}" for name in wanted if name not in known]
-            refused += [_set(file, known[name], name, wanted[name]) for name in order]
+            rejected = [f"no control {name!r}" for name in wanted if name not in known]
+            rejected += [_set(file, known[name], name, wanted[name]) for name in order]
     except OSError as error:
         raise ParameterError(f"{device}: {error.strerror}; its controls cannot be set") from None
-    if any(refused):
-        raise ParameterError(f"{device}: {'; '.join(filter(None, refused))}")
+    if any(rejected):
+        raise ParameterError(f"{device}: {'; '.join(filter(None, rejected))}")
 
 
 def _controls_of(file: int) -> dict[str, Control]:
@@ -124,7 +124,7 @@ def _choices(file: int, id: int, kind: int, values: range) -> dict[str, int]:
 
 
 def _field(file: int, name: str, control: Control) -> tuple[str, type, Any] | None:
-    """A control as a field; None where it does not tell its value."""
+    """A control as a field; None if its value cannot be read."""
     value = bytearray(_VALUE.pack(control.id, 0))
     try:
         fcntl.ioctl(file, G_CTRL, value)
@@ -144,7 +144,7 @@ def _field(file: int, name: str, control: Control) -> tuple[str, type, Any] | No
 
 
 def _set(file: int, control: Control, name: str, value: Value) -> str:
-    """Set a control; what there is to say of its refusal, else an empty text."""
+    """Set a control; returns why the device rejects it, else an empty text."""
     shown = str(value.value) if isinstance(value, Enum) else value
     if control.choices and shown not in control.choices:
         return f"{name}={shown}: choose one of {', '.join(control.choices)}"

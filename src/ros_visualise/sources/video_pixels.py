@@ -91,7 +91,7 @@ class FrameConverter:
 
 
 def quarter_turns(frame: VideoFrame) -> int:
-    """How many counterclockwise quarter turns make a frame upright."""
+    """Number of counterclockwise quarter turns that make a frame upright."""
     return round(frame.rotation / 90) % 4
 
 

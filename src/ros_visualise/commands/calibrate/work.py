@@ -26,7 +26,7 @@ from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration import to_yaml
-from ros_visualise.sources.camera import Camera
+from ros_visualise.sources.camera import LiveCamera
 from ros_visualise.sources.live import is_live
 from ros_visualise.sources.opening import NoRecording
 from ros_visualise.sources.pictures import Pictures, is_pictures, no_pictures, read_picture
@@ -154,7 +154,7 @@ def _follow(
     start_ns = clock.monotonic_ns()
     advice = ""
     print_status(f"{source}: show the board to the camera; Ctrl-C ends this and calibrates")
-    with closing(Camera(source)) as camera:
+    with closing(LiveCamera(source)) as camera:
         for newest in camera.images():
             gone_s = (clock.monotonic_ns() - start_ns) / 1e9
             if request.asked or (options.duration is not None and gone_s > options.duration):

@@ -28,7 +28,7 @@ _LISTED = 5
 
 
 @dataclass(frozen=True)
-class Files:
+class FrameFiles:
     """The frames in a folder in the order of their numbers, which may have gaps."""
 
     folder: Path
@@ -77,20 +77,20 @@ class Findings:
             self.loss.notes.append(f"{sensor}: {times - frames} of {times} frames are missing")
 
 
-def list_files(folder: Path, *suffixes: str) -> Files:
+def list_files(folder: Path, *suffixes: str) -> FrameFiles:
     """The numbered files of the first of these kinds that a folder has; perhaps none."""
     try:
         with os.scandir(folder) as items:
             files = [(item.name, item.stat().st_size) for item in items if item.is_file()]
     except OSError:
-        return Files(folder)
+        return FrameFiles(folder)
     for suffix in suffixes:
         matches = ((re.fullmatch(rf"(\d+)\.{suffix}", name), size) for name, size in files)
         found = sorted((int(match[1]), match[0], size) for match, size in matches if match)
         if found:
             numbers, names, sizes = zip(*found, strict=True)
-            return Files(folder, names, numbers, sum(sizes))
-    return Files(folder)
+            return FrameFiles(folder, names, numbers, sum(sizes))
+    return FrameFiles(folder)
 
 
 def read_lines(path: Path) -> list[str]:

@@ -26,8 +26,8 @@ from ros_visualise.sources.kitti import calibration, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
 from ros_visualise.sources.kitti.files import (
     CAMERAS,
-    Files,
     Findings,
+    FrameFiles,
     list_files,
     poses_file,
     read_lines,
@@ -72,7 +72,7 @@ def open_sequence(folder: Path) -> SeriesRecording:
     frames = max((files.numbers[-1] + 1 for files in parts.values()), default=0)
     truth = _read_truth(frames, findings)
     if truth:
-        parts["poses"] = Files(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
+        parts["poses"] = FrameFiles(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
     if not parts:
         raise OpenError(f"{folder}: holds no frames; unpack the benchmark's images or scans there")
     times = _stamp(parts, findings)
@@ -137,7 +137,7 @@ def _find_scanner(calib: CalibrationFile, notes: list[str]) -> Floats | None:
     return calibration.rigid_3x4(calib.rows["Tr"]) if is_known else None
 
 
-def _stamp(parts: dict[str, Files], findings: Findings) -> _Times:
+def _stamp(parts: dict[str, FrameFiles], findings: Findings) -> _Times:
     path = findings.folder / "times.txt"
     lines = stamps.read_times(path, _parse_seconds)
     found = [stamps.FrameTimes(name, path, lines, files.numbers) for name, files in parts.items()]
@@ -166,8 +166,8 @@ def _parse_seconds(line: str) -> int | None:
 
 
 def _sensors(
-    images: dict[int, Files],
-    scans: Files,
+    images: dict[int, FrameFiles],
+    scans: FrameFiles,
     times: _Times,
     calib: CalibrationFile,
     T_rect0_velodyne: Floats | None,

@@ -18,7 +18,7 @@ from ros_visualise.core.errors import TooLarge
 from ros_visualise.core.limits import check_numbers
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
 from ros_visualise.geometry import geodesy, rotations, transforms
-from ros_visualise.sources.kitti.files import Files
+from ros_visualise.sources.kitti.files import FrameFiles
 from ros_visualise.sources.kitti.sensors import BASE, IMU, ODOM, moving_series
 from ros_visualise.sources.series import DamagedFile, Series
 
@@ -44,7 +44,7 @@ The others are plain fixes, also a differential one (4): whose corrections it ha
 """
 
 
-def read_samples(files: Files) -> tuple[list[int], Floats, list[DamagedFile]]:
+def read_samples(files: FrameFiles) -> tuple[list[int], Floats, list[DamagedFile]]:
     """Indices of the intact files, their numbers (N, 30), and the damage of the others."""
     rows, whole, damaged = [], [], []
     for index in range(len(files)):
@@ -71,7 +71,7 @@ def _parse(path: Path, data: bytes) -> Floats:
     return numbers
 
 
-class Samples:
+class OxtsSamples:
     """Measurements of the OXTS.
 
     Args:

@@ -15,7 +15,7 @@ from ros_visualise.data import Header, TimeReference
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, oxts, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
-from ros_visualise.sources.kitti.files import CAMERAS, PARTS, Files, Findings, list_files
+from ros_visualise.sources.kitti.files import CAMERAS, PARTS, Findings, FrameFiles, list_files
 from ros_visualise.sources.kitti.sensors import (
     BASE,
     IMU,
@@ -56,7 +56,7 @@ class _Drive(Findings):
         self.images = {camera: files for camera, files in images.items() if files}
 
     @property
-    def parts(self) -> dict[str, Files]:
+    def parts(self) -> dict[str, FrameFiles]:
         """The sensors with frames by the names of their folders, the best for times first."""
         images = {f"image_{camera:02d}": files for camera, files in self.images.items()}
         every = {"velodyne_points": self.scans, "oxts": self.samples, **images}
@@ -80,7 +80,7 @@ def open_drive(folder: Path) -> SeriesRecording:
     places: Places = []
     whole, rows, damaged = oxts.read_samples(drive.samples)
     if whole:
-        series += oxts.Samples(rows, times["oxts"][whole]).series(start_ns)
+        series += oxts.OxtsSamples(rows, times["oxts"][whole]).series(start_ns)
         places.append((MAP, ODOM, np.eye(4)))
     more, fixed = _sensors(drive, times, unsynced)
     series = [static_series(start_ns, places + fixed), *series, *more]

@@ -31,7 +31,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry import transforms
-from ros_visualise.sources.kitti.files import Files
+from ros_visualise.sources.kitti.files import FrameFiles
 from ros_visualise.sources.series import DamagedFile, Series, single
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
@@ -80,7 +80,7 @@ def moving_series(
     return single("/path", path, start_ns), Series("/tf", Transforms, stamps_ns, transform)
 
 
-def scanner_series(files: Files, stamps_ns: _Stamps) -> Series:
+def scanner_series(files: FrameFiles, stamps_ns: _Stamps) -> Series:
     """``/velodyne_points``, each scan stamped with the time at which the scanner looked ahead.
 
     Points are in metres; intensity is 0 to 1. They have no times of their own, as KITTI's files do
@@ -114,7 +114,7 @@ def _read_scan(path: Path, data: bytes) -> npt.NDArray[np.float32]:
 
 
 def camera_series(
-    number: int, name: str, files: Files, stamps_ns: _Stamps, info: CameraInfo | None
+    number: int, name: str, files: FrameFiles, stamps_ns: _Stamps, info: CameraInfo | None
 ) -> list[Series]:
     """A camera's images and, if it is calibrated, its camera_info."""
     room = f"/cam{number:02d}"
@@ -129,7 +129,12 @@ class _Images:
     """The images of one camera, checked when they are read; decoded ahead while they are in use."""
 
     def __init__(
-        self, files: Files, stamps_ns: _Stamps, color: bool, frame_id: str, info: CameraInfo | None
+        self,
+        files: FrameFiles,
+        stamps_ns: _Stamps,
+        color: bool,
+        frame_id: str,
+        info: CameraInfo | None,
     ) -> None:
         self._files, self._stamps_ns = files, stamps_ns
         self._color, self._frame_id, self._info = color, frame_id, info
@@ -204,7 +209,7 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
     return height, width
 
 
-def first_size(files: Files) -> tuple[int, int]:
+def first_size(files: FrameFiles) -> tuple[int, int]:
     """Width and height of the first readable image; 0, 0 without one."""
     for index in range(len(files)):
         with contextlib.suppress(OSError), open_file(files.path(index)) as file:

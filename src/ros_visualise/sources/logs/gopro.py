@@ -41,8 +41,8 @@ _NUMBERS = {
 _Times = npt.NDArray[np.int64]
 
 
-class Samples(NamedTuple):
-    """Samples of one stream in one packet: ``values`` (N, fields), in the units of the stream.
+class StreamSamples(NamedTuple):
+    """StreamSamples of one stream in one packet: ``values`` (N, fields), in the units of the stream.
 
     ``fix`` is GPSF, which holds for all: 0 none, 2 or 3 dimensions; -1 where it is missing.
     """
@@ -60,7 +60,7 @@ class _Item(NamedTuple):
     data: bytes
 
 
-_Rows = dict[str, list[tuple[_Times, Samples]]]
+_Rows = dict[str, list[tuple[_Times, StreamSamples]]]
 
 
 def gopro_series(path: Path, faults: list[str]) -> Iterator[Series]:
@@ -90,7 +90,7 @@ def gopro_series(path: Path, faults: list[str]) -> Iterator[Series]:
         yield _imu(_joined(rows["ACCL"]), _joined(rows["GYRO"]))
 
 
-def read_samples(packet: bytes, keys: Container[str]) -> Iterator[Samples]:
+def read_samples(packet: bytes, keys: Container[str]) -> Iterator[StreamSamples]:
     """The samples of some streams in a packet; what cannot be read of it is skipped."""
     for stream in _streams(packet, 0):
         items = {item.key: item for item in stream}
@@ -100,7 +100,7 @@ def read_samples(packet: bytes, keys: Container[str]) -> Iterator[Samples]:
         values = _values(last, items)
         if values is not None:
             fix = _values(items["GPSF"], {}) if "GPSF" in items else None
-            yield Samples(last.key, values, -1 if fix is None else int(fix[0, 0]))
+            yield StreamSamples(last.key, values, -1 if fix is None else int(fix[0, 0]))
 
 
 def is_whole(packet: bytes, keys: Container[str]) -> bool:
@@ -133,7 +133,7 @@ def _packets(path: Path) -> Iterator[tuple[float, float, bytes]]:
             yield begin * tick_s, max(0, end - begin) * tick_s, file.read(max(0, size))
 
 
-def _joined(rows: list[tuple[_Times, Samples]]) -> tuple[_Times, Floats]:
+def _joined(rows: list[tuple[_Times, StreamSamples]]) -> tuple[_Times, Floats]:
     width = rows[0][1].values.shape[1]
     same = [(times, one.values) for times, one in rows if one.values.shape[1] == width]
     times_ns, values = zip(*same, strict=True)

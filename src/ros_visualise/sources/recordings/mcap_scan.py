@@ -62,7 +62,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Loss]:
 
 
 @dataclass
-class _Piece:
+class _ScannedPiece:
     """A chunk, or messages that follow one another outside chunks, from ``start`` to ``end``.
 
     A chunk's own index follows it, until ``index_end``; ``indexed_ns``: the least and greatest
@@ -90,8 +90,8 @@ class _Pieces:
     def __init__(self, file: BinaryIO, loss: Loss, opens: bool) -> None:
         self._file, self._loss, self._opens = file, loss, opens
         self.index = Index()
-        self._chunk: _Piece | None = None
-        self._run: _Piece | None = None
+        self._chunk: _ScannedPiece | None = None
+        self._run: _ScannedPiece | None = None
         self._disputed: list[int] = []  # where chunks begin that hold other than their index says
         self._missing = 0  # messages that those do not hold
         self._statistics: Statistics | None = None
@@ -187,7 +187,7 @@ class _Pieces:
         if run is None or run.end != record.start or run.end - run.start > _RUN_BYTES:
             self._end_run()
             span_ns = (stamps_ns[0], stamps_ns[0])
-            self._run = run = _Piece(record.start, record.end, record.end, span_ns)
+            self._run = run = _ScannedPiece(record.start, record.end, record.end, span_ns)
         run.end = record.end
         run.span_ns = (min(run.span_ns[0], *stamps_ns), max(run.span_ns[1], *stamps_ns))
         run.counts.update(channels)
@@ -203,7 +203,7 @@ class _Pieces:
         head = chunk_head(record.head)
         self.index.compressions.add(COMPRESSIONS.get(head.compression, head.compression))
         span_ns = (head.start_ns, head.end_ns)
-        self._chunk = _Piece(record.start, record.end, record.end, span_ns)
+        self._chunk = _ScannedPiece(record.start, record.end, record.end, span_ns)
 
     def _count_in_chunk(self, record: McapRecord) -> None:
         chunk = self._chunk
@@ -232,7 +232,7 @@ class _Pieces:
         else:
             self._open_chunk(chunk)
 
-    def _open_chunk(self, chunk: _Piece) -> None:
+    def _open_chunk(self, chunk: _ScannedPiece) -> None:
         self._file.seek(chunk.start)
         try:
             records = decompress(self._file.read(chunk.end - chunk.start))
@@ -250,7 +250,11 @@ class _Pieces:
             self._add(chunk, (found[0][0], found[-1][0]), counts)
 
     def _add(
-        self, piece: _Piece, span_ns: tuple[int, int], counts: Counter[int], is_chunk: bool = True
+        self,
+        piece: _ScannedPiece,
+        span_ns: tuple[int, int],
+        counts: Counter[int],
+        is_chunk: bool = True,
     ) -> None:
         self.index.count(counts)
         length = piece.end - piece.start
