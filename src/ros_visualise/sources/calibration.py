@@ -219,16 +219,7 @@ def check(info: CameraInfo, size: Size) -> None:
 
 
 def save(info: CameraInfo, path: Path, name: str) -> None:
-    """Write a calibration so that the file is always whole: the old one or the new one.
-
-    Args:
-        info: the calibration.
-        path: a YAML file; its folder is created if needed.
-        name: of the camera.
-
-    Raises:
-        RecordingError: it cannot be written.
-    """
+    """Write a calibration so that the file is always whole; raises RecordingError."""
     target = Path(os.path.realpath(path))  # a link stays one
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:

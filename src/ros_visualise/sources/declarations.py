@@ -121,11 +121,7 @@ def source(
     seamless: bool = False,
     extend: tuple[str, Callable[[Any], Any]] | None = None,
 ) -> Callable[[T], T]:
-    """Declare the decorated class as a source; see `SourceType`.
-
-    Raises:
-        UsageError: invalid name or velocity axis.
-    """
+    """Declare the decorated class as a source; see `SourceType`; raises UsageError."""
     check_name(f"source {name}", name)
     for axis in velocity_axes:
         if axis not in VELOCITY_AXES:

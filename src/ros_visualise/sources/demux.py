@@ -61,11 +61,7 @@ def open_container(path: Path) -> InputContainer:
 
 
 def video_stream(container: InputContainer, path: Path) -> VideoStream:
-    """The first video stream, decoded by all threads; cover pictures do not count.
-
-    Raises:
-        OpenError: no video in it, or it cannot be decoded.
-    """
+    """The first video stream but cover pictures, decoded by all threads; raises OpenError."""
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if container.format.name == "tty" or not container.streams:
         raise _no_video(path)
@@ -83,11 +79,7 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
 
 
 def limit_frames(stream: VideoStream) -> None:
-    """Limit the memory of decoding, also where frames become larger later in the file.
-
-    Raises:
-        TooLarge: frames of the size in the file would take too much.
-    """
+    """Limit the memory of decoding, also of frames that become larger later; raises TooLarge."""
     codec = stream.codec_context
     bits = codec.format.padded_bits_per_pixel if codec.format else _UNKNOWN_BITS
     check_frame(codec.width, codec.height, bits)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from functools import cache, partial
 from typing import Any
 
@@ -35,17 +35,13 @@ _CAR = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (13.0, 6.5)
 
 
 class Flyover:
-    """The images of the flight; each depends on its time alone, and the last leads to the first.
-
-    Args:
-        size: (width, height) of the images.
-    """
+    """The images of the flight; each depends on its time alone, and the last leads to the first."""
 
     duration_ns = LENGTH_S * 10**9
 
     def __init__(self, size: Size = (640, 480)) -> None:
         self._size = size
-        self._landscape: Any = _landscape()  # takes a second, which no image is to wait for
+        self._landscape: Any = draw_landscape()  # takes a second, which no image is to wait for
 
     def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
         """(Time, image), from the image shown at ``start_ns`` on."""
@@ -85,11 +81,6 @@ class Flyover:
 
 
 @cache
-def _landscape() -> Pixels:
-    return draw_landscape()
-
-
-@cache
 def _road() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """The closed road, and the share of its length at each of its points."""
     points = np.concatenate([road(), road()[:1]])
@@ -117,8 +108,7 @@ def _draw_car(pixels: Any, view: Any, phase: float, lane: float, colour: Any) ->
     def draw(outline: Any, bgr: Any, offset: Any = (0, 0)) -> None:
         on_map = outline @ turn + centre + offset
         on_image = on_map @ view[:, :2].T + view[:, 2]
-        corners = np.round(on_image * 2**_BITS).astype(np.int32)
-        cv2.fillPoly(pixels, [corners], bgr, cv2.LINE_AA, _BITS)
+        _fill(pixels, on_image, bgr)
 
     draw(_CAR, (62, 60, 58), (4, 5))
     draw(_CAR, colour)
@@ -154,6 +144,7 @@ def road() -> Points:
     return SIDE / 2 + np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
+@cache
 def draw_landscape() -> Pixels:
     """The map, (SIDE, SIDE, 3) in BGR; always the same."""
     random = np.random.default_rng(7)
@@ -191,7 +182,7 @@ def _draw_fields(random: np.random.Generator) -> Canvas:
 def _draw_river(canvas: Canvas, random: np.random.Generator) -> None:
     x = np.linspace(-100, SIDE + 100, 160)
     y = SIDE / 2 + 190 * np.sin(x / 330) + 120 * np.sin(x / 170 + 1) + (x - SIDE / 2) * 0.35
-    line = _fixed(np.stack([x, y], axis=1))
+    line = np.stack([x, y], axis=1)
     for colour, width in (
         ((96, 146, 128), 128),
         ((150, 190, 200), 112),
@@ -199,27 +190,25 @@ def _draw_river(canvas: Canvas, random: np.random.Generator) -> None:
         ((166, 140, 78), 80),
         ((178, 152, 88), 46),
     ):
-        cv2.polylines(canvas, [line], False, colour, width, cv2.LINE_AA, _BITS)
+        _draw(canvas, line, colour, width)
     for _ in range(420):
         at = random.integers(0, len(x) - 1)
         cx, cy = x[at] + random.normal(0, 8), y[at] + random.normal(0, 17)
         half = random.uniform(4, 12)
         ripple = np.array([[cx - half, cy], [cx, cy - 1.5], [cx + half, cy]])
-        cv2.polylines(canvas, [_fixed(ripple)], False, (200, 178, 122), 1, cv2.LINE_AA, _BITS)
+        _draw(canvas, ripple, (200, 178, 122), 1)
 
 
 def _draw_road(canvas: Canvas) -> Canvas:
     """Draws it; returns the mask of where nothing may be built."""
     points = road()
-    line = _fixed(points)
     for colour, width in (((120, 160, 160), 54), ((222, 228, 230), 42), ((92, 88, 86), 38)):
-        cv2.polylines(canvas, [line], True, colour, width, cv2.LINE_AA, _BITS)
+        _draw(canvas, points, colour, width, closed=True)
     for start in range(0, len(points), 6):
-        dash = _fixed(points[start : start + 4])
-        cv2.polylines(canvas, [dash], False, (232, 236, 238), 3, cv2.LINE_AA, _BITS)
+        _draw(canvas, points[start : start + 4], (232, 236, 238), 3)
     water = cv2.inRange(canvas, np.array((145, 120, 70)), np.array((205, 185, 125)))
     taken = cv2.dilate(water, np.ones((25, 25), np.uint8))
-    cv2.polylines(taken, [line], True, 255, 74, cv2.LINE_8, _BITS)
+    cv2.polylines(taken, [_fixed(points)], True, 255, 74, cv2.LINE_8, _BITS)
     return np.asarray(taken, np.uint8)
 
 
@@ -259,19 +248,16 @@ def _draw_house(canvas: Canvas, random: np.random.Generator, centre: Points, ang
         return np.array(xy) * (length, width) @ turn + centre
 
     outline = corners((-1, -1), (1, -1), (1, 1), (-1, 1))
-    garden = _fixed((outline - centre) * 1.7 + centre)
-    cv2.fillPoly(canvas, [garden], (98, 168, 120), cv2.LINE_AA, _BITS)
+    _fill(canvas, (outline - centre) * 1.7 + centre, (98, 168, 120))
     _shade(canvas, outline + np.array(_SHADOW) * 1.6)
     roof = np.array(_ROOFS[random.integers(len(_ROOFS))])
     sides = corners((-1, -1), (1, -1), (1, 0), (-1, 0)), corners((-1, 0), (1, 0), (1, 1), (-1, 1))
     lit = int(np.cos(angle) < 0)  # the sun stands at the top of the map
     for side, light in zip(sides, (1.22, 0.84) if not lit else (0.84, 1.22), strict=True):
-        colour = tuple(float(c) for c in np.clip(roof * light, 0, 255))
-        cv2.fillPoly(canvas, [_fixed(side)], colour, cv2.LINE_AA, _BITS)
-    ridge = _fixed(corners((-1, 0), (1, 0)))
-    cv2.polylines(canvas, [ridge], False, (200, 206, 214), 1, cv2.LINE_AA, _BITS)
-    chimney = _fixed(corners((0.4, 0.25), (0.6, 0.25), (0.6, 0.55), (0.4, 0.55)))
-    cv2.fillPoly(canvas, [chimney], (70, 70, 84), cv2.LINE_AA, _BITS)
+        _fill(canvas, side, np.clip(roof * light, 0, 255))
+    _draw(canvas, corners((-1, 0), (1, 0)), (200, 206, 214), 1)
+    chimney = corners((0.4, 0.25), (0.6, 0.25), (0.6, 0.55), (0.4, 0.55))
+    _fill(canvas, chimney, (70, 70, 84))
 
 
 def _draw_trees(canvas: Canvas, random: np.random.Generator, taken: Canvas) -> None:
@@ -291,12 +277,12 @@ def _draw_tree(canvas: Canvas, random: np.random.Generator, centre: Points, radi
     _shade(canvas, crown + centre + _SHADOW)
     green = np.array((48, 96, 54)) + random.integers(-12, 22, 3)
     for shrink, light in ((1.0, 0.78), (0.74, 1.05), (0.38, 1.36)):
-        leaves = _fixed(crown * shrink + centre - np.array(_SHADOW) * (1 - shrink) * 0.5)
-        cv2.fillPoly(canvas, [leaves], tuple(float(c) for c in green * light), cv2.LINE_AA, _BITS)
+        leaves = crown * shrink + centre - np.array(_SHADOW) * (1 - shrink) * 0.5
+        _fill(canvas, leaves, green * light)
 
 
 def _claim(taken: Canvas, centre: Points, radius: float) -> bool:
-    """True if a place on the map is free; from then on it is not."""
+    """True if a place on the map is free; it is taken from then on."""
     x, y, r = int(centre[0]), int(centre[1]), int(radius)
     place = taken[max(0, y - r) : y + r, max(0, x - r) : x + r]
     if cv2.countNonZero(place):
@@ -312,7 +298,7 @@ def _shade(canvas: Canvas, outline: Points) -> None:
     part = canvas[low[1] : high[1], low[0] : high[0]]
     if part.size:
         dark = np.full(part.shape[:2], 255, np.uint8)
-        cv2.fillPoly(dark, [_fixed(outline - low)], 130, cv2.LINE_AA, _BITS)
+        _fill(dark, outline - low, (130,))
         part[:] = cv2.multiply(part, cv2.merge([dark] * 3), scale=1 / 255)
 
 
@@ -332,3 +318,13 @@ def _noise(random: np.random.Generator, cells: int) -> npt.NDArray[np.float32]:
 def _fixed(points: Points) -> npt.NDArray[np.int32]:
     """Points for OpenCV."""
     return np.asarray(np.round(points * 2**_BITS), np.int32)
+
+
+def _fill(canvas: Any, outline: Points, colour: Iterable[float]) -> None:
+    cv2.fillPoly(canvas, [_fixed(outline)], tuple(map(float, colour)), cv2.LINE_AA, _BITS)
+
+
+def _draw(
+    canvas: Canvas, line: Points, colour: tuple[int, ...], width: int, closed: bool = False
+) -> None:
+    cv2.polylines(canvas, [_fixed(line)], closed, colour, width, cv2.LINE_AA, _BITS)

@@ -57,11 +57,7 @@ def may_read_files(uri: str) -> bool:
 
 
 def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address:
-    """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``.
-
-    Raises:
-        OpenError: it is none of these; the message lists all devices.
-    """
+    """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``; raises OpenError."""
     width, height = size or (640, 480)
     if uri == "test":
         graph = f"testsrc2=size={width}x{height}:rate={fps or 30:g}"
@@ -80,11 +76,7 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
 
 
 def open_live(address: Address, timeout_s: float) -> InputContainer:
-    """A camera, opened by FFmpeg.
-
-    Raises:
-        OpenError: it cannot be opened, or sends no video, or too large a one.
-    """
+    """A camera, opened by FFmpeg; raises OpenError."""
     waits = (max(_OPEN_S, timeout_s), timeout_s)
     try:
         container = av.open(

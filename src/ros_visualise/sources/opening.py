@@ -58,7 +58,7 @@ def info(path: Path, check: bool) -> dict[str, Any]:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording; raises OpenError if there is none that can be read."""
+    """Open a recording; raises OpenError if it cannot be read."""
     path = Path(path)
     try:
         recording = _open_folder(path) if path.is_dir() else _open_file(path)
@@ -97,13 +97,7 @@ def _neither(path: Path) -> OpenError:
 
 
 def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
-    """The error for an unreadable file.
-
-    Args:
-        path: the file.
-        what: it is, if neither its beginning nor its name tells more.
-        hint: what to do, unless it is packed.
-    """
+    """The error for an unreadable file: what it is, unless its name tells more, and a hint."""
     if _head(path).startswith(_ARCHIVES):
         return OpenError(f"{path}: a packed file; unpack it and give what is in it")
     if meant := named(path):

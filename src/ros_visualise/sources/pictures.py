@@ -34,11 +34,7 @@ def is_pictures(path: str | os.PathLike[str]) -> bool:
 
 
 def read_picture(path: Path) -> Image:
-    """A picture in gray or colours, turned upright as viewers show it, without its alpha.
-
-    Raises:
-        OpenError: it cannot be read, or is no picture.
-    """
+    """A picture in gray or colours, turned upright, without its alpha; raises OpenError."""
     try:
         check_file(path.stat().st_size)
         file = read_file(path)

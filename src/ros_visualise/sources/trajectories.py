@@ -94,18 +94,11 @@ class _Pose(NamedTuple):
 def read_trajectory(
     recording: Recording, topic: str | None = None, but: str | None = None
 ) -> Trajectory:
-    """Read the trajectory on a topic.
+    """Read the trajectory on a topic, or of a pair of frames; None: the only one of the best type.
 
     Stamps are those of the headers or, if no header has one, when the messages were recorded.
-
-    Args:
-        recording: what to read.
-        topic: its name, or that of a pair of frames. None: the only one of the best type.
-        but: a topic that is not to be chosen.
-
-    Raises:
-        UsageError: no such topic, or none is preferred; the message lists all.
-        RosVisualiseError: no poses on it.
+    ``but``: a topic that is not to be chosen. Raises UsageError if the topic is unknown, or none is
+    preferred; RosVisualiseError if it has no poses.
     """
     reader = _Reader(recording)
     if topic is not None and ":" in topic:
@@ -161,11 +154,7 @@ def ordered(
 
 
 def parse_pair(recording: Recording, name: str) -> NamedPair:
-    """The pair of frames with a name.
-
-    Raises:
-        UsageError: the name is invalid, or there are no such topics.
-    """
+    """The pair of frames with a name; raises UsageError."""
     topic, _, rest = name.partition(":")
     frames, _, static = rest.partition(":")
     parent, _, child = frames.partition(".")
@@ -179,11 +168,7 @@ def parse_pair(recording: Recording, name: str) -> NamedPair:
 
 
 def need_motion(recording: Recording, pair: NamedPair) -> None:
-    """Read until a transform shows that the child moves in the parent.
-
-    Raises:
-        UsageError: it does not move, or the two are not connected.
-    """
+    """Read until the child is seen to move in the parent; raises UsageError if it does not."""
     tree = FrameTree(_HISTORY_S)
     topics = [pair.topic, *([pair.static] if pair.static else [])]
     with closing(recording.read(topics=topics)) as entries:

@@ -57,7 +57,7 @@ class Control(NamedTuple):
 def control_params(device: str) -> list[tuple[str, type, Any]]:
     """The controls of a device as fields of a params class, with the values that they have now.
 
-    A device that cannot be opened has none: the error is reported where it is opened.
+    Empty for a device that cannot be opened: the error is reported where it is opened.
     """
     with suppress(OSError), _opened(device) as file:
         there = _controls_of(file).items()

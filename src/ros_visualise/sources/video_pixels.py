@@ -28,11 +28,7 @@ _QUARTER_TURNS = {
 
 
 def parse_size(text: str) -> Size | None:
-    """``WxH`` in pixels; None for an empty text.
-
-    Raises:
-        UsageError: it is not of that form, or too large.
-    """
+    """``WxH`` in pixels; None for an empty text; raises UsageError."""
     if not text:
         return None
     found = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text.strip())
@@ -56,12 +52,7 @@ class _Local(threading.local):
 
 
 class FrameConverter:
-    """Makes images from video frames.
-
-    Args:
-        size: (width, height) to scale to, at once; None: keep each frame, and convert its
-            pixels when they are first read.
-    """
+    """Makes images from video frames; scaled at once to a size, else converted when first read."""
 
     def __init__(self, size: Size | None = None) -> None:
         self._size = size

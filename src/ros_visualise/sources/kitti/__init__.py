@@ -35,10 +35,6 @@ def is_kitti(path: str | Path) -> bool:
 
 
 def open_kitti(path: str | Path) -> SeriesRecording:
-    """A drive, a sequence, or a folder above that holds one.
-
-    Raises:
-        OpenError: no such folder, more than one, or one without frames.
-    """
+    """A drive, a sequence, or a folder above that holds just one; raises OpenError."""
     folder = find_folder(Path(path))
     return open_sequence(folder) if is_sequence(folder) else open_drive(folder)

@@ -94,11 +94,7 @@ def list_files(folder: Path, *suffixes: str) -> FrameFiles:
 
 
 def read_lines(path: Path) -> list[str]:
-    """The lines of a text; a last line that is cut off is replaced by unreadable words.
-
-    Raises:
-        DamagedFile: the file is unreadable or too large.
-    """
+    """The lines of a text, the last one replaced if it is cut off; raises DamagedFile."""
     try:
         check_numbers(path.stat().st_size)
         text = read_text(path)
@@ -111,11 +107,7 @@ def read_lines(path: Path) -> list[str]:
 
 
 def find_folder(path: Path) -> Path:
-    """The drive or the benchmark's sequence in ``path``, which may be that folder itself.
-
-    Raises:
-        OpenError: no such folder, or more than one.
-    """
+    """The only drive or sequence in ``path``, which may be that folder itself; raises OpenError."""
     found = find_folders(path)
     if not found:
         raise OpenError(

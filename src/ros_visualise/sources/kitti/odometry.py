@@ -58,11 +58,7 @@ _Times = dict[str, npt.NDArray[np.int64]]
 
 
 def open_sequence(folder: Path) -> SeriesRecording:
-    """The recording of a sequence's folder, ``sequences/NN``.
-
-    Raises:
-        OpenError: it holds no frames.
-    """
+    """The recording of a folder ``sequences/NN``; raises OpenError if it holds no frames."""
     images = {c: list_files(folder / f"image_{c}", "png") for c in CAMERAS}
     parts = {f"image_{c}": files for c, files in images.items() if files}
     scans = list_files(folder / "velodyne", "bin")
@@ -92,12 +88,7 @@ def open_sequence(folder: Path) -> SeriesRecording:
 
 
 def _read_truth(frames: int, findings: Findings) -> dict[int, Floats]:
-    """T_first_camera0, 4x4, by the number of the frame; the file has one for each, or is damaged.
-
-    Args:
-        frames: number of frames.
-        findings: of the sequence's folder.
-    """
+    """T_first_camera0, 4x4, by number of the frame; the file has one for each, or is damaged."""
     path = poses_file(findings.folder)
     if not path.exists():
         return {}

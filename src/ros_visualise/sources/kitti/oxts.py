@@ -72,12 +72,7 @@ def _parse(path: Path, data: bytes) -> Floats:
 
 
 class OxtsSamples:
-    """Measurements of the OXTS.
-
-    Args:
-        rows: (N, 30), at least one, as in its files.
-        stamps_ns: (N,).
-    """
+    """Measurements of the OXTS: rows (N, 30), at least one, as in its files; stamps (N,)."""
 
     def __init__(self, rows: Floats, stamps_ns: npt.NDArray[np.int64]) -> None:
         self._rows, self._stamps_ns = rows, stamps_ns

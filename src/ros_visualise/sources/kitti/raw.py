@@ -64,11 +64,7 @@ class _Drive(Findings):
 
 
 def open_drive(folder: Path) -> SeriesRecording:
-    """The recording of a drive's folder.
-
-    Raises:
-        OpenError: it holds no frames.
-    """
+    """The recording of a drive's folder; raises OpenError if it holds no frames."""
     drive = _Drive(folder)
     if not drive.parts:
         raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")

@@ -84,11 +84,7 @@ def scanner_series(files: FrameFiles, stamps_ns: _Stamps) -> Series:
     """``/velodyne_points``, each scan stamped with the time at which the scanner looked ahead.
 
     Points are in metres; intensity is 0 to 1. They have no times of their own, as KITTI's files do
-    not keep their order.
-
-    Args:
-        files: of four 32-bit floats a point; or of text, as unsynced drives have them.
-        stamps_ns: (N,).
+    not keep their order. Files hold four 32-bit floats a point; of unsynced drives, text.
     """
 
     def cloud(index: int) -> PointCloud:

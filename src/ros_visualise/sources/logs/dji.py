@@ -80,11 +80,7 @@ def begins_srt(head: bytes) -> bool:
 
 
 def open_srt(path: Path) -> SeriesRecording:
-    """Open a file of subtitles; those without a position become fixes with the status "no fix".
-
-    Raises:
-        OpenError: no subtitle has a position, or the file is too large.
-    """
+    """Open a file of subtitles; those without a position become fixes whose status is "no fix"."""
     try:
         text, subtitles = _read(path)
     except TooLarge as error:
@@ -102,11 +98,7 @@ def open_srt(path: Path) -> SeriesRecording:
 
 
 def fixes_beside(film: Path) -> list[Series]:
-    """The fixes of a film whose subtitles are in a file of the same name, by the time in the film.
-
-    Raises:
-        TooLarge: the file of subtitles takes too much.
-    """
+    """The fixes in the subtitles beside a film, by the time in the film; raises TooLarge."""
     for path in (film.with_suffix(".SRT"), film.with_suffix(".srt")):
         if path.is_file() and path != film:
             text, subtitles = _read(path)

@@ -42,7 +42,7 @@ _Times = npt.NDArray[np.int64]
 
 
 class StreamSamples(NamedTuple):
-    """StreamSamples of one stream in one packet: ``values`` (N, fields), in the units of the stream.
+    """Samples of one stream in one packet: ``values`` (N, fields), in the units of the stream.
 
     ``fix`` is GPSF, which holds for all: 0 none, 2 or 3 dimensions; -1 where it is missing.
     """
@@ -64,11 +64,7 @@ _Rows = dict[str, list[tuple[_Times, StreamSamples]]]
 
 
 def gopro_series(path: Path, faults: list[str]) -> Iterator[Series]:
-    """The series ``fix`` and ``imu`` of a film, by the time in it.
-
-    Args:
-        path: the film.
-        faults: gets a note on damaged packets.
+    """The series ``fix`` and ``imu`` of a film, by its time; ``faults`` gets a note on damage.
 
     Raises:
         OpenError: the film cannot be opened.

@@ -241,11 +241,7 @@ def _places(gps: LogTable) -> Floats:
 
 
 class _Attitude:
-    """Attitude at any time; it is held for a moment before the first sample and after the last.
-
-    Args:
-        table: ``vehicle_attitude``, or None if it was not logged.
-    """
+    """Attitude at any time; it is held for a moment before the first and after the last sample."""
 
     def __init__(self, table: LogTable | None) -> None:
         none = np.zeros(0, np.int64)

@@ -100,11 +100,7 @@ class ULog:
 
 
 def read_ulog(path: Path, names: Collection[str]) -> ULog:
-    """Read a file; the topics of these names are searched for implausible times.
-
-    Raises:
-        OpenError: it is no ULog file.
-    """
+    """Read a file; topics of these names are searched for implausible times; raises OpenError."""
     records = _read(path)
     for length_ms in records.dropouts_ms:
         log.info("%s: logger dropout: %d ms", path, length_ms)

@@ -86,11 +86,7 @@ class UlogTypes:
         return True
 
     def sizes(self, name: str) -> tuple[int, int]:
-        """The least and most bytes of a sample, without and with padding at its end.
-
-        Raises:
-            BadFormat: the type is not described, contains itself, or is too long.
-        """
+        """Bytes of a sample, without and with padding at its end; raises BadFormat."""
         if self._bad.get(name) == len(self._all):
             raise BadFormat("its type is not described")
         if name not in self._sizes:
@@ -101,11 +97,7 @@ class UlogTypes:
         return self._sizes[name]
 
     def dtype(self, name: str) -> np.dtype[np.void]:
-        """The layout of a sample, with the fields of types inside it, without padding at its end.
-
-        Raises:
-            BadFormat: as `sizes`; or it has no timestamp, or this file has too many fields.
-        """
+        """Layout of a sample with inner fields, without padding at its end; raises BadFormat."""
         least, _ = self.sizes(name)
         fields: list[tuple[str, str]] = []
         self._flatten(name, "", fields)

@@ -53,11 +53,7 @@ def type_name(name: str) -> str:
 
 
 def define(name: str, formats: Mapping[str, UlogFields]) -> str:
-    """The definition of a type, with those inside it, as ROS writes them.
-
-    Raises:
-        KeyError: the log does not describe one of them.
-    """
+    """The definition of a type and those inside it, in ROS's language; raises KeyError."""
     inner = dict.fromkeys(_inner(name, formats))
     parts = [_fields(name, formats)]
     parts += [f"{_RULE}\nMSG: {_PACKAGE}/{_camel(one)}\n{_fields(one, formats)}" for one in inner]

@@ -53,7 +53,7 @@ class TopicInfo:
 
 @dataclass
 class Loss:
-    """Unreadable content of a recording, as far as it was read so far.
+    """Unreadable content of a recording, as far as it has been read.
 
     ``notes`` are for people, a line each: ``cut off after 12.3 of 40.1 MB``. There is one wherever
     something is lost, also an unknown amount.

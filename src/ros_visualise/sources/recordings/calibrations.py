@@ -25,12 +25,7 @@ def calibrated(
     """The entries of ``read``, each image with its camera's calibration: the last one before it.
 
     An image before every calibration gets the first one. Calibrations that are not wanted are read
-    for the images, and dropped.
-
-    Args:
-        read: gives the messages without calibrations.
-        known: the topics of the recording.
-        start_ns, stop_ns, wanted: as in `Recording.read`.
+    for the images, and dropped. Times and topics: see `Recording.read`.
     """
     types = {topic: info.type for topic, info in known.items()}
     infos = {

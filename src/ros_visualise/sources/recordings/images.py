@@ -45,13 +45,7 @@ def image_topic(recording: Recording, wanted: str | None) -> str:
 def recorded_images(
     recording: Recording, topic: str, most: int | None = None
 ) -> Iterator[tuple[int, Image]]:
-    """(Stamp, image) of a topic, as far as they can be decoded.
-
-    Args:
-        recording: of any kind, also a video.
-        topic: with images.
-        most: about so many at most, evenly spread over time.
-    """
+    """(Stamp, image) of a topic, if decodable; ``most``: about so many, evenly spread over time."""
     period_ns = (recording.end_ns - recording.start_ns) // most if most else 0
     next_ns = recording.start_ns
     with closing(recording.read(topics=[topic])) as entries:

@@ -51,11 +51,7 @@ _KNOWN_METADATA = ("callerid", "latching", "md5sum", "offered_qos_profiles", "to
 
 
 def open_mcap(path: Path) -> Recording:
-    """Open an MCAP file.
-
-    Raises:
-        OpenError: it cannot be read, or is none.
-    """
+    """Open an MCAP file; raises OpenError if it cannot be read."""
     loss = Loss()
     return MergedRecording(path, "mcap", [McapFile(path, Schemas(), PartialLoss(loss))], loss)
 
@@ -63,15 +59,7 @@ def open_mcap(path: Path) -> Recording:
 class McapFile:
     """One MCAP file; a `Storage`, whose pieces are chunks and runs of messages between them.
 
-    If the writer's index agrees with the file, nothing else is read at first.
-
-    Args:
-        path: the file.
-        schemas: of its recording.
-        loss: gets what cannot be read.
-
-    Raises:
-        OpenError: it cannot be read, or is none.
+    If the writer's index agrees with the file, nothing else is read at first. Raises OpenError.
     """
 
     def __init__(self, path: Path, schemas: Schemas, loss: PartialLoss) -> None:

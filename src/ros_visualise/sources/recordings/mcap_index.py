@@ -172,13 +172,7 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
 
 
 def _hides(file: BinaryIO, size: int, index: Index) -> bool:
-    """True if there are messages between the chunks that an index names, or after them.
-
-    Between them are records of other kinds, few if any.
-
-    Raises:
-        DamagedData: another chunk was found, or no record where one should be.
-    """
+    """True if there are messages between the chunks that an index names; raises DamagedData."""
     order = np.argsort(index.rows["offset"])
     starts = [*index.rows["offset"][order].tolist(), None]
     position = len(MAGIC)

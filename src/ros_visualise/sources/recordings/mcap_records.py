@@ -61,11 +61,7 @@ class ChunkHead(NamedTuple):
 
 
 def chunk_head(record: bytes) -> ChunkHead:
-    """The start of a chunk, of its first `CHUNK_HEAD_BYTES` bytes.
-
-    Raises:
-        DamagedData: it is no chunk, or its lengths contradict each other.
-    """
+    """The start of a chunk, of its first `CHUNK_HEAD_BYTES` bytes; raises DamagedData."""
     try:
         kind, length = HEAD.unpack_from(record)
         start_ns, end_ns, size, crc, letters = _CHUNK.unpack_from(record, HEAD_BYTES)
@@ -81,14 +77,7 @@ def chunk_head(record: bytes) -> ChunkHead:
 
 
 def decompress(record: bytes, check: bool = True) -> Records:
-    """The records in a chunk; of one that is cut off, those that are whole.
-
-    Args:
-        check: the data against its checksum.
-
-    Raises:
-        DamagedData: its data cannot be decompressed, or is not what its checksum says.
-    """
+    """The records in a chunk that may be cut off; raises DamagedData, also by its checksum."""
     head = chunk_head(record)
     if head.compression not in COMPRESSIONS:
         raise DamagedData(f"its compression is {head.compression}; only lz4 and zstd can be read")

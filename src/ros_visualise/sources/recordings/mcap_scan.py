@@ -78,14 +78,7 @@ class _ScannedPiece:
 
 
 class _Pieces:
-    """Makes pieces of records; opens only chunks without a whole index behind them.
-
-    Args:
-        opens: it opens every chunk.
-
-    Attributes:
-        index: that of all that was added.
-    """
+    """Makes an index of records; opens only chunks without a whole index behind them, or all."""
 
     def __init__(self, file: BinaryIO, loss: Loss, opens: bool) -> None:
         self._file, self._loss, self._opens = file, loss, opens

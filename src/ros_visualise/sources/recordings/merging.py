@@ -57,7 +57,7 @@ class MergedRecording:
     """A `Recording` of one or several files.
 
     Args:
-        path, format: as `Recording` has them.
+        path, format: see `Recording`.
         storages: its files, in their order.
         loss: to which the files add their own.
         release: called when it is closed.
@@ -197,15 +197,8 @@ def open_storages(
 ) -> list[S]:
     """Open the files of a recording; those that cannot be opened are a loss.
 
-    Args:
-        path: the recording.
-        files: its files.
-        open_file: opens one, as `SqliteFile`.
-        loss: of the recording.
-        stack: closes them.
-
-    Raises:
-        OpenError: none can be opened.
+    ``open_file`` opens one, as `SqliteFile`; ``stack`` closes all. Raises OpenError if none can be
+    opened.
     """
     schemas = Schemas()
     storages: list[S] = []

@@ -55,12 +55,7 @@ class PieceCache:
 
 
 class FileRange:
-    """A part of a file that is too large for memory, and read bit by bit.
-
-    Args:
-        read: gives a number of bytes from a place in the file.
-        start, end: of the part, in the file.
-    """
+    """A part of a file that is too large for memory; ``read`` gives bytes from a place on."""
 
     def __init__(self, read: Callable[[int, int], bytes], start: int, end: int) -> None:
         self._read, self._start, self._end = read, start, end
@@ -74,10 +69,7 @@ class FileRange:
 
 
 class ChunkPiece:
-    """A `ros_visualise.sources.recordings.storage.Piece`.
-
-    Where many are read in turns, each keeps only its share of messages, those that come next, and
-    is loaded again when they are used up.
+    """A `Piece`. If many are read in turns, each keeps only its share of messages, the next ones.
 
     Args:
         places: its messages, in order of time.

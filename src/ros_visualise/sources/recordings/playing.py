@@ -74,14 +74,7 @@ class PlayableRecording:
 
     If reading begins in the middle, the first batch holds what is shown at that time: the last
     message of each topic, the transforms of the last second, and all that was latched.
-
-    Args:
-        recording: what is played.
-        topics: of these alone.
-        step_topic: gives the topic that a person steps through at the moment; empty: any.
-
-    Attributes:
-        time: where each stamp is on the line of time that is played.
+    ``step_topic`` gives the topic that is stepped through at the moment; empty: any.
     """
 
     def __init__(

@@ -145,10 +145,7 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
 def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: Loss) -> None:
     """Compare the messages of the files with the counts of ``metadata.yaml``.
 
-    Args:
-        metadata: with the counts.
-        opened: the files; if one could not be opened, which is noted, names may be shifted.
-        loss: gets the first difference.
+    If a file could not be opened, which is noted, the names of ``opened`` may be shifted.
     """
     topics: Counter[str] = Counter()
     files: Counter[str] = Counter()
@@ -169,13 +166,7 @@ def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: L
 
 
 class CompressedMessages:
-    """A `Storage` that decompresses the zstd messages of another.
-
-    Args:
-        storage: the other one.
-        loss: gets what cannot be decompressed.
-        is_declared: the bag says that it compresses its messages.
-    """
+    """A `Storage` that decompresses the zstd messages of another; ``is_declared``: by the bag."""
 
     def __init__(self, storage: Storage, loss: Loss, is_declared: bool) -> None:
         self._storage, self._loss, self._is_declared = storage, loss, is_declared

@@ -62,12 +62,7 @@ class Schemas:
     ) -> Channel:
         """A channel with the definitions of its type, or why it cannot be read.
 
-        Args:
-            channel: without definitions.
-            encoding: of its messages.
-            text: definition of its type, as for `define`.
-            given: digest of the type in the recording, if any.
-            is_idl: as for `define`.
+        ``given``: digest of the type in the recording, if any.
         """
         name = channel.type_name
         try:

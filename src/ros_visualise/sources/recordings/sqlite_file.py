@@ -48,17 +48,9 @@ class SqliteFile:
     """One SQLite file of rosbag2; a `Storage` of one piece.
 
     A whole file is read through SQLite's own index of the stamps. Of any other, all readable rows
-    are read: from the first on and from the last back, to the damage.
-
-    Args:
-        path: the file.
-        schemas: of its recording.
-        loss: gets what cannot be read.
-        declared: messages of each topic, if known. A large file is then counted not when it is
-            opened, but when all of it is read.
-
-    Raises:
-        OpenError: it cannot be read, or is no file of rosbag2.
+    are read: from the first on and from the last back, to the damage. If the messages of each topic
+    are ``declared``, a large file is counted not when it is opened, but when all of it is read.
+    Raises OpenError.
     """
 
     def __init__(
@@ -178,11 +170,7 @@ class SqliteFile:
         return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] if len(rows) else []
 
     def _serves(self) -> bool:
-        """True if SQLite can read the file in order of time, and its end is not missing.
-
-        Raises:
-            sqlite3.DatabaseError: the file is damaged.
-        """
+        """True if SQLite can read the whole file in order of time; raises DatabaseError."""
         [(page,)] = self._select("PRAGMA page_size")
         return has_index(self._database) and not missing_bytes(self.path, page)
 

@@ -36,11 +36,7 @@ def damage_by_name() -> Iterator[None]:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open a database read-only, with the files beside it of a writer that was killed.
-
-    Raises:
-        OpenError: it is no database.
-    """
+    """Open a database read-only, with the files that a killed writer left; raises OpenError."""
     modes = ["mode=ro&immutable=1"] * 2
     if left_beside(path).endswith("-wal"):
         modes.insert(0, "mode=ro")
@@ -77,11 +73,7 @@ def left_beside(path: Path) -> str:
 
 @damage_by_name()
 def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channel]:
-    """The topics of a bag, by their numbers.
-
-    Raises:
-        sqlite3.DatabaseError: it is no bag, or damaged.
-    """
+    """The topics of a bag, by their numbers; raises DatabaseError."""
     tables = {name for name in _NAMES if _is_table(database, name)}
     if not {"messages", "topics"} <= tables:
         raise sqlite3.DatabaseError("it has no tables of messages and topics")

@@ -61,11 +61,7 @@ def read_through(recording: Recording) -> None:
 def mean_rate(stamps_ns: NDArray[np.int64]) -> float | None:
     """Messages in a second by the median of the times between them, as ``rosbag info`` has it.
 
-    Args:
-        stamps_ns: (N,) in order.
-
-    Returns:
-        None where there are fewer than two, or most have the same stamp.
+    None if there are fewer than two, or most have the same stamp.
     """
     if len(stamps_ns) < 2:
         return None

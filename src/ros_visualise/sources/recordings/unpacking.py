@@ -52,11 +52,7 @@ def unpack_all(compression: str, packed: Packed) -> bytes:
 
 
 def unpack_chunk(compression: str, packed: Packed, size: int, is_cut: bool) -> bytes:
-    """Unpack a chunk: ``size`` bytes, or those that a chunk has which is cut off.
-
-    Raises:
-        DamagedData: it cannot be unpacked, or is larger than allowed.
-    """
+    """Unpack a chunk of ``size`` bytes, or what one that is cut off has; raises DamagedData."""
     try:
         return unpack_all(compression, packed) if is_cut else unpack(compression, packed, size)
     except TooLarge as error:

@@ -15,11 +15,7 @@ _PART = re.compile(r"(.*?)(?:\d{4}(?:-\d\d){5})?_(\d+)\.bag(?:\.active)?")
 
 
 def open_rosbag1(path: Path) -> Recording:
-    """Open a ROS 1 bag, or the folder of one that was split.
-
-    Raises:
-        OpenError: nothing of it can be read; the message says what to do.
-    """
+    """Open a ROS 1 bag, or the folder of one that was split; raises OpenError."""
     loss = Loss()
     files = _parts(path, loss) if path.is_dir() else [path]
     with ExitStack() as stack:

@@ -40,15 +40,8 @@ class BagFile:
     """One ROS 1 bag; a `Storage`, whose pieces are chunks.
 
     Only the bag's index is read at first: the number of messages of each topic in each chunk, and
-    its span of time. The places of messages in a chunk are read when their time comes.
-
-    Args:
-        path: the file.
-        schemas: of its recording.
-        loss: gets what cannot be read.
-
-    Raises:
-        OpenError: nothing of it can be read; the message says what to do.
+    its span of time. The places of messages in a chunk are read when their time comes. Raises
+    OpenError.
     """
 
     def __init__(self, path: Path, schemas: Schemas, loss: PartialLoss) -> None:
@@ -239,11 +232,7 @@ _EMPTY_TEXT = "# it has no fields"
 
 
 def describe(connections: Mapping[int, BagConnection], schemas: Schemas) -> dict[int, Channel]:
-    """The connections of a bag as their messages are to be read.
-
-    Args:
-        schemas: those of the recording, to which theirs are added.
-    """
+    """The connections of a bag as their messages are to be read."""
 
     @cache
     def define(type_name: str, digest: str, text: str) -> tuple[Definitions, str]:

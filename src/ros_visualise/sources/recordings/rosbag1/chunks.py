@@ -306,11 +306,7 @@ def _numbers(heads: NDArray[np.uint8], at: int) -> NDArray[np.int64]:
 
 
 def _any(content: Content, connection: int, offset: int) -> tuple[int, int]:
-    """Start and size of one message, whatever its header is like.
-
-    Raises:
-        DamagedData: there is a message of another topic, or none.
-    """
+    """Start and size of one message, whatever its header is like; raises DamagedData."""
     file, start, end = content[:3]
     record = records.read_record(file, start + offset, end)
     while record.op == Op.CONNECTION:  # some indexes point to the one before the message
