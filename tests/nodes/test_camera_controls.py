@@ -15,7 +15,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources import camera
-from ros_visualise.sources.live import Address, open_live, parse_address
+from ros_visualise.sources.camera import Address, open_live, parse_address
 from ros_visualise.sources.playback import Playback
 
 DEVICE = "/dev/null"

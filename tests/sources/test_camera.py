@@ -21,9 +21,7 @@ from made_videos import numbered, write_video
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.sources import camera as camera_module
-from ros_visualise.sources import live
-from ros_visualise.sources.camera import LiveCamera
-from ros_visualise.sources.live import Address, CaptureStamps, parse_address
+from ros_visualise.sources.camera import Address, CaptureStamps, LiveCamera, parse_address
 from ros_visualise.sources.video_pixels import FrameConverter
 
 SERVER = Path(__file__).with_name("serve_video.py")
@@ -169,14 +167,14 @@ def test_close_ends_the_images() -> None:
 def test_what_cannot_be_opened_is_told_in_one_line(
     uri: str, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live, "glob", lambda pattern: [])
+    monkeypatch.setattr(camera_module, "glob", lambda pattern: [])
     with pytest.raises(OpenError, match=says) as raised:
         LiveCamera(uri)
     assert "\n" not in str(raised.value)
 
 
 def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "glob", lambda pattern: ["/dev/video2", "/dev/video0"])
+    monkeypatch.setattr(camera_module, "glob", lambda pattern: ["/dev/video2", "/dev/video0"])
     with pytest.raises(OpenError, match=r"devices: /dev/video0, /dev/video2;.*called test"):
         LiveCamera("7")
 

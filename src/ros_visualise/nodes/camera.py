@@ -12,8 +12,7 @@ from ros_visualise.core.params import param, specs
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
 from ros_visualise.sources.calibration import Calibration
-from ros_visualise.sources.camera import LiveCamera
-from ros_visualise.sources.live import may_read_files, parse_address
+from ros_visualise.sources.camera import LiveCamera, may_read_files, parse_address
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.v4l2_controls import GROUP, control_params
 from ros_visualise.sources.video_pixels import parse_size

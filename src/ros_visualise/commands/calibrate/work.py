@@ -26,8 +26,7 @@ from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration import to_yaml
-from ros_visualise.sources.camera import LiveCamera
-from ros_visualise.sources.live import is_live
+from ros_visualise.sources.camera import LiveCamera, is_live
 from ros_visualise.sources.opening import NoRecording
 from ros_visualise.sources.pictures import Pictures, is_pictures, no_pictures, read_picture
 from ros_visualise.sources.recordings.images import image_topic, recorded_images

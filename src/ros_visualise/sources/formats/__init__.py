@@ -1,16 +1,17 @@
 """Formats of recordings, one in each file: how one is recognised and opened.
 
 A format is recognised by the beginning of a file or the content of a folder; names decide only what
-the page offers, and what a damaged file was meant to be. The modules here import what they need
-when something is opened, so that asking for all suffixes costs nothing.
+the page offers, and what a damaged file was meant to be. Readers are imported when
+something is opened, so that asking for all suffixes costs little.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ros_visualise.core.registry import Registry, holding
 
@@ -18,12 +19,18 @@ if TYPE_CHECKING:
     from ros_visualise.sources.recordings import Recording
 
 
+def lazily(target: str) -> Callable[..., Any]:
+    """A function ``package.module:name`` below this package, whose module is imported on a call."""
+    module, _, name = target.partition(":")
+
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(f"ros_visualise.sources.{module}"), name)(*arguments)
+
+    return call
+
+
 def _never(_: object) -> bool:
     return False
-
-
-def _nothing(_: object) -> None:
-    return None
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,7 @@ class Format:
     begins: Callable[[bytes], bool] = _never
     is_folder: Callable[[Path], bool] = _never
     is_within: Callable[[Path], bool] = _never
-    whole_of: Callable[[Path], Path | None] = _nothing
+    whole_of: Callable[[Path], Path | None] = lambda _: None
     is_series: Callable[[Sequence[Path]], bool] = _never
 
 

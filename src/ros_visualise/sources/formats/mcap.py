@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from ros_visualise.sources.formats import Format
-from ros_visualise.sources.recordings import Recording
-
-
-def _open(path: Path) -> Recording:
-    from ros_visualise.sources.recordings.mcap_file import open_mcap
-
-    return open_mcap(path)
-
+from ros_visualise.sources.formats import Format, lazily
 
 FORMAT = Format(
     "MCAP file",
-    _open,
+    lazily("recordings.mcap_file:open_mcap"),
     suffixes=(".mcap",),
     begins=lambda head: head.startswith(b"\x89MCAP0\r\n"),
 )

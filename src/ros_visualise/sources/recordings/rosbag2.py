@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 from collections import Counter
@@ -35,6 +36,7 @@ _PACKED = ".zstd"
 _FILES = (".db3", ".mcap")
 _PART = re.compile(r"(.*_)\d+\.\w+(?:\.zstd)?")
 _BLOCK_BYTES = 8 << 20
+_MAX_METADATA = 4 << 20  # bytes
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _CDR = b"\0"
 """Beginning of messages that are not compressed."""
@@ -42,12 +44,9 @@ _CDR_BYTES = 4
 
 
 def open_rosbag2(path: Path) -> Recording:
-    """Open a ROS 2 bag: its folder, or one of its SQLite files alone.
+    """Open a ROS 2 bag: its folder, or one of its SQLite files; raises OpenError.
 
     Where ``metadata.yaml`` and the files differ, the files count.
-
-    Raises:
-        OpenError: nothing of it can be read.
     """
     loss = Loss()
     if path.is_dir():
@@ -72,6 +71,26 @@ def open_rosbag2(path: Path) -> Recording:
     recording = MergedRecording(path, "rosbag2", storages, loss, release, compression, extras)
     recording.size = sum(file.stat().st_size for file in files)
     return recording
+
+
+def open_whole(path: Path) -> Recording:
+    """Open a ROS 2 bag; a file that its folder's metadata names stands for the folder."""
+    return open_rosbag2(path.parent if path.is_file() and _is_listed(path) else path)
+
+
+def are_parts(files: Sequence[Path]) -> bool:
+    """True if they are named as parts of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
+    names = {re.sub(r"_\d+(?=\.\w+$)", "", file.name) for file in files}
+    return len(names) == 1 and {file.suffix for file in files} <= {*_FILES}
+
+
+def _is_listed(path: Path) -> bool:
+    """True if the folder's metadata names a file."""
+    metadata = path.parent / METADATA
+    if not metadata.is_file():
+        return False
+    with open_file(metadata) as file:
+        return os.fsencode(path.name) in file.read(_MAX_METADATA)
 
 
 def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:

@@ -34,7 +34,7 @@ def is_split_bag(files: Sequence[Path]) -> bool:
     parts = [_PART.fullmatch(file.name) for file in files]
     names = {part[1] for part in parts if part}
     numbers = {int(part[2]) for part in parts if part}
-    return len(names) == 1 and len(numbers) == len(files)
+    return len(names) == 1 and len(numbers) == len(files) > 1
 
 
 def _parts(folder: Path, loss: Loss) -> list[Path]:

@@ -29,8 +29,7 @@ from ros_visualise.sources.recordings.rosbag1.chunks import (
     gaps,
     locate,
 )
-from ros_visualise.sources.recordings.rosbag1.index import read_layout
-from ros_visualise.sources.recordings.rosbag1.scan import BagConnection, Layout
+from ros_visualise.sources.recordings.rosbag1.layout import BagConnection, Layout, read_layout
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel, Piece, Query
 from ros_visualise.sources.recordings.unpacking import DamagedData
