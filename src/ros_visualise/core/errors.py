@@ -79,6 +79,13 @@ class OpenError(UsageError):
         meant = _near_file(Path(path))
         return cls(f"{path}: no such file{folder}{meant or f'; {advice}'}")
 
+    @classmethod
+    def unreadable(cls, path: str | Path, error: OSError) -> OpenError:
+        """A file or folder that the system does not let us read."""
+        if isinstance(error, PermissionError):
+            return cls(f"{path}: you may not read it; try chmod u+rX")
+        return cls(f"{path}: {error.strerror or error}; check the path")
+
 
 def _near_file(path: Path) -> str:
     try:

@@ -53,8 +53,8 @@ def open_container(path: Path) -> InputContainer:
             buffer_size=_BUFFER_BYTES,
             options={"protocol_whitelist": "none"},
         )
-    except PermissionError:
-        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
+    except PermissionError as error:
+        raise OpenError.unreadable(path, error) from None
     except (FFmpegError, OSError) as error:
         why = "" if isinstance(error, InvalidDataError) else f"{error.strerror or error}; "
         raise _no_video(path, why) from None
@@ -143,10 +143,8 @@ def _check_file(path: Path) -> None:
             )
         if path.is_file() and path.stat().st_size == 0:
             raise OpenError(f"{path}: an empty file; copy or record it again")
-    except PermissionError:
-        raise OpenError(f"{path}: you may not read its folder; try chmod u+rx") from None
     except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; check the path") from None
+        raise OpenError.unreadable(path, error) from None
 
 
 def _no_video(path: Path, why: str = "") -> OpenError:

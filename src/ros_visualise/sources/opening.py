@@ -62,10 +62,8 @@ def open_recording(path: str | Path) -> Recording:
     path = Path(path)
     try:
         recording = _open_folder(path) if path.is_dir() else _open_file(path)
-    except PermissionError:
-        raise OpenError(f"{path}: you may not read it; try chmod u+rX") from None
     except OSError as error:
-        raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
+        raise OpenError.unreadable(path, error) from None
     if recording.loss and not any(topic.messages for topic in recording.topics.values()):
         recording.close()
         why = "; ".join(recording.loss.notes[:_LISTED])

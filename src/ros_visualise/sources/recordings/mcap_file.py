@@ -8,10 +8,10 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,7 @@ from ros_visualise.sources.recordings.mcap_records import (
     parse_extra,
 )
 from ros_visualise.sources.recordings.mcap_scan import scan
-from ros_visualise.sources.recordings.merging import MergedRecording
+from ros_visualise.sources.recordings.merging import MergedRecording, open_storages
 from ros_visualise.sources.recordings.pieces import ChunkPiece, PieceCache, Place, Records
 from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel, Piece, Query
@@ -47,13 +47,16 @@ from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _ENCODINGS: Mapping[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
 _LANGUAGES = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl")}
+_EMPTY = "an empty file; record or copy it again"
 _KNOWN_METADATA = ("callerid", "latching", "md5sum", "offered_qos_profiles", "topic_type_hash")
 
 
 def open_mcap(path: Path) -> Recording:
     """Open an MCAP file; raises OpenError if it cannot be read."""
     loss = Loss()
-    return MergedRecording(path, "mcap", [McapFile(path, Schemas(), PartialLoss(loss))], loss)
+    return MergedRecording(
+        path, "mcap", open_storages(path, [path], McapFile, loss, ExitStack()), loss
+    )
 
 
 class McapFile:
@@ -66,13 +69,16 @@ class McapFile:
         self._loss = loss
         self._lock = threading.Lock()
         self._is_indexed = False
-        self._file = _open(path)
+        self._file = open_file(path)
         try:
             self.size = path.stat().st_size
+            if self._file.read(len(MAGIC)) != MAGIC:
+                what = "no MCAP file; check the path" if self.size else _EMPTY
+                raise OpenError(f"{path}: {what}")
             index = self._index()
-        except OSError as error:
+        except (OSError, OpenError):
             self._file.close()
-            raise OpenError(f"{path}: {error.strerror}; copy it again") from None
+            raise
         self._rows = index.rows
         self._channel_sets = index.channel_sets
         self._extras = index.extras
@@ -242,21 +248,6 @@ def _contents(found: list[Place]) -> tuple[Counter[int], list[int]]:
     """Messages by channel; the first and the last stamp, if any."""
     counts = Counter(channel for _, channel, *_ in found)
     return counts, [stamp_ns for stamp_ns, *_ in found[:1] + found[-1:]]
-
-
-def _open(path: Path) -> BinaryIO:
-    try:
-        file = open_file(path)
-        start = file.read(len(MAGIC))
-    except PermissionError:
-        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; give an MCAP file") from None
-    if start != MAGIC:
-        file.close()
-        what = "no MCAP file; check the path" if start else "an empty file; record or copy it again"
-        raise OpenError(f"{path}: {what}")
-    return file
 
 
 def _describe(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:

@@ -259,18 +259,19 @@ def open_storages(
     """
     schemas = Schemas()
     storages: list[S] = []
-    failures: list[str] = []
+    failures: list[OpenError] = []
     for file in files:
         part = PartialLoss(loss, "" if file == path else f"{file.name}: ")
         try:
             storages.append(stack.enter_context(closing(open_file(file, schemas, part))))
-        except OpenError as error:
-            failures.append(str(error))
-            loss.add(str(error).replace(f"{file}: ", f"{file.name}: "))
+        except (OpenError, OSError) as error:
+            failure = OpenError.unreadable(file, error) if isinstance(error, OSError) else error
+            failures.append(failure)
+            loss.add(str(failure).replace(f"{file}: ", f"{file.name}: "))
             with suppress(OSError):  # a link to a missing file
                 loss.bytes += file.stat().st_size
     if not storages:
-        raise OpenError(failures[0])
+        raise failures[0]
     return storages
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -29,10 +28,18 @@ from ros_visualise.sources.recordings.rosbag1.chunks import (
     gaps,
     locate,
 )
-from ros_visualise.sources.recordings.rosbag1.layout import BagConnection, Layout, read_layout
+from ros_visualise.sources.recordings.rosbag1.layout import (
+    BagConnection,
+    Layout,
+    count_messages,
+    read_layout,
+)
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel, Piece, Query
 from ros_visualise.sources.recordings.unpacking import DamagedData
+
+_EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"  # of a type without fields
+_EMPTY_TEXT = "# it has no fields"
 
 
 class BagFile:
@@ -47,7 +54,7 @@ class BagFile:
         self._loss = loss
         self._noted: set[tuple[int, int]] = set()
         self._lock = threading.Lock()
-        self._file = _open(path)
+        self._file = open_file(path)
         try:
             self.size = path.stat().st_size
             layout = _read_layout(path, self._file, self.size)
@@ -61,7 +68,7 @@ class BagFile:
         following = [*positions[1:], layout.index_position]
         self._following = dict(zip(positions, following, strict=True)) if positions else {}
         self.channels: Mapping[int, Channel] = describe(layout.connections, schemas)
-        self.counts: Mapping[int, int] = _count(self._chunks)
+        self.counts: Mapping[int, int] = count_messages(self._chunks)
         self.starts_ns = np.array([chunk.start_ns for chunk in self._chunks], np.int64)
         self.ends_ns = np.array([chunk.end_ns for chunk in self._chunks], np.int64)
         nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
@@ -196,15 +203,6 @@ class BagFile:
         self._loss.add(f"at {chunk.position / 1e6:.1f} MB: {why}{lost}", messages)
 
 
-def _open(path: Path) -> BinaryIO:
-    try:
-        return open_file(path)
-    except PermissionError:
-        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
-
-
 def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
     magic = file.read(len(records.MAGIC))
     if magic != records.MAGIC:
@@ -217,17 +215,6 @@ def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
     if layout.encryptor:
         raise OpenError(f"{path}: encrypted; decrypt it first, with ROS: rosbag decrypt {path}")
     return layout
-
-
-def _count(chunks: list[Chunk]) -> Counter[int]:
-    counts: Counter[int] = Counter()
-    for chunk in chunks:
-        counts.update(chunk.counts)
-    return counts
-
-
-_EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"  # of a type without fields
-_EMPTY_TEXT = "# it has no fields"
 
 
 def describe(connections: Mapping[int, BagConnection], schemas: Schemas) -> dict[int, Channel]:

@@ -257,7 +257,7 @@ class BagScan:
 
     def _compare(self) -> None:
         """Compare what was found with the header and the index at the end."""
-        declared, found = _count(self._infos), _count(self._layout.chunks)
+        declared, found = count_messages(self._infos), count_messages(self._layout.chunks)
         missing = (declared - found).total()
         notes = self._layout.loss.notes
         self._layout.loss.messages += missing
@@ -302,7 +302,7 @@ def _sign(chunk: Chunk) -> tuple[int, int, frozenset[tuple[int, int]]]:
     return chunk.start_ns, chunk.end_ns, frozenset(chunk.counts.items())
 
 
-def _count(chunks: Iterable[Chunk]) -> Counter[int]:
+def count_messages(chunks: Iterable[Chunk]) -> Counter[int]:
     """Messages by connection."""
     counts: Counter[int] = Counter()
     for chunk in chunks:
