@@ -293,7 +293,7 @@ def test_what_nobody_can_read_is_not_written(
         writer.finish()
     convert(source, tmp_path / "r.mcap", status=2)
     (line,) = capsys.readouterr().err.splitlines()
-    assert "json.mcap: nothing of it can be written: /some: json: only ROS messages" in line
+    assert "json.mcap: no topic can be written: /some: json: only ROS messages" in line
     assert not (tmp_path / "r.mcap").exists()
 
 

@@ -125,7 +125,8 @@ def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
     assert x_of(found) == [1, 2]
     assert found.left_out == {"damaged": 2}
     assert caplog.messages == [
-        "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped (further occurrences suppressed)"
+        "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped"
+        " (further occurrences suppressed)"
     ]
 
 
@@ -167,7 +168,7 @@ def test_the_best_type_is_chosen():
 @pytest.mark.parametrize(
     ("topic", "says"),
     [
-        (None, "choose --topic of /a, /b"),
+        (None, "choose one by --topic: /a, /b"),
         ("/c", "no poses on /c; choose from /a, /b"),
         ("/tf", "no poses on /tf"),
         ("/tf:map", "/tf:PARENT.CHILD"),

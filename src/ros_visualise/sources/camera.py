@@ -107,7 +107,7 @@ def _prepare(container: InputContainer, name: str) -> None:
         raise OpenError(f"{name}: sends no video; {_TRY_TEST}")
     stream = container.streams.video[0]
     if stream.codec_context is None:
-        raise OpenError(f"{name}: unsupported codec; have it send H.264 or MJPEG")
+        raise OpenError(f"{name}: unsupported codec; set the camera to H.264 or MJPEG")
     try:
         limit_frames(stream)
     except TooLarge as error:

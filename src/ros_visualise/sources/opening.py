@@ -67,7 +67,7 @@ def open_recording(path: str | Path) -> Recording:
     if recording.loss and not any(topic.messages for topic in recording.topics.values()):
         recording.close()
         why = "; ".join(recording.loss.notes[:_LISTED])
-        raise OpenError(f"{path}: no message of it can be read; copy or record it again ({why})")
+        raise OpenError(f"{path}: no readable messages; copy or record it again ({why})")
     return recording
 
 
@@ -97,7 +97,7 @@ def _neither(path: Path) -> OpenError:
 def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
     """The error for an unreadable file: what it is, unless its name tells more, and a hint."""
     if _head(path).startswith(_ARCHIVES):
-        return OpenError(f"{path}: a packed file; unpack it and give what is in it")
+        return OpenError(f"{path}: a compressed archive; unpack it first")
     if meant := named(path):
         what = f"not a valid {meant}, despite its extension"
     return OpenError(f"{path}: {what}; {hint}")
@@ -138,7 +138,7 @@ def _open_folder(path: Path) -> Recording:
         if whole_path := one.whole_of(path):
             raise OpenError(f"{path}: a part of a {one.name}; give the whole: {whole_path}")
     if not found:
-        raise NoRecording(f"{path}: a folder with no recording in it; give a file or folder of one")
+        raise NoRecording(f"{path}: no recording in this folder; give a recording")
     if len(found) == 1:
         return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
     names = ", ".join(item.name for item in found[:_LISTED])

@@ -60,7 +60,7 @@ def read_picture(path: Path) -> Image:
 
 def no_pictures(folder: str | os.PathLike[str]) -> OpenError:
     """The error for a folder without pictures and without a recording."""
-    return OpenError(f"{folder}: a folder with no pictures and no recording in it; {_GIVEN}")
+    return OpenError(f"{folder}: no pictures and no recording in this folder; {_GIVEN}")
 
 
 class Pictures:

@@ -275,7 +275,9 @@ def _choose(recording: Recording, but: str | None) -> str:
             return of_kind[0]
         if of_kind:
             listed = ", ".join(there)
-            raise UsageError(f"{recording.path}: several have poses; choose --topic of {listed}")
+            raise UsageError(
+                f"{recording.path}: several topics have poses; choose one by --topic: {listed}"
+            )
     raise UsageError(f"{recording.path}: no topic of poses in it; see ros-visualise info")
 
 
@@ -300,6 +302,6 @@ def _check_motion(recording: Recording, pair: NamedPair, tree: FrameTree) -> Non
     try:
         newest_ns = tree.newest_ns(pair.parent, pair.child)
     except NoTransform as error:
-        raise UsageError(f"{recording.path}: {error}; choose of these") from None
+        raise UsageError(f"{recording.path}: {error}; choose among these") from None
     if newest_ns is None:
         raise UsageError(f"{recording.path}: {pair.child} does not move in {pair.parent}")

@@ -37,7 +37,7 @@ def test_other_folders_are_not_kittis(tmp_path):
 
 def test_drive_without_frames_is_refused(tmp_path):
     (tmp_path / "oxts/data").mkdir(parents=True)
-    with pytest.raises(OpenError, match="no frames"):
+    with pytest.raises(OpenError, match="no readable frames"):
         open_kitti(tmp_path)
 
 

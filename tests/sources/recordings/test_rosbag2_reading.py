@@ -264,7 +264,7 @@ def test_a_count_that_differs_is_said(tmp_path: Path, claimed: int) -> None:
     assert found == in_order(messages)
     assert recording.loss.messages == max(0, claimed - len(messages))
     assert recording.loss.notes == [
-        f"metadata.yaml counts {claimed} messages, {len(messages)} are there"
+        f"metadata.yaml counts {claimed} messages; found {len(messages)}"
     ]
 
 
@@ -294,7 +294,7 @@ def test_each_count_of_the_metadata_is_compared(
     assert len(found) == 30
     [file] = about["relative_file_paths"]
     there = 10 if key[:1] == ("topics_with_message_count",) else 30
-    told = f"{there - 1} messages{where.format(file=file)}, {there} are there"
+    told = f"{there - 1} messages{where.format(file=file)}; found {there}"
     assert recording.loss.notes == [f"metadata.yaml counts {told}"]
     assert recording.loss.messages == 0
 
@@ -304,7 +304,7 @@ def test_a_part_that_the_metadata_does_not_name_is_said(tmp_path: Path) -> None:
     write_metadata(tmp_path / "bag", [f"bag_{i}.db3" for i in range(2)], 180)
     found, recording = read(tmp_path / "bag")
     assert found == in_order(messages[:180])
-    assert recording.loss.notes == ["bag_2.db3 is there, and metadata.yaml does not name it"]
+    assert recording.loss.notes == ["bag_2.db3 is not listed in metadata.yaml"]
 
 
 def test_rows_that_are_gone_are_said(tmp_path: Path) -> None:
@@ -315,7 +315,7 @@ def test_rows_that_are_gone_are_said(tmp_path: Path) -> None:
         database.commit()
     _, recording = read(folder)
     assert recording.loss.messages == 3
-    assert recording.loss.notes == ["metadata.yaml counts 30 messages, 27 are there"]
+    assert recording.loss.notes == ["metadata.yaml counts 30 messages; found 27"]
 
 
 def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
@@ -451,7 +451,7 @@ def test_rows_that_are_gone_from_a_large_file_are_said_at_its_end(
     look(recording)
     look(recording)
     assert recording.loss.messages == 2
-    assert recording.loss.notes == ["metadata.yaml counts 10 messages on /b, 8 are there"]
+    assert recording.loss.notes == ["metadata.yaml counts 10 messages on /b; found 8"]
 
 
 @pytest.mark.usefixtures("all_large")

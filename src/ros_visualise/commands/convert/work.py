@@ -49,7 +49,7 @@ def convert(options: ConvertOptions) -> int:
         types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
         if unwritable and not types:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
-            raise OpenError(f"{options.input}: nothing of it can be written: {reasons}")
+            raise OpenError(f"{options.input}: no topic can be written: {reasons}")
         with noticed() as request:
             recorder = open_recorder(
                 target,

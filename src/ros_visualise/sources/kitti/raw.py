@@ -67,7 +67,7 @@ def open_drive(folder: Path) -> SeriesRecording:
     """The recording of a drive's folder; raises OpenError if it holds no frames."""
     drive = _Drive(folder)
     if not drive.parts:
-        raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")
+        raise OpenError(f"{folder}: holds no readable frames; unpack the drive again")
     _report_empty(drive)
     unsynced = _is_unsynced(drive)
     times = _stamp(drive, synced=not unsynced)

@@ -155,7 +155,7 @@ class McapFile:
                 self._is_indexed = True
                 return index
         except DamagedData as damage:
-            why = f"its index is damaged: {damage}; all messages were found without it"
+            why = f"its index is damaged: {damage}; all messages recovered without it"
         index, found = scan(self._file, self.size)
         if why and not found:
             found.add(why)

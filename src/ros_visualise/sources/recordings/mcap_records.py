@@ -90,7 +90,7 @@ def decompress(record: bytes, check: bool = True) -> Records:
         return _whole_records(data)
     is_changed = check and head.crc and zlib.crc32(data) != head.crc
     if len(data) != head.uncompressed_size or is_changed:
-        raise DamagedData("its data is not what its checksum says")
+        raise DamagedData("checksum mismatch")
     return data
 
 
@@ -185,5 +185,5 @@ def parse_extra(record: bytes) -> Extra:
         raise DamagedData("it is something else")
     crc = int.from_bytes(body[-_CRC_BYTES:], "little")
     if len(body) < _CRC_BYTES or (crc and zlib.crc32(body[:-_CRC_BYTES]) != crc):
-        raise DamagedData("its data is not what its checksum says")
+        raise DamagedData("checksum mismatch")
     return parse(Attachment, body)

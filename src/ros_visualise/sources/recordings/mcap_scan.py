@@ -145,7 +145,7 @@ class _Pieces:
             return
         (crc,) = _CHECKSUM.unpack_from(end.head, HEAD_BYTES)
         if crc and _checksum(self._file, end.start) != crc:  # 0: the writer made none
-            self._loss.add("its data is not what its checksum says")
+            self._loss.add("checksum mismatch")
 
     def _differences(self, found: Counter[int], declared: Counter[int]) -> Iterator[str]:
         """Notes on what the file counts, and lacks or has more of."""
@@ -153,14 +153,14 @@ class _Pieces:
         if found != declared:
             there, counted = found.total(), declared.total()
             of = f"{counted} messages" if counted != there else f"{there} messages of other topics"
-            yield f"its statistics count {of}, {there} are there"
+            yield f"its statistics count {of}; found {there}"
         for what, kind, index in _COUNTED:
             counts = [seen[index]] if seen[index] else []
             if statistics is not None:
                 counts.append(getattr(statistics, f"{what}_count"))
             for count in counts:
                 if count != seen[kind]:
-                    yield f"its index counts {count} records of kind {what}, {seen[kind]} are there"
+                    yield f"its index counts {count} {what} records; found {seen[kind]}"
         if statistics is not None and statistics.message_count != declared.total():
             yield "its statistics contradict each other"
         for start in self._disputed:
@@ -472,7 +472,7 @@ def _check_end(
     if is_closed and rest >= len(MAGIC):
         loss.add(f"{rest} foreign bytes after its end")
         return
-    what = f"{position} of {size} bytes are whole"
+    what = f"readable up to byte {position} of {size}"
     if needed > size:
-        what = f"{size} of {needed} bytes or more are there"
+        what = f"{size} of at least {needed} bytes"
     loss.add(f"its end is missing: cut off, or never closed by its recorder; {what}")

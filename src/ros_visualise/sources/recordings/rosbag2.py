@@ -106,7 +106,7 @@ def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
         loss.add(f"{name} is missing")
     for file in _others(folder, found) if names else ():
         if _stem(file) in map(_stem, found):
-            loss.add(f"{file.name} is there, and {METADATA} does not name it")
+            loss.add(f"{file.name} is not listed in {METADATA}")
     if not found:
         raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
     return found
@@ -181,7 +181,7 @@ def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: L
     counted += [(f" in {name}", n, files[name]) for name, n in by_file.items() if name in files]
     for where, count, found in counted:
         if count != found and not loss.notes:  # which say why
-            loss.add(f"{METADATA} counts {count} messages{where}, {found} are there")
+            loss.add(f"{METADATA} counts {count} messages{where}; found {found}")
 
 
 class CompressedMessages:

@@ -79,7 +79,7 @@ class SqliteFile:
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
         if unknown:
-            loss.add(f"{unknown} messages of topics that it does not name", unknown)
+            loss.add(f"{unknown} messages of undescribed topics", unknown)
         if left := left_beside(path):
             why = f"never finished by its recorder, which left {left} beside it"
             loss.add(f"{why}; messages found: {sum(self.counts.values())}")
@@ -151,7 +151,7 @@ class SqliteFile:
             declared, found = self._declared.pop(number), counts.get(number, 0)
             if found != declared:
                 topic = self.channels[number].topic
-                note = f"{METADATA} counts {declared} messages on {topic}, {found} are there"
+                note = f"{METADATA} counts {declared} messages on {topic}; found {found}"
                 self._loss.whole.add(note, max(0, declared - found))
 
     def _survey(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:

@@ -73,7 +73,7 @@ class BagFile:
         self.ends_ns = np.array([chunk.end_ns for chunk in self._chunks], np.int64)
         nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
         if nameless:
-            layout.loss.add(f"{nameless} messages of topics that the bag does not name", nameless)
+            layout.loss.add(f"{nameless} messages of undescribed topics", nameless)
         loss.absorb(layout.loss)
 
     @cached_property
@@ -98,12 +98,12 @@ class BagFile:
             entries = self._entries(chunk, content)
             spans = common_spans(content, entries)
             if self._is_short(content, entries, spans):
-                self._lose(chunk, 0, -2, "messages in it that its index does not name")
+                self._lose(chunk, 0, -2, "messages missing from its index")
                 entries = self._reader.walked(chunk, content)
                 spans = common_spans(content, entries)
             stamps_ns = entries["stamp_ns"]
             if ((spans[2] >= 0) & (spans[2] != stamps_ns)).any():
-                self._lose(chunk, 0, -4, "its index has other stamps than its messages")
+                self._lose(chunk, 0, -4, "stamps of its index and messages differ")
             is_asked = np.isin(entries["connection"], list(wanted))
             is_asked &= (stamps_ns >= query.start_ns) & (stamps_ns < query.stop_ns)
             entries, spans = entries[is_asked], spans[:, is_asked]
@@ -156,7 +156,7 @@ class BagFile:
             self._lose(chunk, 0, -1, "the chunk, its index and the bag's contradict each other")
         elif self.is_indexed and entries.end != self._following[chunk.position]:
             hidden = self._following[chunk.position] - entries.end
-            self._lose(chunk, 0, -3, f"{hidden} bytes after it that the bag's index does not name")
+            self._lose(chunk, 0, -3, f"{hidden} bytes after it are missing from the bag's index")
 
     def _is_short(
         self, content: Content, entries: npt.NDArray[Any], spans: npt.NDArray[np.int64]
@@ -245,7 +245,7 @@ def _define(schemas: Schemas, type_name: str, digest: str, text: str) -> tuple[D
         text = _EMPTY_TEXT
     try:
         found = schemas.define("ros1", type_name, text)
-        problem = f"{type_name}: the bag does not define it, and ROS has another one"
+        problem = f"{type_name}: not defined in the bag, and differs from ROS's own"
     except DamagedMessage as error:
         found = Definitions("ros1")
         problem = str(error)

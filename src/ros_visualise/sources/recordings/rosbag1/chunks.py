@@ -97,7 +97,7 @@ class ChunkReader:
         """The chunk's own record; raises DamagedData if it is none."""
         record = records.read_record(self.file, position, self.size)
         if record.op != Op.CHUNK:
-            raise DamagedData("no chunk where one should be")
+            raise DamagedData("expected a chunk")
         return record
 
     def index(self, chunk_end: int) -> Iterator[tuple[int, NDArray[Any], int]]:
@@ -312,7 +312,7 @@ def _any(content: Content, connection: int, offset: int) -> tuple[int, int]:
     while record.op == Op.CONNECTION:  # some indexes point to the one before the message
         record = records.read_record(file, record.end, end)
     if record.op != Op.MESSAGE or records.number(record.fields, b"conn") != connection:
-        raise DamagedData("another message than the index says")
+        raise DamagedData("another message than indexed")
     if record.end > end:
         raise DamagedData("a message that is longer than its chunk")
     return record.data_position - start, record.data_size

@@ -81,7 +81,7 @@ def parse_fields(data: bytes) -> Fields:
         position += 4
         name, equals, value = data[position : position + size].partition(b"=")
         if position + size > len(data) or not equals:
-            raise DamagedData("a header that cannot be read")
+            raise DamagedData("an unreadable header")
         fields[name] = value
         position += size
     return fields
@@ -118,4 +118,4 @@ def _number(data: bytes) -> int:
         return int(_UINT32.unpack(data)[0])
     if len(data) == _UINT64.size:
         return int(_UINT64.unpack(data)[0])
-    raise DamagedData("no number where one should be")
+    raise DamagedData("expected a number")
