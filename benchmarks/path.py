@@ -17,7 +17,7 @@ import numpy as np
 from memory import resident_mib
 
 from ros_visualise.data import Header, Odometry, Path
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.nodes.path import PathNode, PathParams
 from ros_visualise.plotting.figure import Figure
@@ -49,7 +49,7 @@ class Cost(NamedTuple):
 def serialise(path: Path) -> int:
     """Bytes of it on a ROS 1 graph."""
     message = to_message(path, DEFINITIONS.types)
-    return len(DEFINITIONS.write(type_name(Path), message))
+    return len(DEFINITIONS.write(Path.type_name, message))
 
 
 def drive(count: int):
@@ -70,7 +70,7 @@ def appended(messages: int) -> list[Cost]:
     path = Path(np.arange(messages), poses[:, :3], poses[:, 3:], Header(0, "odom"))
     message = to_message(path, DEFINITIONS.types)  # it grows by one pose a message: made before
     started = time.process_time()
-    size = len(DEFINITIONS.write(type_name(Path), message))
+    size = len(DEFINITIONS.write(Path.type_name, message))
     cpu_ms = (time.process_time() - started) * 1e3
     resident = resident_mib()
     return [

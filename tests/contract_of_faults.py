@@ -21,7 +21,6 @@ from waiting import wait_for
 from ros_visualise.core.errors import DamagedMessage, RosVisualiseError, Unreachable, UsageError
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Header, Image, Text
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -110,7 +109,7 @@ class GraphWorld:
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
-        self.pictures = transport.advertise("/picture", TopicType(type_name(Image)))
+        self.pictures = transport.advertise("/picture", TopicType(Image.type_name))
         self._remote = RemoteRuntime(transport)
         self._listening: list[Any] = []
 
@@ -164,11 +163,11 @@ class ThreadWorld(GraphWorld):
         self.wait()
 
     def another(self) -> Callable[[int], object]:
-        publisher = self._other("another").advertise("/picture", TopicType(type_name(Image)))
+        publisher = self._other("another").advertise("/picture", TopicType(Image.type_name))
         return lambda number: publisher.publish(picture(number))
 
     def intrude(self) -> None:
-        publisher = self._other("intruder").advertise("/picture", TopicType(type_name(Text)))
+        publisher = self._other("intruder").advertise("/picture", TopicType(Text.type_name))
         publisher.publish(Text("no image"))
 
     def stall(self) -> None:
@@ -348,7 +347,7 @@ def test_a_refused_action_is_an_error_with_its_reason(world: World):
 def test_what_is_closed_can_be_used_all_the_same(world: World):
     """It does nothing, or raises an error of ours."""
     if isinstance(world, GraphWorld):
-        publisher = world.transport.advertise("/closed", TopicType(type_name(Image)))
+        publisher = world.transport.advertise("/closed", TopicType(Image.type_name))
         heard = world.transport.subscribe("/closed", Image, lambda _: None, lambda _: None)
         for one in (publisher, heard, publisher, heard):
             one.close()

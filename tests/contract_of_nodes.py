@@ -25,7 +25,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
@@ -97,7 +96,7 @@ class GraphWorld:
         self._publishers = {
             topic: transport.advertise(
                 topic,
-                TopicType(type_name(kind), qos=LATCHED if topic == "/tf_static" else VOLATILE),
+                TopicType(kind.type_name, qos=LATCHED if topic == "/tf_static" else VOLATILE),
             )
             for topic, kind in kinds.items()
         }

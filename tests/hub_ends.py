@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ros_visualise.core.errors import DamagedMessage, ParameterError, Unreachable
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.core.supervision import attempt
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages import from_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import ParametersListener
@@ -94,7 +94,7 @@ class Subscriber:
         self.inbox = Inbox(lossless=False, keep=8)
         self._hub, self._kind, self._take, self._refuse = hub, kind, take, refuse
         with hub.lock:
-            self._topic = hub.topic(name, type_name(kind))
+            self._topic = hub.topic(name, kind.type_name)
             self._topic.subscribers.append(self)
             for data in self._topic.latched.values():
                 self.inbox.put(Packet(0, data, time.monotonic_ns()))
@@ -115,7 +115,7 @@ class Subscriber:
 
     def _hand_on(self, data: bytes) -> None:
         try:
-            read = TYPES.read(type_name(self._kind), data)
+            read = TYPES.read(self._kind.type_name, data)
             message: Any = from_message(read, self._kind)
         except (DamagedMessage, ValueError) as error:
             self._refuse(str(error))

@@ -27,7 +27,7 @@ from ros_visualise.data import (
     Hypothesis,
     VisionInfo,
 )
-from ros_visualise.messages import data_class, from_message, type_name
+from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions, Encoding
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks.encoding import Encoder
@@ -173,7 +173,7 @@ def test_recorded_ones_are_converted_to_the_other_ros(
     data: Any, encodings: tuple[Encoding, Encoding]
 ) -> None:
     here, there = Encoder(encodings[0]), Encoder(encodings[1])
-    name = type_name(type(data))
+    name = data.type_name
     recorded = Recorded(name, here.encode(data), Definitions(encodings[0]), 0)
     there.declare(TopicType(name, recorded.definitions))
     converted = Definitions(encodings[1]).read(name, bytes(there.encode(recorded)))
@@ -186,6 +186,6 @@ def test_the_names_of_classes_are_told_of_on_both_ros() -> None:
 
 def test_a_recorded_name_that_ros_1_cannot_hold_is_said() -> None:
     named = Detections((replace(BOX, hypotheses=(Hypothesis("dog", 0.5),)),), HEADER)
-    recorded = Recorded(type_name(Detections), Encoder("cdr").encode(named), ROS2, 0)
+    recorded = Recorded(Detections.type_name, Encoder("cdr").encode(named), ROS2, 0)
     with pytest.raises(DamagedMessage, match="'dog'"):
         Encoder("ros1").encode(recorded)

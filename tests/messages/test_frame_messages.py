@@ -7,7 +7,7 @@ from rosbags.highlevel import AnyReader
 from through import HEADER, ROS1, assert_same, assert_survives, through_ros1, through_ros2
 
 from ros_visualise.data import Header, Number, Text, Transforms, TransformStamped
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages import from_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.numeric_fields import numeric_fields
 
@@ -34,7 +34,7 @@ def test_several_transforms_survive_in_order():
 def test_what_tf_sent_before_tf2_is_read():
     types = Definitions("ros1")
     types.define("tf/msg/tfMessage", "geometry_msgs/TransformStamped[] transforms")
-    data = ROS1.write(type_name(Transforms), through_ros1(Transforms((TRANSFORM,))))
+    data = ROS1.write(Transforms.type_name, through_ros1(Transforms((TRANSFORM,))))
     old = types.read("tf/msg/tfMessage", bytes(data))
     assert_same(from_message(old, Transforms).transforms[0], TRANSFORM)
 

@@ -15,18 +15,18 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.messages import data_class, to_message, type_name
+from ros_visualise.messages import data_class, to_message
 
 
 def test_types_have_names_both_ways() -> None:
-    assert type_name(Image) == "sensor_msgs/msg/Image"
+    assert Image.type_name == "sensor_msgs/msg/Image"
     assert data_class("sensor_msgs/msg/Image") is Image
     assert data_class("sensor_msgs/msg/Joy") is None
     assert data_class("tf/msg/tfMessage") is Transforms
 
 
 def test_every_message_has_a_type_of_its_own() -> None:
-    names = {type_name(cls) for cls in topic_kinds()}
+    names = {cls.type_name for cls in topic_kinds()}
     assert len(names) == len(topic_kinds())
     assert {data_class(name) for name in names} == set(topic_kinds())
     for name in names - {"rcl_interfaces/msg/ParameterEvent"}:

@@ -5,7 +5,7 @@ import pytest
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Header, Path
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sinks.encoding import Encoder
 
@@ -22,7 +22,7 @@ def path(count: int, frame_id: str) -> Path:
 @pytest.mark.parametrize("count", [0, 1, 2, 500])
 def test_bytes_are_those_of_the_library(encoding, frame_id, count):
     way, own = path(count, frame_id), Definitions(encoding)
-    expected = own.write(type_name(Path), to_message(way, own.types))
+    expected = own.write(Path.type_name, to_message(way, own.types))
     assert bytes(Encoder(encoding).encode(way)) == bytes(expected)
 
 

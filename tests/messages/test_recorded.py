@@ -17,7 +17,7 @@ from ros_visualise.data import (
     Text,
     Twist,
 )
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType, content
 
@@ -26,7 +26,7 @@ BOTH = pytest.mark.parametrize("types", [ROS1, ROS2], ids=["ros1", "ros2"])
 
 
 def recorded(data, types, stamp_ns=77, cut=None, calibration=None):
-    name = type_name(type(data))
+    name = data.type_name
     raw = bytes(types.write(name, to_message(data, types.types)))
     return Recorded(name, raw[:cut], types, stamp_ns, calibration)
 

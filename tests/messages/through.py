@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Header
-from ros_visualise.messages import from_message, to_message, type_name
+from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.definitions import Definitions
 
 ROS1 = Definitions("ros1")
@@ -22,7 +22,7 @@ def through_ros2(data: Any, header: Header | None = None) -> Any:
 
 
 def _through(types: Definitions, data: Any, header: Header | None) -> Any:
-    name = type_name(type(data))
+    name = data.type_name
     return types.read(name, bytes(types.write(name, to_message(data, types.types, header))))
 
 

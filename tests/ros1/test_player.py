@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from ros_visualise import data
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
@@ -46,7 +45,7 @@ def recorded():
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("player") / "made.bag"
     messages = list(recorded())
-    topics = {topic: TopicType(type_name(type(message))) for topic, _, message in messages}
+    topics = {topic: TopicType(message.type_name) for topic, _, message in messages}
     with open_recorder(str(path), topics) as recorder:
         for topic, stamp_ns, message in messages:
             recorder.write(topic, message, stamp_ns)
@@ -111,7 +110,7 @@ def test_what_is_recorded_of_it_is_the_recording(bag, start, ros_master, tmp_pat
 def test_a_recording_of_ros_2_comes_in_the_types_of_ros_1(start, hear, tmp_path):
     path = tmp_path / "made.mcap"
     messages = list(recorded())
-    topics = {topic: TopicType(type_name(type(message))) for topic, _, message in messages}
+    topics = {topic: TopicType(message.type_name) for topic, _, message in messages}
     with open_recorder(str(path), topics) as recorder:
         for topic, stamp_ns, message in messages:
             recorder.write(topic, message, stamp_ns)

@@ -35,7 +35,6 @@ from ros_visualise.data import (
 from ros_visualise.data import (
     Path as PathMessage,
 )
-from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes.filters import FiltersParams
@@ -64,7 +63,7 @@ class Peer:
         return heard
 
     def advertise(self, topic: str, kind: type) -> Any:
-        return self.transport.advertise(topic, TopicType(type_name(kind)))
+        return self.transport.advertise(topic, TopicType(kind.type_name))
 
 
 @pytest.fixture
@@ -263,7 +262,7 @@ def test_a_message_that_cannot_be_sent_is_counted_and_the_node_goes_on(
 
 def test_static_transforms_of_a_recording_add_up(hub: Hub, peer: Peer, tmp_path: Path) -> None:
     path = tmp_path / "static.mcap"
-    topic = TopicType(type_name(Transforms), qos=LATCHED)
+    topic = TopicType(Transforms.type_name, qos=LATCHED)
     zero, unturned = np.zeros(3), np.array([0.0, 0, 0, 1])
     with closing(open_recorder(str(path), {"/tf_static": topic})) as recorder:
         for number, child in enumerate(("camera", "lidar")):
@@ -354,7 +353,7 @@ def test_nothing_is_offered_by_who_has_ended(hub: Hub) -> None:
 def test_what_a_recording_tells_of_its_own_graph_is_not_played(
     hub: Hub, peer: Peer, tmp_path: Path
 ) -> None:
-    path, text = tmp_path / "r.mcap", TopicType(type_name(Text))
+    path, text = tmp_path / "r.mcap", TopicType(Text.type_name)
     topics = ["/said", "/rosout", "/rosout_agg", "/parameter_events"]
     with open_recorder(str(path), dict.fromkeys(topics, text)) as recorder:
         for stamp_ns in range(10**9, 10**9 + 10):
@@ -416,7 +415,7 @@ def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
     looker = HubTransport(hub, name="uav1/viewer")
     for place in ("", "uav1/", "uav2/"):
         other = HubTransport(hub, name=f"{place}cam")
-        other.advertise(f"/{place}image_raw", TopicType(type_name(Image)))
+        other.advertise(f"/{place}image_raw", TopicType(Image.type_name))
     video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
     streamer = hub.running("streamer", path=str(video), loop=True)
     with streamer, closing(RemoteRuntime(looker)) as remote:
@@ -431,7 +430,7 @@ def test_static_frames_of_two_nodes_in_one_process_are_both_there_for_who_comes_
     """A latched topic of a process holds its last message alone, whoever of it has published."""
     process, frames = HubTransport(hub, name="process"), StaticFrames()
     for child in ("base", "tag"):
-        published = process.advertise("/tf_static", TopicType(type_name(Transforms), qos=LATCHED))
+        published = process.advertise("/tf_static", TopicType(Transforms.type_name, qos=LATCHED))
         frame = TransformStamped(child, np.zeros(3), np.array([0.0, 0, 0, 1]), Header(0, "map"))
         StaticTransformsOutput(published, frames).put(Packet(1, Transforms((frame,)), 0))
     (late,) = Peer(hub).hear("/tf_static", Transforms)
@@ -497,7 +496,7 @@ def test_at_rate_0_a_slow_subscriber_gets_every_other_message(
 ) -> None:
     path = tmp_path / "odom.mcap"
     pose = Odometry(np.ones(3), np.array([0.0, 0, 0, 1]))
-    with closing(open_recorder(str(path), {"/odom": TopicType(type_name(Odometry))})) as recorder:
+    with closing(open_recorder(str(path), {"/odom": TopicType(Odometry.type_name)})) as recorder:
         for number in range(50):
             recorder.write("/odom", replace(pose, header=Header(10**9 + number, "odom")))
     taken: list[int] = []

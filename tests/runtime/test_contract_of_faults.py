@@ -21,7 +21,6 @@ from zenoh_net import ZenohNet, zenoh_net
 
 from ros_visualise.data import Image, Text
 from ros_visualise.graph.pipelines import alone
-from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.nodes import load
@@ -48,7 +47,7 @@ class LocalWorld:
         self.runtime.publish("/picture", image)
 
     def give_damaged(self) -> None:
-        self.give(Recorded(type_name(Image), GARBAGE, Definitions("cdr"), 0))
+        self.give(Recorded(Image.type_name, GARBAGE, Definitions("cdr"), 0))
 
     def another(self) -> Callable[[int], object]:
         def give(number: int) -> None:
@@ -112,7 +111,7 @@ class ZenohWorld(ThreadWorld):
         super().__init__(own, net.join)
 
     def give_damaged(self) -> None:
-        declared = Encoder("cdr").declare(TopicType(type_name(Image)))
+        declared = Encoder("cdr").declare(TopicType(Image.type_name))
         key = keys.topic_key("/picture", declared.name, declared.digest)
         config = {"mode": "client", "connect": {"endpoints": [self._address]}}
         with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as stock:

@@ -16,7 +16,6 @@ from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.data import Header, Image
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.executables.by_name import run
 from ros_visualise.runtime.middleware import Managed
@@ -46,7 +45,7 @@ class Peer:
 
     def __init__(self, hub: Hub) -> None:
         self.transport = HubTransport(hub, name="peer")
-        self.images = self.transport.advertise("/image_raw", TopicType(type_name(Image)))
+        self.images = self.transport.advertise("/image_raw", TopicType(Image.type_name))
         self.heard: list[Image] = []
 
     def hear(self, topic: str) -> None:

@@ -23,7 +23,6 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.graph import Graph, SourceNode, place
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
@@ -234,7 +233,7 @@ def test_a_node_of_a_graph_goes_on_and_ends_with_status_1(
     hub, heard = Hub(), []
     peer = HubTransport(hub, name="peer")
     with hub.running("node", f"{tmp_path}/talker.py:talker", ends_with=1):
-        images = peer.advertise("/image", TopicType(type_name(Image)))
+        images = peer.advertise("/image", TopicType(Image.type_name))
         wait_for(lambda: images.connections, "the node")
         peer.subscribe("/talker", Marker, heard.append, lambda _: None)
         images.publish(image(4))

@@ -21,7 +21,6 @@ from ros_visualise.core.errors import OpenError, ParameterError, RosVisualiseErr
 from ros_visualise.core.params import Parameters, param
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Header, Image, Path, Text
-from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -97,7 +96,7 @@ def test_tokens_of_any_text_are_entities_or_nothing() -> None:
 
 def test_what_is_latched_comes_to_who_joins_late(net: ZenohNet) -> None:
     with closing(net.join("early")) as early, closing(net.join("late")) as late:
-        published = early.advertise("~said", TopicType(type_name(Text), qos=LATCHED))
+        published = early.advertise("~said", TopicType(Text.type_name, qos=LATCHED))
         for text in ("before", "last"):
             published.publish(Text(text))
         published.flush(5)
@@ -113,7 +112,7 @@ def test_several_messages_of_small_kinds_wait_and_none_is_lost(net: ZenohNet) ->
     with closing(net.join("one")) as one, closing(net.join("other")) as other:
         heard: list[Text] = []
         other.subscribe("/said", Text, heard.append, pytest.fail)
-        published = one.advertise("/said", TopicType(type_name(Text)))
+        published = one.advertise("/said", TopicType(Text.type_name))
         wait_for(lambda: published.connections, "the subscriber")
         for number in range(200):
             published.publish(Text(str(number)))
@@ -212,8 +211,8 @@ def test_a_topic_that_is_flooded_with_damage_counts_each_and_goes_on(
         heard: list[Path] = []
         rejected: list[str] = []
         transport.subscribe("/path", Path, heard.append, rejected.append)
-        published = transport.advertise("/path", TopicType(type_name(Path)))
-        key = keys.topic_key("/path", type_name(Path), "RIHS01_any")
+        published = transport.advertise("/path", TopicType(Path.type_name))
+        key = keys.topic_key("/path", Path.type_name, "RIHS01_any")
         for size in range(150):
             stock.put(key, dice.randbytes(size))
         wait_for(lambda: len(rejected) == 150, "all of them")
@@ -237,12 +236,12 @@ def test_an_address_that_cannot_be_used_is_an_error_of_ours(net: ZenohNet) -> No
 
 def test_who_has_left_raises_errors_of_ours(net: ZenohNet) -> None:
     transport = net.join("gone")
-    published = transport.advertise("/x", TopicType(type_name(Image)))
+    published = transport.advertise("/x", TopicType(Image.type_name))
     transport.close()
     transport.close()
     published.publish(Image(np.zeros((1, 1), np.uint8), "mono8", Header(1, "camera")))
     for call in (
-        lambda: transport.advertise("/y", TopicType(type_name(Image))),
+        lambda: transport.advertise("/y", TopicType(Image.type_name)),
         lambda: transport.subscribe("/y", Image, print, print),
         lambda: transport.offer("/y", str),
         lambda: transport.call("/y"),

@@ -17,7 +17,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.recordings import Entry, TopicInfo
@@ -34,7 +33,7 @@ class Memory:
         self.path = File("memory.bag")
         self._messages = {f"/{name}": messages for name, messages in topics.items()}
         self.topics = {
-            name: TopicInfo(TopicType(type_name(type(messages[-1]))), len(messages))
+            name: TopicInfo(TopicType(messages[-1].type_name), len(messages))
             for name, messages in self._messages.items()
         }
 

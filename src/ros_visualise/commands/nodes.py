@@ -47,14 +47,13 @@ def _lines(described: dict[str, Any]) -> Iterator[str]:
 
 def _describe(found: NodeType | SourceType) -> dict[str, Any]:
     from ros_visualise.core.params import specs
-    from ros_visualise.messages import type_name
     from ros_visualise.nodes import SourceType
 
     return {
         "doc": found.doc,
         "source": isinstance(found, SourceType),
-        "inputs": {port: type_name(kind) for port, kind in found.inputs.items()},
-        "outputs": {port: type_name(kind) for port, kind in found.outputs.items()},
+        "inputs": {port: kind.type_name for port, kind in found.inputs.items()},
+        "outputs": {port: kind.type_name for port, kind in found.outputs.items()},
         "actions": dict(found.actions),
         "params": {spec.name: _describe_param(spec) for spec in specs(found.params)},
     }

@@ -58,8 +58,8 @@ class NodeType:
     name: str
     make: Callable[[Any], Any]
     params: type
-    inputs: Mapping[str, type]
-    outputs: Mapping[str, type]
+    inputs: Mapping[str, type[Message]]
+    outputs: Mapping[str, type[Message]]
     on_demand: frozenset[str] = frozenset()
     drops: str | None = None
     timed: bool = False
@@ -98,8 +98,8 @@ class _Function(_OptionalMethods):
 def node(
     name: str,
     *,
-    inputs: Mapping[str, type],
-    outputs: Mapping[str, type],
+    inputs: Mapping[str, type[Message]],
+    outputs: Mapping[str, type[Message]],
     params: type = NoParams,
     on_demand: tuple[str, ...] = (),
     latched: tuple[str, ...] = (),

@@ -10,8 +10,8 @@ from typing import Any, Protocol, TypeVar
 from ros_visualise.core import params
 from ros_visualise.core.declarations import TRANSFORMS
 from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
+from ros_visualise.core.message import Message
 from ros_visualise.data import Image
-from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType
@@ -38,7 +38,7 @@ class TopicSpec:
     ``ros`` is its type on a ROS graph and in recordings, with its quality of service.
     """
 
-    type: type
+    type: type[Message]
     publisher: str
     on_demand: bool
     ros: TopicType
@@ -82,7 +82,7 @@ class Member:
     def _topic(self, port: str) -> TopicSpec:
         cls = self.type.outputs[port]
         qos = LATCHED if port in self.type.latched else VOLATILE
-        ros = TopicType(type_name(cls), qos=qos)
+        ros = TopicType(cls.type_name, qos=qos)
         return TopicSpec(cls, self.name, port in self.type.on_demand, ros)
 
 
@@ -147,7 +147,7 @@ class Graph:
         return self.source is not None and self.source.type.makes_time
 
     @property
-    def inputs(self) -> dict[str, type]:
+    def inputs(self) -> dict[str, type[Message]]:
         """Topics published elsewhere, and the type of their messages."""
         return {
             topic: node.type.inputs[port]

@@ -18,11 +18,6 @@ from ros_visualise.data.fields import Fields, Types, build
 T = TypeVar("T", bound=Message)
 
 
-def type_name(data_class: type[Message]) -> str:
-    """The ROS type for a class of ours: ``sensor_msgs/msg/Image`` for `Image`."""
-    return data_class.type_name
-
-
 def data_class(type_name: str) -> type[Message] | None:
     """Our class for a ROS type, or None for an unknown one."""
     return Message.kinds.get(type_name)
@@ -45,7 +40,7 @@ def to_message(data: Any, types: Types, header: Header | None = None) -> Any:
 
 
 def from_message(message: Any, data_class: type[T]) -> T:
-    """Our message for a ROS message of ``type_name(data_class)``.
+    """Our message for a ROS message of ``data_class``.
 
     Pixels and points are not copied: the message must not be changed any more.
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import CameraInfo, CompressedImage, Detections, Image
-from ros_visualise.messages import data_class, type_name
+from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import Recorded, TopicType
 
-CAMERA_INFO = TopicType(type_name(CameraInfo))
-_COMPRESSED = type_name(CompressedImage)
+CAMERA_INFO = TopicType(CameraInfo.type_name)
+_COMPRESSED = CompressedImage.type_name
 _CALIBRATED = (Image, CompressedImage, Detections)
 
 

@@ -12,7 +12,6 @@ from typing import Any
 from ros_visualise.core.printing import counted
 from ros_visualise.core.rate import Clock
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Transport
 from ros_visualise.runtime.report import NodeReport, OutputReport
@@ -58,7 +57,7 @@ class DiagnosticsPublisher:
     """Publishes one status for each node: its target, its rates and its losses."""
 
     def __init__(self, transport: Transport) -> None:
-        self._publisher = transport.advertise(_TOPIC, TopicType(type_name(DiagnosticArray)))
+        self._publisher = transport.advertise(_TOPIC, TopicType(DiagnosticArray.type_name))
         self._clock: Clock = transport.clock()
         self._statuses = StatusMaker()
 

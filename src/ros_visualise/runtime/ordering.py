@@ -7,7 +7,6 @@ from collections.abc import Collection
 from heapq import heappop, heappush
 
 from ros_visualise.graph import Graph
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType, recorded_ns
 from ros_visualise.runtime.queues import END, FINISHED, Packet
 
@@ -165,7 +164,7 @@ def _controls(graph: Graph) -> dict[str, TopicType]:
     """Topics from outside the graph that control its source, as velocities of a robot."""
     heard = graph.source.inputs.values() if graph.source else ()
     inputs = graph.inputs
-    return {topic: TopicType(type_name(inputs[topic])) for topic in heard if topic in inputs}
+    return {topic: TopicType(inputs[topic].type_name) for topic in heard if topic in inputs}
 
 
 def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:

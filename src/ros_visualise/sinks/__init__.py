@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import ParameterEvent
-from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import Extra
@@ -209,7 +208,7 @@ def open_recorder(
     also = [name for topic, name in (beside or {}).items() if topic in wanted]
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
-        wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
+        wanted[PARAMETER_EVENTS] = TopicType(ParameterEvent.type_name)
     return _open_chunked(
         path, kind, wanted, SinkSettings(encoding, compression, overwrite, live, split)
     )

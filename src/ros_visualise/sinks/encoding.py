@@ -22,7 +22,7 @@ from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.core.yaml_files import BadYaml, parse_yaml
 from ros_visualise.data import CompressedImage, Image, Message, Path
 from ros_visualise.data.fields import Fields, build
-from ros_visualise.messages import data_class, from_message, to_message, type_name
+from ros_visualise.messages import data_class, from_message, to_message
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
 from ros_visualise.messages.misfits import refused
 from ros_visualise.messages.path_bytes import pose_bytes
@@ -157,7 +157,7 @@ class Encoder:
         """Equal to the bytes of the library, which makes an object of every pose."""
         empty = Path(path.stamps_ns[:0], path.positions_xyz[:0], path.quats_xyzw[:0])
         message = to_message(empty, self._own.types, path.header)
-        written = bytes(self._own.write(type_name(Path), message))
+        written = bytes(self._own.write(Path.type_name, message))
         count = len(path.stamps_ns).to_bytes(4, "little")
         start = len(written) - (4 if self.encoding == "cdr" else 0)
         return written[:-4] + count + pose_bytes(path, self.encoding, start)

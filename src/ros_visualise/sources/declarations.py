@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 from ros_visualise.core.checks import check_name
 from ros_visualise.core.declarations import actions_of, completed, first_line
 from ros_visualise.core.errors import UsageError
+from ros_visualise.core.message import Message
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.series import Series
 
@@ -44,10 +45,10 @@ class SourceType:
     name: str
     make: Callable[[Any, Any], Source]
     params: type
-    outputs: Mapping[str, type]
+    outputs: Mapping[str, type[Message]]
     live: bool = False
     doc: str = ""
-    inputs: Mapping[str, type] = field(default_factory=dict)
+    inputs: Mapping[str, type[Message]] = field(default_factory=dict)
     on_demand: frozenset[str] = frozenset()
     latched: frozenset[str] = frozenset()
     actions: Mapping[str, str] = field(default_factory=dict)
@@ -111,8 +112,8 @@ def source(
     name: str,
     *,
     params: type,
-    outputs: Mapping[str, type],
-    inputs: Mapping[str, type] | None = None,
+    outputs: Mapping[str, type[Message]],
+    inputs: Mapping[str, type[Message]] | None = None,
     on_demand: tuple[str, ...] = (),
     latched: tuple[str, ...] = (),
     live: bool = False,

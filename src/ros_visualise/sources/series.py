@@ -32,7 +32,7 @@ class Series:
     """
 
     topic: str
-    kind: type
+    kind: type[Any]
     stamps_ns: npt.NDArray[np.int64]
     make: Callable[[int], Any]
     slow: bool = False

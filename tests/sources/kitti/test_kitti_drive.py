@@ -9,7 +9,7 @@ import pytest
 from kitti_reading import fixed_transform, messages, replace_file
 
 from ros_visualise.data import Deferred
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 
 FRAMES = 5
@@ -55,7 +55,7 @@ def test_every_message_is_one_of_ros_and_stamped_as_its_entry(opened, drive_0009
         for entry in entries:
             assert entry.message.header.stamp_ns == entry.stamp_ns
             info = recording.topics[entry.topic].type
-            assert type_name(type(entry.message)) == info.name
+            assert entry.message.type_name == info.name
             assert types.write(info.name, to_message(entry.message, types.types))
 
 

@@ -11,7 +11,6 @@ from typing import Any
 from ros_visualise.core.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.core.supervision import attempt, start
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
-from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
 from ros_visualise.runtime.bridge.aliases import advertise, image_names
@@ -166,11 +165,11 @@ class ImageOutput(Output):
     ) -> None:
         self._jpeg_quality = jpeg_quality
         names = [name, *image_names(resolved)[1:]]
-        images = advertise(transport, names, TopicType(type_name(Image)))
+        images = advertise(transport, names, TopicType(Image.type_name))
         super().__init__(images, unthrottled=unthrottled)
         self._info = transport.advertise(info_topic(resolved), CAMERA_INFO)
         compressed = [f"{one}/compressed" for one in image_names(resolved)]
-        self._compressed = advertise(transport, compressed, TopicType(type_name(CompressedImage)))
+        self._compressed = advertise(transport, compressed, TopicType(CompressedImage.type_name))
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
         start(f"{resolved}/compressed", self._compress_all)

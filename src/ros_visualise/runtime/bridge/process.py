@@ -14,7 +14,6 @@ from ros_visualise.core.errors import UsageError
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, Transforms
 from ros_visualise.graph import Graph, M, Member
-from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
@@ -209,7 +208,7 @@ class Process:
             unthrottled, quality = self._is_unthrottled, self._jpeg_quality
             return ImageOutput(self._transport, declared, name, is_camera, unthrottled, quality)
         else:
-            made = TopicType(type_name(topic.type), qos=topic.ros.qos)
+            made = TopicType(topic.type.type_name, qos=topic.ros.qos)
             is_static = topic.type is Transforms and made.qos.transient_local
             declared = _with_others(declared, topic.type)
         publisher = self._transport.advertise(declared, made)

@@ -9,14 +9,14 @@ from ros_visualise.core.params import Parameters
 from ros_visualise.data import CompressedImage, DiagnosticArray, Image, ParameterEvent, Text
 from ros_visualise.data.reports import Log, Ros1Log
 from ros_visualise.graph import Graph, Node
-from ros_visualise.messages import data_class, type_name
+from ros_visualise.messages import data_class
 from ros_visualise.nodes import NodeType
 from ros_visualise.runtime.bridge.aliases import image_names
 from ros_visualise.runtime.diagnostics import DiagnosticsReader
 from ros_visualise.runtime.middleware import Listing
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 
-_COMPRESSED = type_name(CompressedImage)
+_COMPRESSED = CompressedImage.type_name
 _DIAGNOSTIC = {kind.type_name: kind for kind in (Log, Ros1Log, DiagnosticArray)}
 _OF_THE_GRAPH = ("dynamic_reconfigure/", "rcl_interfaces/", "rosgraph_msgs/", "service_msgs/")
 """Prefixes of the types by which ROS itself works."""

@@ -17,7 +17,6 @@ from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.core.params import Parameters, Value
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.graph import Graph, TopicSpec
-from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.runtime.diagnostics import DiagnosticsReader
@@ -98,7 +97,7 @@ class RemoteRuntime:
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic of the graph."""
         if topic not in self._publishers:
-            kind = TopicType(type_name(type(message)))
+            kind = TopicType(message.type_name)
             self._publishers[topic] = self._transport.advertise(topic, kind)
         self._publishers[topic].publish(message)
 

@@ -11,11 +11,12 @@ from xmlrpc.client import ServerProxy
 import rosgraph
 import rospy
 
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters
 from ros_visualise.core.rate import Clock
 from ros_visualise.core.supervision import attempt
 from ros_visualise.data import CameraInfo
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
 from ros_visualise.runtime.ros1 import clock, publishers, services
@@ -51,7 +52,11 @@ class Ros1Transport(Transport):
         return publishers.advertise(topic, type)
 
     def subscribe(
-        self, topic: str, kind: type, take: Callable[[Any], None], reject: Callable[[str], None]
+        self,
+        topic: str,
+        kind: type[Message],
+        take: Callable[[Any], None],
+        reject: Callable[[str], None],
     ) -> Subscriber:
         """Subscribe to a topic."""
 
@@ -66,7 +71,7 @@ class Ros1Transport(Transport):
         def heard(message: Any) -> None:
             attempt(self.resolve(topic), partial(taken, message))
 
-        return Subscriber(topic, message_class(type_name(kind)), heard, reject)
+        return Subscriber(topic, message_class(kind.type_name), heard, reject)
 
     def offer(self, action: str, act: Callable[[], str | None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""

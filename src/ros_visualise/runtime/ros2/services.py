@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from ros_visualise.core.errors import RosVisualiseError, Unreachable
 from ros_visualise.data import CameraInfo
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages import from_message
 from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.ros2.types import DEFINITIONS
 
@@ -64,7 +64,7 @@ def set_camera_info(node: Node, name: str, take: Callable[[CameraInfo], None]) -
 
     def taken(request: Any) -> None:
         data = serialize_message(request.camera_info)  # read as those on topics are
-        take(from_message(DEFINITIONS.read(type_name(CameraInfo), data), CameraInfo))
+        take(from_message(DEFINITIONS.read(CameraInfo.type_name, data), CameraInfo))
 
     return Service(node, SetCameraInfo, name, taken, "status_message")
 

@@ -17,7 +17,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage, UsageError
-from ros_visualise.messages import data_class, from_message, type_name
+from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
@@ -80,7 +80,7 @@ class Subscriber:
         self._sent_ns: deque[int] = deque(maxlen=_KEPT)
         self._closed = threading.Event()
         self._wake = GuardCondition(None, None, session.context)
-        self._asked = self._wanted(_Asked(type_name(kind), QoS(max(kind.waiting, _LEAST))))
+        self._asked = self._wanted(_Asked(kind.type_name, QoS(max(kind.waiting, _LEAST))))
         self._refused: _Asked | None = None
         self._open = [self._subscribe(self._asked)]
         self._changed_s = time.monotonic()

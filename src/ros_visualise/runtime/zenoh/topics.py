@@ -12,7 +12,7 @@ from zenoh import ext
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage, Unreachable
-from ros_visualise.messages import data_class, from_message, type_name
+from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.send_queue import SendQueue
@@ -128,7 +128,7 @@ class Subscriber:
         take: Callable[[Any], None],
         reject: Callable[[str], None],
     ) -> None:
-        declared = _ENCODER.declare(TopicType(type_name(kind)))
+        declared = _ENCODER.declare(TopicType(kind.type_name))
         self._name, self._kind, self._take, self._reject = name, kind, take, reject
         self._inbox = Inbox(lossless=False, keep=max(kind.waiting, 2))
         self._subscriber = ext.declare_advanced_subscriber(
@@ -164,7 +164,7 @@ class Subscriber:
 
     def _hand_on(self, payload: Any) -> None:
         try:
-            read = DEFINITIONS.read(type_name(self._kind), payload.to_bytes())
+            read = DEFINITIONS.read(self._kind.type_name, payload.to_bytes())
             message: Any = from_message(read, self._kind)
         except (DamagedMessage, ValueError) as error:
             self._reject(str(error))

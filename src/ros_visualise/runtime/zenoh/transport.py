@@ -15,7 +15,7 @@ from ros_visualise.core.errors import RosVisualiseError, Unreachable
 from ros_visualise.core.params import Parameters
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.data import CameraInfo
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.middleware import Handle, Listing, ParametersListener, Transport
@@ -75,7 +75,7 @@ class ZenohTransport(Transport):
     @translated(_NETWORK)
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
         def taken(request: bytes) -> None:
-            read = DEFINITIONS.read(type_name(CameraInfo), request)
+            read = DEFINITIONS.read(CameraInfo.type_name, request)
             take(from_message(read, CameraInfo))
 
         return Service(self._session, self.resolve(service), keys.SET_CAMERA_INFO, taken)

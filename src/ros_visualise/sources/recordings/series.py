@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
@@ -57,7 +56,7 @@ class SeriesRecording:
         self.loss = Loss() if loss is None else loss
         self.topics: Mapping[str, TopicInfo] = {
             one.topic: TopicInfo(
-                one.ros or TopicType(type_name(one.kind), qos=LATCHED if one.latched else VOLATILE),
+                one.ros or TopicType(one.kind.type_name, qos=LATCHED if one.latched else VOLATILE),
                 len(one.stamps_ns),
             )
             for one in sorted(series, key=lambda one: one.topic)
