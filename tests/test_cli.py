@@ -272,7 +272,7 @@ class TestRefusals:
         record = ["video", video, *QUICK, "--record"]
         assert ".mcap" in refused(*record, tmp_path / "out.xyz")
         assert "no such folder" in refused(*record, tmp_path / "nowhere" / "out.mcap")
-        assert "there are /image_raw" in refused(*record, f"{tmp_path / 'out.mcap'}@/nothing")
+        assert "choose from /image_raw" in refused(*record, f"{tmp_path / 'out.mcap'}@/nothing")
 
     def test_numbers(self, video):
         for option, value in {
