@@ -24,7 +24,7 @@ from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Inspector
-from ros_visualise.ui.look.answers import Query
+from ros_visualise.ui.look.answers import BrowserQuery
 
 WRENCHES = [
     WrenchStamped(np.array([0, 0, 10.0 + n]), np.zeros(3), sample(WrenchStamped).header)
@@ -76,6 +76,6 @@ def test_it_is_recorded_played_and_plotted(name: str, tmp_path: Path) -> None:
 
 
 def ask(inspector: Inspector, query: str) -> dict[str, object]:
-    answer = inspector.answer(Query(query))
+    answer = inspector.answer(BrowserQuery(query))
     assert answer is not None
     return json.loads(bytes(answer.body))

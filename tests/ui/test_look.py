@@ -24,7 +24,7 @@ from ros_visualise.data import (
 from ros_visualise.data.reports import Level, Log
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.look import Inspector, link
-from ros_visualise.ui.look.answers import Query, Refusal
+from ros_visualise.ui.look.answers import BrowserQuery, Refusal
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.page import Page
 
@@ -49,7 +49,7 @@ def inspector(told):
 
 def ask(inspector, query):
     try:
-        return inspector.answer(Query(query))
+        return inspector.answer(BrowserQuery(query))
     except Refusal as refused:
         return refused.answer
 
@@ -122,9 +122,9 @@ def test_what_is_no_question_is_for_others(inspector):
 
 def test_who_may_only_look_changes_nothing(inspector):
     for query in ("ask=play&toggle=1", "ask=play&seek=1", "ask=play"):
-        answer = inspector.answer(Query(query), is_viewer=True)
+        answer = inspector.answer(BrowserQuery(query), is_viewer=True)
         assert (answer.status, said(answer)["error"]) == (403, "this address is read-only")
-    assert inspector.answer(Query("ask=topics"), is_viewer=True).status == 200
+    assert inspector.answer(BrowserQuery("ask=topics"), is_viewer=True).status == 200
 
 
 def test_a_message_is_a_tree_by_its_ros_names(told, inspector):

@@ -17,7 +17,7 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Inspector
-from ros_visualise.ui.look.answers import Query
+from ros_visualise.ui.look.answers import BrowserQuery
 from ros_visualise.ui.look.curve import Curve
 
 BLOCK = """{n}
@@ -30,7 +30,7 @@ WHOLE = "ask=curves&from=0&to=1e9"
 
 
 def ask(inspector, query):
-    return json.loads(inspector.answer(Query(query)).body)
+    return json.loads(inspector.answer(BrowserQuery(query)).body)
 
 
 def flight(file, count=40):
@@ -95,8 +95,8 @@ def test_a_click_goes_there(inspector):
     while ask(inspector, WHOLE)["position"] != 17:
         assert time.monotonic() < end_s
         time.sleep(0.01)
-    assert inspector.answer(Query("ask=play&seek=nan")).status == 400
-    assert inspector.answer(Query("ask=play&seek=5"), is_viewer=True).status == 403
+    assert inspector.answer(BrowserQuery("ask=play&seek=nan")).status == 400
+    assert inspector.answer(BrowserQuery("ask=play&seek=5"), is_viewer=True).status == 403
 
 
 def test_what_is_live_grows():
@@ -117,7 +117,7 @@ def test_what_is_live_grows():
         ]
         assert all(one["error"] and not one["times"] for one in others)
         assert there["values"][-1] == 9, "one that cannot be drawn takes no other with it"
-        assert inspector.answer(Query(f"{WHOLE}&field=odom")).status == 400
+        assert inspector.answer(BrowserQuery(f"{WHOLE}&field=odom")).status == 400
     finally:
         inspector.close()
     assert told.asked["/odom"] == 0

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from websockets.exceptions import ConnectionClosedError
 
-from ros_visualise.ui.look.answers import Query
+from ros_visualise.ui.look.answers import BrowserQuery
 from ros_visualise.ui.page.uploads import Uploads
 
 
@@ -45,7 +45,7 @@ class Taking:
 
     def begin(self, name, size, opens=""):
         sender = Sender()
-        question = Query(f"upload={name}&size={size}&open={opens}")
+        question = BrowserQuery(f"upload={name}&size={size}&open={opens}")
         return sender, asyncio.ensure_future(self.uploads.take(question, sender.receive))
 
     @property

@@ -56,7 +56,6 @@ class Pane:
 
     @property
     def shows_images(self) -> bool:
-        """True if it is the window of a topic."""
         return self._subscription is not None
 
     @property

@@ -43,6 +43,5 @@ class Progress:
         self._bar.refresh()
 
     def close(self) -> None:
-        """Remove the bar."""
         if self._bar is not None:
             self._bar.close()

@@ -39,7 +39,6 @@ class Rounds:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start the thread."""
         self._thread = supervision.start(self._name, self._run)
 
     def close(self, timeout_s: float) -> None:

@@ -35,7 +35,7 @@ class Answer(NamedTuple):
     headers: Mapping[str, str] = {}
 
 
-class Query:
+class BrowserQuery:
     """The part of an address after the ``?``.
 
     Raises:

@@ -17,7 +17,7 @@ from ros_visualise.data import Floats
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.series import SeriesRecording
-from ros_visualise.ui.look.answers import Answer, Query, Refusal, as_json
+from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal, as_json
 from ros_visualise.ui.look.curve import Curve, LiveCurves, Name, RecordedCurves
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.look.trees import fields_of
@@ -60,7 +60,7 @@ class Curves:
         topics: dict[str, Any] = {n: one.type for n, one in self._runtime.graph.topics.items()}
         return [name for name, kind in topics.items() if kind.plotted]
 
-    def fields(self, query: Query) -> Answer:
+    def fields(self, query: BrowserQuery) -> Answer:
         """Paths of a topic's numeric fields, by its newest or its first recorded message.
 
         Raises:
@@ -76,7 +76,7 @@ class Curves:
             raise Refusal("no message yet", 404)
         return as_json({"fields": list(fields_of(message))})
 
-    def curves(self, query: Query) -> Answer:
+    def curves(self, query: BrowserQuery) -> Answer:
         """Curves of fields such as ``/odom:pose.pose.position.x``, from one second to another.
 
         One that cannot be plotted is empty, with the reason.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.data import MEASUREMENTS, Image, Pixels
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import Answer, Query, Refusal
+from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.preview import preview
 from ros_visualise.vision.color import order_of, to_bgr
@@ -37,10 +37,9 @@ class Images:
 
     @property
     def topics(self) -> list[str]:
-        """The topics of images."""
         return [name for name, one in self._runtime.graph.topics.items() if one.type is Image]
 
-    def pixels(self, query: Query) -> Answer:
+    def pixels(self, query: BrowserQuery) -> Answer:
         """The pixels in their order in memory, little-endian; a header describes them."""
         image = self._find(query)
         if image.header.stamp_ns == query.whole("after"):
@@ -53,7 +52,7 @@ class Images:
         body = pixels.reshape(-1).view(np.uint8).data  # not copied for each who asks
         return Answer(body, "application/octet-stream", 200, _describe(image))
 
-    def png(self, query: Query) -> Answer:
+    def png(self, query: BrowserQuery) -> Answer:
         """The image as a PNG file: 8 and 16 bits unchanged, measurements in colours."""
         image = self._find(query)
         is_measured = image.encoding in MEASUREMENTS and image.encoding != "16UC1"
@@ -64,7 +63,7 @@ class Images:
         saved = {"Content-Disposition": f'attachment; filename="{name}"'}
         return Answer(data.tobytes(), "image/png", 200, saved)
 
-    def _find(self, query: Query) -> Image:
+    def _find(self, query: BrowserQuery) -> Image:
         topic, stamp_ns = query.text("topic"), query.whole("stamp")
         if topic not in self.topics:
             raise Refusal("no such image topic", 404)

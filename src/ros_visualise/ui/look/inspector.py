@@ -12,7 +12,7 @@ from urllib.parse import quote
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import READ_ONLY, Answer, Query, Refusal, as_json
+from ros_visualise.ui.look.answers import READ_ONLY, Answer, BrowserQuery, Refusal, as_json
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
 from ros_visualise.ui.look.monitor import LogLines, NodeMonitor
@@ -40,7 +40,7 @@ class Inspector:
         self._lines = LogLines()
         self._monitor = NodeMonitor(runtime, self._lines)
         logging.getLogger("ros_visualise").addHandler(self._lines)
-        self._answers: Mapping[str, Callable[[Query], Answer]] = {
+        self._answers: Mapping[str, Callable[[BrowserQuery], Answer]] = {
             "pixels": self._images.pixels,
             "png": self._images.png,
             "message": self._message,
@@ -49,9 +49,9 @@ class Inspector:
             "log": self._log,
             "diagnostics": self._diagnostics,
         }
-        self._acts: Mapping[str, Callable[[Query], Answer]] = {"play": self._play}
+        self._acts: Mapping[str, Callable[[BrowserQuery], Answer]] = {"play": self._play}
 
-    def answer(self, query: Query, is_viewer: bool = False) -> Answer | None:
+    def answer(self, query: BrowserQuery, is_viewer: bool = False) -> Answer | None:
         """The answer to a query, read-only for ``is_viewer``; None leaves it to viser."""
         try:
             return self._answer(query, is_viewer)
@@ -75,7 +75,7 @@ class Inspector:
         self._curves.close()
         self._monitor.close()
 
-    def _answer(self, query: Query, is_viewer: bool) -> Answer | None:
+    def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         if "look" in query:
             return _page(query.text("look"))
         if "ask" not in query:
@@ -101,7 +101,7 @@ class Inspector:
             }
         )
 
-    def _message(self, query: Query) -> Answer:
+    def _message(self, query: BrowserQuery) -> Answer:
         topic = query.text("topic")
         if topic not in self._runtime.graph.topics:
             raise Refusal("no such topic", 404)
@@ -110,15 +110,15 @@ class Inspector:
             raise Refusal("no message yet", 404)
         return as_json({"stamp": str(found.header.stamp_ns), "message": tree_of(found)})
 
-    def _log(self, query: Query) -> Answer:
+    def _log(self, query: BrowserQuery) -> Answer:
         return as_json({"lines": self._lines.after(query.whole("after") or 0)})
 
-    def _diagnostics(self, _: Query) -> Answer:
+    def _diagnostics(self, _: BrowserQuery) -> Answer:
         return as_json(
             {"statuses": self._monitor.statuses(), "live": self._runtime.playback is None}
         )
 
-    def _play(self, query: Query) -> Answer:
+    def _play(self, query: BrowserQuery) -> Answer:
         playback = self._runtime.playback
         if playback is None:
             raise Refusal("this source cannot be paused or seeked", 409)

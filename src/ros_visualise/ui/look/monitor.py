@@ -86,7 +86,6 @@ class NodeMonitor:
             return [_as_values(heard, self._clock()) for heard in self._heard.values()]
 
     def close(self) -> None:
-        """Unsubscribe."""
         for subscription in self._subscriptions.values():
             subscription.close()
         self._subscriptions = {}

@@ -36,7 +36,6 @@ class Tap:
             return list(self._kept)
 
     def close(self) -> None:
-        """Unsubscribe."""
         self._subscription.close()
 
 
@@ -67,7 +66,6 @@ class Taps:
         return min(messages, key=lambda one: abs(_stamp_ns(one) - stamp_ns), default=None)
 
     def rest(self, all_of_them: bool = False) -> None:
-        """Unsubscribe from topics without recent queries."""
         with self._lock:
             for topic, tap in list(self._taps.items()):
                 if all_of_them or self._clock() - tap.used_s > _IDLE_S:

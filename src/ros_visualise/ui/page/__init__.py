@@ -11,7 +11,7 @@ from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.look import Answer, Inspector
-from ros_visualise.ui.look.answers import Query, Refusal
+from ros_visualise.ui.look.answers import BrowserQuery, Refusal
 from ros_visualise.ui.page.access import AccessRules, access_rules
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
@@ -99,7 +99,7 @@ class Page:
         self._inspector.close()
         empty_server(self._server)
 
-    async def _answer(self, query: Query, is_viewer: bool) -> Answer | None:
+    async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         if query.text("ask") == "recorded":
             return await self._files.answer(query)
         if self._inspector is not None:

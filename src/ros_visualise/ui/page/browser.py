@@ -35,7 +35,6 @@ class Browser:
         self._opening = supervision.start("browser", self._open)
 
     def close(self) -> None:
-        """Remove the file."""
         self._ended.set()
         if self._opening is not None:
             self._opening.join(_CLOSE_S)

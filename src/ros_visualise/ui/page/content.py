@@ -13,13 +13,13 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.look import PAGES, Inspector, link
 from ros_visualise.ui.page.connection import viewers
+from ros_visualise.ui.page.controls import PresetChoice
 from ros_visualise.ui.page.files import Opener, PageFiles
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.layout import WindowSwitches
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import FieldPlot, Plots
-from ros_visualise.ui.page.presets import PresetChoice
 from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
 from ros_visualise.ui.page.robot import Driving, RobotStatus
 from ros_visualise.ui.page.scene_panel import ScenePanel
@@ -28,7 +28,7 @@ from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import end_lines, loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.tools import ActionPanels
-from ros_visualise.ui.page.transport import Transport
+from ros_visualise.ui.page.transport import PlaybackControls
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
@@ -65,7 +65,7 @@ class PageContent:
         gui.add_html(STYLE)
         self._notice = Notice(gui)
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
-        self._driver = Worker(self._notice.say, self._drive, _DRIVE_PERIOD_S)
+        self._driver = Worker(self._notice.say, lambda: self._driving.refresh(), _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server, urdf=urdf)
         self._scene.view.onlookers = partial(viewers, server)
@@ -106,10 +106,10 @@ class PageContent:
         self._layout_style = gui.add_html(IMAGES_ALONE)
         self._kept = PageSettings(gui, self._worker, self._scene, self._memory)
         playback = self._runtime.playback
-        self._transport: Transport | None = None
+        self._transport: PlaybackControls | None = None
         if playback is not None:
             live = self._graph.live
-            self._transport = Transport(gui, playback, live, self._worker)
+            self._transport = PlaybackControls(gui, playback, live, self._worker)
         self._preset = PresetChoice(gui, self._runtime, self._worker)
         self._opener = None
         if self._files.chooser is not None:
@@ -148,11 +148,8 @@ class PageContent:
     def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
         hint = "Longer side of the images on the page, pixels"
         size = gui.add_slider("Image size", 240, 1920, 40, SIZE, hint=hint)
-        size.on_update(self._worker.listener("size", self._set_size))
+        size.on_update(self._worker.listener("size", partial(setattr, self._images, "size")))
         return size
-
-    def _set_size(self, size: int) -> None:
-        self._images.size = size
 
     def _make_windows(self) -> list[Window]:
         """A window for each node with something to show; unchanged ones are kept."""
@@ -192,9 +189,6 @@ class PageContent:
         there = {node.name for node in self._runtime.graph.members}
         for name in self._actors.keys() - there:
             self._actors.pop(name).close(0)
-
-    def _drive(self) -> None:
-        self._driving.refresh()
 
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]

@@ -1,4 +1,4 @@
-"""A node's parameters as sliders, switches, choices and fields, which follow each other."""
+"""A node's parameters as sliders, switches, choices and fields, and presets of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 
 import viser
 
-from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.core.params import Parameters, Spec, Value
+from ros_visualise.graph.presets import NAMES, chosen, preset
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.saving import live_parameters
 from ros_visualise.ui.page.inbound import widen
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.trackbars import step_of
@@ -123,7 +126,6 @@ def soon(gui: viser.GuiApi, action: Callable[[], object]) -> None:
 
 
 def set_value(element: viser.GuiInputHandle[Any], value: Any) -> None:
-    """Set an element in all browsers."""
     element.value = value  # type: ignore[misc]  # mypy does not see the setter
 
 
@@ -136,3 +138,33 @@ def _add_number(gui: viser.GuiApi, spec: Spec, label: str, value: Any) -> viser.
     low, high = number(min(spec.range[0], value)), number(max(spec.range[1], value))
     step = number(step_of(spec, low, high, _STEPS))
     return gui.add_slider(label, low, high, step, number(value), hint=spec.help)
+
+
+_OWN = "Custom"
+
+
+class PresetChoice:
+    """A choice of presets that also shows which one the present values are."""
+
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
+        self._runtime = runtime
+        hint = "Settings of filters and edge_detector together"
+        self._element = gui.add_dropdown("Preset", (*NAMES, _OWN), initial_value=_OWN, hint=hint)
+        self._element.on_update(worker.listener("preset", self._set))
+        self.refresh()
+
+    def refresh(self) -> None:
+        try:
+            present = live_parameters(self._runtime).items()
+            name = chosen(self._runtime.graph, {node: live.current for node, live in present})
+        except UsageError:  # nothing here has presets
+            self._element.visible = False
+            return
+        self._element.visible = True
+        set_value(self._element, name or _OWN)
+
+    def _set(self, name: str) -> None:
+        if name != _OWN:
+            for node, values in preset(name, self._runtime.graph).items():
+                self._runtime.parameters[node].update(values)
+        self.refresh()

@@ -12,7 +12,7 @@ import viser
 
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.ui.file_chooser import SUFFIXES, FileChooser
-from ros_visualise.ui.look.answers import Answer, Query, Refusal
+from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.gate import Receive
 from ros_visualise.ui.page.pool import Pool
@@ -60,17 +60,16 @@ class PageFiles:
             for name in self._recorded
         )
 
-    async def answer(self, query: Query) -> Answer:
+    async def answer(self, query: BrowserQuery) -> Answer:
         """A piece of a recording; raises Refusal for an unknown name."""
         return await self._downloads.do(partial(self._read, query))
 
     def close(self) -> None:
-        """End the threads."""
         self._downloads.close()
         if self.uploads is not None:
             self.uploads.close()
 
-    def _read(self, query: Query) -> Answer:
+    def _read(self, query: BrowserQuery) -> Answer:
         path = self._recorded.get(query.text("name"))
         try:
             if path is None:
@@ -88,8 +87,7 @@ class PageFiles:
             zipped = self._zipped[path]
         return zipped.read(start, _PIECE_BYTES), zipped.size
 
-    async def receive(self, query: Query, receive: Receive) -> None:
-        """Receive an upload."""
+    async def receive(self, query: BrowserQuery, receive: Receive) -> None:
         if self.uploads is not None:
             await self.uploads.take(query, receive)
 
@@ -115,7 +113,6 @@ class Opener:
             self._note = gui.add_html(self._describe())
 
     def refresh(self) -> None:
-        """Show the present files."""
         if self._names() != self._choice.options:
             self._choice.options = self._names()
         if self._note.content != self._describe():

@@ -12,7 +12,7 @@ from viser._messages import GuiUpdateMessage
 from websockets.http11 import Request
 
 from ros_visualise.core import supervision
-from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, Query, Refusal, as_json
+from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal, as_json
 from ros_visualise.ui.page.access import AccessRules, Fetch
 from ros_visualise.ui.page.budget import Budget
 from ros_visualise.ui.page.inbound import CameraMessage, UpdateMessage, refusal, understand
@@ -21,8 +21,8 @@ log = logging.getLogger(__name__)
 
 Receive = Callable[[], Awaitable[str | bytes]]
 """Gives the next message of a connection, or raises where it has ended."""
-Answers = Callable[[Query, bool], Awaitable[Answer | None]]
-Receiver = Callable[[Query, Receive], Awaitable[None]]
+Answers = Callable[[BrowserQuery, bool], Awaitable[Answer | None]]
+Receiver = Callable[[BrowserQuery, Receive], Awaitable[None]]
 UPLOAD = "upload"
 """The parameter of queries whose connections are not viser's."""
 MOST_REPORTED = 5
@@ -74,7 +74,7 @@ class Gate:
     def refuse_connection(self, query: str, is_viewer: bool) -> Answer | None:
         """The answer to a rejected connection; None if it is allowed."""
         try:
-            if UPLOAD in Query(query) and is_viewer:
+            if UPLOAD in BrowserQuery(query) and is_viewer:
                 raise Refusal(READ_ONLY, 403)
             if is_viewer and self.viewers >= _MOST_VIEWERS:
                 raise Refusal(f"busy: {self.viewers} browsers are connected; try again later", 503)
@@ -112,7 +112,7 @@ class Gate:
     async def answer(self, query: str, headers: Any, is_viewer: bool) -> Answer | None:
         """The answer to an allowed request; None leaves it to viser."""
         try:
-            asked = Query(query)
+            asked = BrowserQuery(query)
             if "ask" in asked and headers.get_all(HEADER) != ["1"]:
                 raise Refusal("only pages of this server may send queries", 403)
             return await self._answers(asked, is_viewer)
@@ -124,7 +124,7 @@ class Gate:
 
     async def takes(self, query: str, receive: Receive) -> bool:
         """Take a connection that is not viser's; True if it was one."""
-        asked = Query(query)
+        asked = BrowserQuery(query)
         if self._receive is None or UPLOAD not in asked:
             return False
         await self._receive(asked, receive)

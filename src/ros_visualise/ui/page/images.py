@@ -155,7 +155,6 @@ class ImageThread:
             self._pictures = pictures
 
     def close(self, timeout_s: float) -> None:
-        """End after the present round."""
         self._rounds.close(timeout_s)
 
     def _rest(self) -> None:

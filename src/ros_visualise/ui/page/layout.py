@@ -114,7 +114,6 @@ class WindowSwitches:
 
     @property
     def chosen(self) -> list[Window]:
-        """The windows that are shown."""
         return [window for window in self._windows if self._switches[window.name].value]
 
     def refresh(self) -> None:
@@ -131,5 +130,4 @@ class WindowSwitches:
         arrange(self._gui, self._windows, self.chosen, self._room)
 
     def show(self) -> None:
-        """Show only the chosen windows."""
         rearrange(self._gui, self._windows, self.chosen, self._room)

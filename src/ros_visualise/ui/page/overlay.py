@@ -42,7 +42,6 @@ class Overlay:
         return self._cloud is not before
 
     def rest(self) -> None:
-        """Unsubscribe until the next `refresh`."""
         self._feed.follow(None)
         self._cloud = None
 

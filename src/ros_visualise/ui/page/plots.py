@@ -35,7 +35,6 @@ class Plots:
         self._latencies = _Plot(gui, "Latency from the source, ms", self._made)
 
     def add(self, report: RunReport) -> None:
-        """Append the rates and latencies of a run report."""
         now_s = time.monotonic() - self._start_s
         rates = {name: topic.wall_hz or 0.0 for name, topic in report.topics.items()}
         self._rates.add(now_s, [rates.get(topic, 0.0) for topic in self._publishers])
@@ -43,7 +42,6 @@ class Plots:
         self._latencies.add(now_s, [maker.p50_ms for maker in makers])
 
     def remove(self) -> None:
-        """Remove the plots."""
         self._rates.remove()
         self._latencies.remove()
 
@@ -146,7 +144,6 @@ class FieldPlot:
         self._topic.options = (_NONE, *names)
 
     def refresh(self) -> None:
-        """Add new messages."""
         if self._topic.value != self._followed:
             self._begin(self._topic.value)
         if self._followed == _NONE:
@@ -166,7 +163,6 @@ class FieldPlot:
                 self._plot.data = columns
 
     def rest(self) -> None:
-        """Unsubscribe until the next `refresh`."""
         self._feed.follow(None)
 
     def _begin(self, topic: str) -> None:

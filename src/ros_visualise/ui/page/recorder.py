@@ -57,7 +57,6 @@ class RecordingPanel:
         self._button.on_click(worker.listener("record", self._press))
 
     def follow(self, graph: Graph) -> None:
-        """Offer the topics of this graph."""
         self._topics.follow(graph)
 
     def close(self) -> None:
@@ -146,7 +145,6 @@ class _Topics:
         buttons.on_click(worker.listener(None, self._set_all))
 
     def follow(self, graph: Graph) -> None:
-        """Offer the topics of this graph."""
         there = recordable(graph)
         for name in self._switches.keys() - there.keys():
             self._switches.pop(name).remove()

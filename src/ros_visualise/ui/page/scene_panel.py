@@ -85,7 +85,7 @@ class ScenePanel:
 
     def _add_view(self) -> None:
         follow = self._gui.add_checkbox("Follow robot", True, hint="Keep the robot in view")
-        follow.on_update(self._listener("follow", self._set_follow))
+        follow.on_update(self._listener("follow", partial(setattr, self._scene.view, "follows")))
         button = self._gui.add_button("Reset view")
         button.on_click(self._listener("view", lambda _: self._scene.reset_view()))
 
@@ -136,9 +136,6 @@ class ScenePanel:
 
     def _set_fixed(self, name: str) -> None:
         self._scene.set_fixed(None if name == _AUTO else name)
-
-    def _set_follow(self, follows: bool) -> None:
-        self._scene.view.follows = follows
 
     def _set_look(self, name: str, value: Any) -> None:
         self._scene.appearance = replace(self._scene.appearance, **{name: value})

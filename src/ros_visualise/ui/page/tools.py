@@ -30,7 +30,6 @@ class ActionPanels:
         self._notes: list[TopicText] = []
 
     def follow(self, graph: Graph) -> None:
-        """Offer the nodes of this graph."""
         self.rest()
         for folder in self._folders:
             folder.remove()
@@ -45,12 +44,10 @@ class ActionPanels:
                 ]
 
     def refresh(self) -> None:
-        """Show the newest texts."""
         for note in self._notes:
             note.refresh()
 
     def rest(self) -> None:
-        """Unsubscribe until the next `refresh`."""
         for note in self._notes:
             note.rest()
 
@@ -88,5 +85,4 @@ class TopicText:
             self._element.content = f'<div class="rv-text">{to_html(message.text)}</div>'
 
     def rest(self) -> None:
-        """Unsubscribe until the next `refresh`."""
         self._feed.follow(None)

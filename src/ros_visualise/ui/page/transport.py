@@ -24,7 +24,7 @@ _HANDS_OFF_S = 1.0
 """The slider of the time is left alone for so long after a person moved it."""
 
 
-class Transport:
+class PlaybackControls:
     """The elements that drive one playback, in the present container.
 
     A ``live`` source can be paused but not seeked.
@@ -41,7 +41,6 @@ class Transport:
         self._add_keys(gui)
 
     def refresh(self) -> None:
-        """Show the state of the playback."""
         self._state = self._playback.state
         self._buttons.options = self._options()
         if self._live:

@@ -16,7 +16,7 @@ from ros_visualise.core.errors import RecordingError, RosVisualiseError, UsageEr
 from ros_visualise.core.limits import disk_reserve
 from ros_visualise.core.paths import inside
 from ros_visualise.ui.file_chooser import SUFFIXES
-from ros_visualise.ui.look.answers import Query, Refusal
+from ros_visualise.ui.look.answers import BrowserQuery, Refusal
 from ros_visualise.ui.page.gate import UPLOAD, Receive
 from ros_visualise.ui.page.pool import Pool
 
@@ -55,7 +55,7 @@ class Uploads:
         """Progress of the present uploads, in words."""
         return ", ".join(f"{one.path.name}: {one.percent} %" for one in list(self._incoming))
 
-    async def take(self, query: Query, receive: Receive) -> None:
+    async def take(self, query: BrowserQuery, receive: Receive) -> None:
         """Receive the file whose name and size a query gives; then open the one named ``open``."""
         try:
             incoming = self._begin(query)
@@ -70,10 +70,9 @@ class Uploads:
             log.warning("upload failed: %s", error)
 
     def close(self) -> None:
-        """End the threads."""
         self._writing.close()
 
-    def _begin(self, query: Query) -> UploadedFile:
+    def _begin(self, query: BrowserQuery) -> UploadedFile:
         """The new file; raises UsageError or RecordingError if it is not accepted."""
         name, size = query.text(UPLOAD), query.whole("size") or 0
         path = inside(self.folder, name)
@@ -140,7 +139,6 @@ class UploadedFile:
 
     @property
     def percent(self) -> int:
-        """Progress of the upload."""
         return 100 * (self.size - self.missing) // self.size
 
     def write(self, data: str | bytes) -> None:
@@ -167,7 +165,6 @@ class UploadedFile:
             raise
 
     def discard(self) -> None:
-        """Remove the partial file."""
         with suppress(OSError):
             self._file.close()
         with suppress(OSError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import groupby
 
 import viser
@@ -49,11 +50,11 @@ class Window:
         self._gui, self._worker = gui, worker
         self._parameters = runtime.parameters[node.name]
         self._controls = Controls(gui, node.name, self._parameters, worker)
-        self._panel = gui.add_panel()
+        self.panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
         images = images_of(node)
         main = [spec for spec in declared if not spec.group]
-        with self._panel.add_tab(node.name):
+        with self.panel.add_tab(node.name):
             self._controls.add(main)
             first = first_shown(runtime.graph, node)
             if first is not None:
@@ -66,40 +67,31 @@ class Window:
 
     @property
     def shows_anything(self) -> bool:
-        """True if it has an image or a text."""
         return self.picture is not None or bool(self._notes)
 
     @property
     def tells(self) -> bool:
-        """True if it has a text."""
         return bool(self._notes)
 
     @property
     def visible(self) -> bool:
-        return bool(self._panel.visible)
+        return bool(self.panel.visible)
 
     @visible.setter
     def visible(self, visible: bool) -> None:
-        self._panel.visible = visible
+        self.panel.visible = visible
         if self.picture is not None:
             self.picture.visible = visible
-
-    @property
-    def panel(self) -> viser.PanelHandle:
-        """The panel, to be placed."""
-        return self._panel
 
     def shows(self, node: Member, runtime: Runtime) -> bool:
         """True if a new window for this node would be the same."""
         return self._looks == (_looks_of(node), _overlays_of(runtime, node))
 
     def refresh(self) -> None:
-        """Show the newest texts."""
         for note in self._notes:
             note.refresh() if self.visible else note.rest()
 
     def rest(self) -> None:
-        """Unsubscribe until the next `refresh`."""
         for note in self._notes:
             note.rest()
 
@@ -109,9 +101,8 @@ class Window:
         self.rest()
 
     def remove(self) -> None:
-        """Remove it from the page."""
         self.close()
-        self._panel.remove()
+        self.panel.remove()
 
     def pick(self, across: float, down: float) -> None:
         """Choose the pixel at shares of the image's width and height."""
@@ -131,20 +122,15 @@ class Window:
         rows += chosen is not None
         self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes, picks)
         if chosen is not None:
-            chosen.on_update(self._worker.listener((self.name, "show"), self._choose))
+            chosen.on_update(
+                self._worker.listener((self.name, "show"), partial(setattr, self.picture, "topic"))
+            )
         if self._clouds or has_boxes:
             with self._gui.add_folder("Overlay", expand_by_default=False):
-                self._add_drawn(has_boxes)
-
-    def _choose(self, topic: str) -> None:
-        assert self.picture is not None
-        self.picture.topic = topic
-
-    def _add_drawn(self, has_boxes: bool) -> None:
-        if self._clouds:
-            self._add_overlay()
-        if has_boxes:
-            self._add_boxes()
+                if self._clouds:
+                    self._add_overlay()
+                if has_boxes:
+                    self._add_boxes()
 
     def _add_overlay(self) -> None:
         over = self._gui.add_dropdown(
@@ -159,10 +145,11 @@ class Window:
 
     def _add_boxes(self) -> None:
         shown = self._gui.add_checkbox("Detections", True, hint="Outlines of detected objects")
-        shown.on_update(self._worker.listener((self.name, "detections"), self._show_boxes))
-
-    def _show_boxes(self, visible: bool) -> None:
-        self._boxes.visible = visible
+        shown.on_update(
+            self._worker.listener(
+                (self.name, "detections"), partial(setattr, self._boxes, "visible")
+            )
+        )
 
     def _add_folders(self, declared: Sequence[Spec]) -> None:
         for group, members in groupby(declared, key=lambda spec: spec.group):

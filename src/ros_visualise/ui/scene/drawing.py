@@ -79,10 +79,9 @@ class Drawing:
         return str(message.header.frame_id)
 
     def settle(self, message: Any, frames: Frames) -> None:
-        """Appearance up frames, before a message is drawn."""
+        """Look up frames, before a message is drawn."""
 
     def place(self, T_fixed_frame: Floats) -> None:
-        """Move it to its frame."""
         self.T_fixed_frame = T_fixed_frame
         move(self._root, T_fixed_frame)
 
@@ -106,7 +105,6 @@ class Drawing:
         self._root.visible = visible
 
     def remove(self) -> None:
-        """Remove it from the scene."""
         self._root.remove()
 
 

@@ -42,7 +42,6 @@ class Links:
         self._lock = threading.Lock()
 
     def add(self, one: TransformStamped, static: bool) -> None:
-        """Count a transform."""
         child = one.child_frame_id.lstrip("/")
         with self._lock:
             self._ways[child] = one.header.frame_id.lstrip("/"), static
@@ -131,7 +130,6 @@ class Frames:
 
     @property
     def names(self) -> list[str]:
-        """All frames, sorted."""
         return sorted({*self.tree.frames(), *self._seen})
 
     @property
@@ -173,7 +171,6 @@ class Frames:
         return float(np.clip(reach_m, _SMALLEST_M, _LARGEST_M)) if reach_m else 1.0
 
     def _below(self, frame: str) -> list[str]:
-        """All frames that hang below one."""
         return [name for name in self.tree.frames() if frame in self._above(name)]
 
     def locate(self, frame: str, stamp_ns: int, patient: bool = False) -> Floats:

@@ -106,7 +106,6 @@ class Pins:
             )
 
     def clear(self) -> None:
-        """Remove the pins."""
         for node in self._nodes:
             node.remove()
         self._nodes = []

@@ -61,7 +61,6 @@ class Scene:
 
     @property
     def appearance(self) -> Appearance:
-        """Settings for all drawings."""
         return self._appearance
 
     @appearance.setter
@@ -92,7 +91,6 @@ class Scene:
                 self._take(topic, message)
 
     def wants(self, topic: str) -> bool:
-        """True if messages of a topic are drawn."""
         with self._lock:
             entry = self._topics.get(topic)
             return entry is not None and entry.visible and not self._topics.is_covered(topic)
@@ -113,7 +111,6 @@ class Scene:
                 entry.forget()
 
     def refresh(self) -> None:
-        """Draw what has come."""
         with self._lock, self._server.atomic():
             if self._clock() - self._forgot_s > _AWAITED_S:
                 self.frames.awaited = ""
@@ -147,7 +144,6 @@ class Scene:
             return None if T_fixed_robot is None else T_fixed_robot[:3, 3]
 
     def color(self, topic: str) -> Color:
-        """A topic's colour."""
         with self._lock:
             return self._topics.color(topic)
 
@@ -162,7 +158,6 @@ class Scene:
             return self._topics[topic].visible
 
     def set_visible(self, topic: str, visible: bool) -> None:
-        """Show or hide a topic."""
         with self._lock:
             self._topics[topic].visible = visible
 

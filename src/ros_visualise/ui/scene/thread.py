@@ -58,7 +58,6 @@ class SceneThread:
         self._rounds.start()
 
     def follow(self, graph: Graph) -> None:
-        """Draw the topics of this graph from now on."""
         with self._rounds.at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
@@ -70,7 +69,6 @@ class SceneThread:
             self._rest_but(self._kinds)
 
     def close(self, timeout_s: float) -> None:
-        """End after the present round."""
         self._rounds.close(timeout_s)
 
     def _finish(self) -> None:

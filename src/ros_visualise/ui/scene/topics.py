@@ -64,7 +64,6 @@ class SceneTopic:
         return self.waiting or self.shown
 
     def draw(self, drawing: Drawing, appearance: Appearance) -> None:
-        """Draw the waiting message."""
         message = self.waiting
         self.waiting, self.shown, self.problem = None, message, ""
         try:
@@ -89,7 +88,6 @@ class SceneTopic:
             self.waiting, self.until_s = self.shown, 0.0
 
     def forget(self) -> None:
-        """Remove what is drawn, as time jumped."""
         self.waiting = self.shown = None
         self.frame = self.problem = ""
         if self.drawing is not None:
@@ -132,7 +130,6 @@ class SceneTopics:
         }
 
     def color(self, topic: str) -> Color:
-        """A topic's colour."""
         return PALETTE[list(self._entries).index(topic) % len(PALETTE)]
 
     def drawing(self, topic: str) -> Drawing:
@@ -170,7 +167,6 @@ class SceneTopics:
         return False
 
     def _texts(self) -> set[str]:
-        """Texts of the markers."""
         drawn = [one.drawing for _, one in self if one.visible]
         return {text for one in drawn if isinstance(one, MarkersDrawing) for text in one.texts}
 

@@ -107,7 +107,6 @@ class MarkersDrawing(Drawing):
 
     @property
     def texts(self) -> set[str]:
-        """The texts of text markers."""
         markers = (one.marker for one in self._kept.values())
         return {one.text for one in markers if one.type == MarkerType.TEXT_VIEW_FACING}
 
@@ -139,7 +138,6 @@ class MarkersDrawing(Drawing):
             one.T_fixed_frame, self._changed[key] = found, one
 
     def _show(self) -> None:
-        """Draw the changed markers."""
         for key, one in self._changed.items():
             if self._kept.get(key) is not one:
                 continue
