@@ -60,10 +60,10 @@ def play(selection: Selection, options: PlayingOptions) -> int:
 def view_options(
     options: ViewingOptions, record_dir: Path, name: str, chooser: FileChooser | None = None
 ) -> ViewOptions:
-    """How a view is opened, by the options of a command.
+    """View options from the options of a command.
 
     Args:
-        options: how it is shown.
+        options: viewing options of the command.
         record_dir: the only folder in which the page records.
         name: of what is shown.
         chooser: the files that can be opened from the page.

@@ -156,7 +156,7 @@ class Managed(Protocol):
 
 
 class Host(Protocol):
-    """How a process of ours begins as a node of a graph, and ends. Safe to call from any thread.
+    """Start and end of a process that is a node of a graph. Safe to call from any thread.
 
     Attributes:
         flag: how a person gives an option: its name and its value go in.

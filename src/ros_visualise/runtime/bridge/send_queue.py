@@ -13,9 +13,9 @@ T = TypeVar("T")
 
 
 class SendQueue(Generic[T]):
-    """Sends messages on a thread, so that whoever publishes waits for no subscriber.
+    """Sends messages on a thread, so that a publisher never waits for a subscriber.
 
-    Where more wait than there is room for, the oldest are dropped.
+    When the queue is full, the oldest messages are dropped.
 
     Args:
         name: of the thread.

@@ -7,7 +7,7 @@
 (() => {
   const PERIOD_MS = 500;
   const isForeign = rv.isForeign || window.opener !== null;
-  let run = ""; // of the program that was told of our address
+  let run = ""; // of the program that has our address
   let view = "";
   let isMoved = false; // the camera, by hand
 

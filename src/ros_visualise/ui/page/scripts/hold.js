@@ -1,6 +1,6 @@
 // Buttons that act while they are held, by hand or by their key: <button data-hold="forward" data-key="i">.
-// As long as any is held, that is told again and again: "PRESS NUMBER NAME ...". Nothing is held
-// any more when the tab loses the focus, is hidden or left.
+// While any is held, the page sends "PRESS NUMBER NAME ..." again and again. Everything is released
+// when the tab loses the focus, is hidden or left.
 (() => {
   const PERIOD_MS = 100;
   const held = new Map(); // pointer or key -> what it holds

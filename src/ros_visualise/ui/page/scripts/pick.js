@@ -1,5 +1,5 @@
-// A click on an image of which one chooses a pixel, <i data-pick="node"> over it, is told as
-// "NODE ACROSS DOWN": shares of the image's width and height. The image is as wide and as high as
+// Choosing a pixel: a click on an image with <i data-pick="node"> over it is sent as
+// "NODE ACROSS DOWN", fractions of the image's width and height. The image is as wide and as high as
 // fits into its element, in the middle.
 document.addEventListener("click", ({ target, clientX, clientY }) => {
   const over = target.closest?.("[data-pick]");

@@ -1,7 +1,7 @@
 // Sends texts to the program: rv.send("hold", "forward") sets the hidden element that Python made
-// with `add_channel(..., "hold", ...)`. viser's own connection carries them, in the worker that is
-// told the server's address first. rv.camera is the newest viewpoint that viser told of, rv.isForeign
-// says that another web site may have led here, and rv.isViewer that this page is read-only: then
+// with `add_channel(..., "hold", ...)`. viser's own connection carries them, in the worker that
+// gets the server's address first. rv.camera is viser's newest viewpoint, rv.isForeign is true if
+// another web site may have led here, and rv.isViewer if this page is read-only: then
 // only viewpoints are sent, as the program would drop all else.
 window.rv = (() => {
   const post = Worker.prototype.postMessage;
