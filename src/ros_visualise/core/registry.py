@@ -8,7 +8,7 @@ things by entry points; in its ``pyproject.toml``:
 
 where the module, or an attribute of it (``my_package.vignette:NODE``), holds what a module of ours
 would. Names are found without importing anything; a plug-in that fails to load is reported once,
-and costs nobody else anything.
+and affects no others.
 """
 
 from __future__ import annotations

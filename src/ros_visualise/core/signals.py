@@ -96,11 +96,11 @@ def note(request: StopRequest) -> dict[Any, Any]:
         The previous handlers.
     """
 
-    def hear(*_: object) -> None:
+    def take(*_: object) -> None:
         _leave_terminal()
         request.asked = True
 
-    return _handle(hear)
+    return _handle(take)
 
 
 @contextmanager
@@ -123,8 +123,8 @@ def ignore() -> None:
 def _handle(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> dict[Any, Any]:
     """Install a handler, and return the previous ones; ignored signals stay ignored."""
     known = [signal.Signals[name] for name in _ENDING if hasattr(signal, name)]  # not on Windows
-    heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
-    return {number: signal.signal(number, handler) for number in heard}
+    taken = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
+    return {number: signal.signal(number, handler) for number in taken}
 
 
 def _leave_terminal() -> None:

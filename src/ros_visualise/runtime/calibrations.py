@@ -65,7 +65,7 @@ class Calibrations:
             return None
         try:
             info = calibration_of(image)
-        except Exception as error:  # whatever a class of somebody's own raises
+        except Exception as error:  # whatever a foreign class raises
             raise DamagedMessage(f"not a calibration: {error}") from error
         if info is None and isinstance(image, Image) and place in self._recorder.topics:
             info = replace(CameraInfo.uncalibrated(image.height, image.width), header=image.header)

@@ -68,11 +68,6 @@ class Ordering:
         """The newest number that all its nodes have answered."""
         return min(self._begun, self._first_owed() - 1, END)
 
-    @property
-    def oldest_ns(self) -> int | None:
-        """Time at which the source published the next packet, monotonic; None if nothing waits."""
-        return self._waiting[self._heads[0][2]][0].arrival_ns if self._heads else None
-
     def waits(self, topic: str) -> bool:
         """True if a message of a topic waits."""
         return bool(self._waiting.get(topic))

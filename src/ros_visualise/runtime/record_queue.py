@@ -1,8 +1,4 @@
-"""Queues of messages that wait to be recorded: in order, and never more than can soon be written.
-
-Large messages that cannot be written within 0.3 s are dropped and counted, so that a process that
-is killed loses no more than about a second. Drops are logged at once, and while they go on.
-"""
+"""Queues of messages that wait to be recorded, never more than can soon be written."""
 
 from __future__ import annotations
 
@@ -10,7 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from ros_visualise.core.printing import counted
@@ -24,8 +20,6 @@ _MAX_BYTES = 64 * 2**20
 _LATE_S = 0.3
 _LATE_BYTES = 4 * 2**20  # written in next to no time, however late
 _SMALL_BYTES = 32 * 1024  # of a message that costs next to nothing, as of transforms
-_OVERDUE_S = 0.3
-_LOOK_S = 0.1
 _LOG_AGAIN_S = 10.0
 
 
@@ -37,11 +31,19 @@ class _Ready(NamedTuple):
 
 
 class ArrivalQueue:
-    """Messages of a foreign graph, in the order and under the time of their arrival.
+    """Messages in the order of their arrival; those that writing is too slow for are dropped.
+
+    A large message that cannot be written within 0.3 s makes room for newer ones, so that a process
+    that is killed loses no more than about a second. Drops are counted, and logged at once and
+    while they go on.
+
+    A message has the log time that its source gave it. Of a foreign graph it is the time of arrival
+    there; if that is unknown, the newest log time, or its stamp.
 
     Args:
+        topics: after whose end nothing more is expected.
         name: of the recording, for the log.
-        now_ns: gives the graph's time, nanoseconds; 0 if unknown.
+        now_ns: gives the time of a foreign graph, nanoseconds; 0 if unknown.
         clock: monotonic seconds.
 
     Attributes:
@@ -51,15 +53,18 @@ class ArrivalQueue:
 
     def __init__(
         self,
+        topics: Collection[str],
         name: str,
         now_ns: Callable[[], int] = lambda: 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.dropped = 0
         self.stopped = False
+        self._open = set(topics)
         self._name, self._now_ns, self._clock = name, now_ns, clock
         self._ready: deque[_Ready] = deque()
         self._ready_bytes = 0
+        self._newest_ns = 0
         self._logged_s = -_LOG_AGAIN_S
         self._changed = threading.Condition()
 
@@ -71,12 +76,14 @@ class ArrivalQueue:
             if self._ready and self._is_full(packet.message.nbytes, self._ready_bytes):
                 self._drop()
                 return
-            log_ns = self._now_ns() or recorded_ns(packet.message)
-            self._make_ready(topic, packet._replace(log_ns=log_ns))
+            self._make_ready(topic, packet._replace(log_ns=self._log_ns(packet)))
             self._changed.notify_all()
 
     def finish(self, topic: str) -> None:
         """Nothing more comes on a topic."""
+        with self._changed:
+            self._open.discard(topic)
+            self._changed.notify_all()
 
     def missed(self, count: int) -> None:
         """Count messages that were dropped on their way here."""
@@ -92,7 +99,7 @@ class ArrivalQueue:
     def take(self) -> tuple[str, Packet] | None:
         """The next message with its topic; None at the end."""
         with self._changed:
-            self._changed.wait_for(lambda: self._ready or self.stopped)
+            self._changed.wait_for(lambda: self._ready or self.stopped or not self._open)
             return self._next()
 
     @property
@@ -112,6 +119,12 @@ class ArrivalQueue:
                 return found.topic, found.packet
             self._drop()
         return None
+
+    def _log_ns(self, packet: Packet) -> int:
+        if packet.log_ns is not None:
+            self._newest_ns = max(self._newest_ns, packet.log_ns)
+            return packet.log_ns
+        return self._now_ns() or self._newest_ns or recorded_ns(packet.message)
 
     def _make_ready(self, topic: str, packet: Packet) -> None:
         size = 0 if packet.message is None else int(packet.message.nbytes)
@@ -137,39 +150,26 @@ class ArrivalQueue:
 
 
 class OrderedQueue(ArrivalQueue):
-    """Messages of a graph of this process, in the order and under the times of `Ordering`.
-
-    Where messages may be dropped, none waits longer than 0.3 s for the output of slow nodes, which
-    is then written after it.
+    """Messages in the order and under the times of `Ordering`; publishers wait, nothing is dropped.
 
     Args:
         order: of the messages.
-        lossless: publishers wait, and nothing is dropped.
         name, clock: as of `ArrivalQueue`.
     """
 
     def __init__(
-        self,
-        order: Ordering,
-        lossless: bool,
-        name: str,
-        clock: Callable[[], float] = time.monotonic,
+        self, order: Ordering, name: str, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        super().__init__(name, clock=clock)
-        self._order, self._lossless = order, lossless
+        super().__init__(order.inputs, name, clock=clock)
+        self._order = order
 
     def put(self, topic: str, packet: Packet) -> None:
         """Add a packet of a topic, also one without a message."""
         with self._changed:
-            while self._lossless and self._has_no_room(topic, packet) and not self.stopped:
-                self._changed.wait()
-            if self.stopped:
-                return
-            if self._has_no_room(topic, packet):
-                self._drop()
-                packet = packet._replace(message=None)
-            self._order.put(topic, packet)
-            self._settle()
+            self._changed.wait_for(lambda: self.stopped or self._has_room(topic, packet))
+            if not self.stopped:
+                self._order.put(topic, packet)
+                self._settle()
 
     def finish(self, topic: str) -> None:
         """Nothing more comes on a topic."""
@@ -180,9 +180,7 @@ class OrderedQueue(ArrivalQueue):
     def take(self) -> tuple[str, Packet] | None:
         """The next packet with its topic; None at the end."""
         with self._changed:
-            while not (self._ready or self.stopped or self._order.ended):
-                self._changed.wait(None if self._lossless else _LOOK_S)
-                self._settle()
+            self._changed.wait_for(lambda: self._ready or self.stopped or self._order.ended)
             if (found := self._next()) is not None:
                 return found
             topic = self._order.first(at_once=True)
@@ -190,26 +188,20 @@ class OrderedQueue(ArrivalQueue):
 
     def _settle(self) -> None:
         """Move packets that are in order to those that are ready."""
-        now_s = self._clock()
-        while (topic := self._order.first(at_once=self._is_overdue(now_s))) is not None:
+        while (topic := self._order.first(at_once=False)) is not None:
             self._make_ready(topic, self._order.take(topic))
         self._changed.notify_all()
 
-    def _is_overdue(self, now_s: float) -> bool:
-        """True if the next packet waits for others no longer."""
-        since_ns = self._order.oldest_ns
-        return not self._lossless and since_ns is not None and now_s - since_ns / 1e9 > _OVERDUE_S
-
-    def _has_no_room(self, topic: str, packet: Packet) -> bool:
-        """True if too much waits; never for a topic on which others wait, or that ends."""
+    def _has_room(self, topic: str, packet: Packet) -> bool:
+        """False if too much waits; always true for a topic on which others wait, or that ends."""
         if packet.message is None or packet.number == END:
-            return False
+            return True
         if not self._ready and not self._order.waits(topic):
-            return False
+            return True
         waiting, size = self._order.size + self._ready_bytes, packet.message.nbytes
-        if self._lossless and self.late_s > _LATE_S and size > _SMALL_BYTES:
-            return waiting >= _LATE_BYTES
-        return self._is_full(size, waiting)
+        if self.late_s > _LATE_S and size > _SMALL_BYTES:
+            return waiting < _LATE_BYTES
+        return not self._is_full(size, waiting)
 
     def _is_too_late(self, found: _Ready) -> bool:
-        return not self._lossless and super()._is_too_late(found)
+        return False

@@ -36,16 +36,16 @@ _LATE_S = 0.2  # later messages are not compressed
 class RecorderThread:
     """One file that is being written, on a thread of its own; before each image its calibration.
 
-    Messages of a graph of this process are written in the order and under the times of `Ordering`,
-    so that the same input makes the same file however the threads run; those of a foreign graph as
-    they arrive. A recording without messages replaces no file.
+    A lossless recording is written in the order and under the times of `Ordering`, so that the same
+    input makes the same file however the threads run; others as messages arrive. A recording
+    without messages replaces no file.
 
     Args:
         recorder: writes the file, and is closed at the end.
         graph: what runs.
         lossless: publishers wait while too much waits to be written; otherwise messages are dropped
             and counted, and late ones are written without compression.
-        now_ns: gives the time of a foreign graph, nanoseconds; None: the graph is of this process.
+        now_ns: gives the time of a foreign graph, nanoseconds; 0: messages have their own.
 
     Attributes:
         error: what ended it early, if anything did.
@@ -60,19 +60,17 @@ class RecorderThread:
         recorder: Recorder,
         graph: Graph,
         lossless: bool,
-        now_ns: Callable[[], int] | None = None,
+        now_ns: Callable[[], int] = lambda: 0,
     ) -> None:
         self.error: RecordingError | None = None
         self.closing = False
         self.written = 0
         self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
         name, inputs = str(recorder.path), self.topics
-        if now_ns is None:
+        self._queue = ArrivalQueue(graph.topics.keys() & inputs, name, now_ns)
+        if lossless:
             order = Ordering(graph, self.topics)
-            self._queue: ArrivalQueue = OrderedQueue(order, lossless, name)
-            inputs = order.inputs
-        else:
-            self._queue = ArrivalQueue(name, now_ns)
+            self._queue, inputs = OrderedQueue(order, name), order.inputs
         self.put, self.finish, self.missed = self._queue.put, self._queue.finish, self._queue.missed
         self.listeners: dict[str, Listener] = {
             topic: CallbackListener(partial(self.put, topic), partial(self.finish, topic))
@@ -218,7 +216,7 @@ class Recordings:
         topics: Collection[str],
         split: Split | None,
         lossless: bool = False,
-        now_ns: Callable[[], int] | None = None,
+        now_ns: Callable[[], int] = lambda: 0,
     ) -> RecorderThread:
         """Begin a recording of a graph, with the present parameters of its nodes.
 

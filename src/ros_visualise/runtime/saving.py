@@ -121,12 +121,12 @@ def of_node(values: Mapping[str, Any], name: str) -> dict[str, Any]:
             below ``ros__parameters``, as in ROS 2.
         name: of the node, with its namespace.
     """
-    said: dict[str, Any] = {}
+    found_values: dict[str, Any] = {}
     words = name.strip("/").split("/")
     for first in reversed(range(len(words))):
         found: Any = values
         for word in words[first:]:
             found = found.get(word) if isinstance(found, dict) else None
         if isinstance(found, dict):
-            said |= found.get("ros__parameters", found)
-    return {name: value for name, value in said.items() if not isinstance(value, dict)}
+            found_values |= found.get("ros__parameters", found)
+    return {name: value for name, value in found_values.items() if not isinstance(value, dict)}

@@ -1,1 +1,1 @@
-"""A graph of nodes in this process, joined to the topics of a transport around it."""
+"""A graph of nodes in this process, connected to the topics of a transport."""

@@ -50,9 +50,9 @@ class RemoteNode(NamedTuple):
         found: list[RemoteNode] = []
         for path in self.parameters:
             if path != self.path:
-                said = reports.report(path, stale=True)
-                outputs = tuple(topic for topic in self.outputs if topic in said.outputs)
-                inputs = tuple(sorted(set(said.inputs.values())))
+                report = reports.report(path, stale=True)
+                outputs = tuple(topic for topic in self.outputs if topic in report.outputs)
+                inputs = tuple(sorted(set(report.inputs.values())))
                 found.append(RemoteNode(path, outputs, inputs, (path,)))
         published = {topic for one in found for topic in one.outputs}
         taken = {topic for one in found for topic in one.inputs}

@@ -231,8 +231,8 @@ class RemoteRuntime:
         report = relay.report(topic.ros.name, window_s)
         if relay.is_open:
             return report
-        said = self._reports.report(f"/{topic.publisher}").outputs.get(name, OutputReport())
-        return replace(report, hz=said.hz, wall_hz=said.wall_hz)
+        output = self._reports.report(f"/{topic.publisher}").outputs.get(name, OutputReport())
+        return replace(report, hz=output.hz, wall_hz=output.wall_hz)
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
         self._recordings.put_event(ParameterEvent(name, changed=changed))
