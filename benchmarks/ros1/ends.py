@@ -27,7 +27,7 @@ def sender(kind: str) -> Callable[[Image], None]:
     """What publishes an image and waits until it is with the subscriber's socket."""
     if kind == "rospy":  # without a queue its publish() waits, which is also its fastest
         return rospy.Publisher("image_raw", Image, queue_size=None).publish
-    publisher = topics.Publisher("image_raw", Image)
+    publisher = topics.Ros1Publisher("image_raw", Image)
 
     def send(image: Image) -> None:
         publisher.publish(image)
@@ -68,7 +68,7 @@ class Counter:
 def subscribe(kind: str, publisher: int, warmup_s: float, seconds: float) -> dict[str, float]:
     counter = Counter()
     if kind == "ours":
-        topics.Subscriber("image_raw", Image, counter.take)
+        topics.Ros1Subscriber("image_raw", Image, counter.take)
     else:
         rospy.Subscriber("image_raw", Image, counter.take, queue_size=1)
     if not counter.first.wait(15):

@@ -18,7 +18,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from tcpros import MARK_BITS
 
-from ros_visualise.runtime.ros1.topics import Publisher
+from ros_visualise.runtime.ros1.topics import Ros1Publisher
 
 _IMAGES = 12
 
@@ -71,7 +71,7 @@ def main() -> None:
     rospy.init_node("source")
     images = read(args.video)
     messages = [message(image) for image in images]
-    publisher = Publisher("image_raw", Image)
+    publisher = Ros1Publisher("image_raw", Image)
     infos = rospy.Publisher("camera_info", CameraInfo, queue_size=1) if args.lens else None
     info = calibration(*images[0].shape[:2])
     log = args.log.open("wb", buffering=0) if args.log else None

@@ -27,7 +27,7 @@ from sensor_msgs.msg import Image as RosImage
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros2 import rcl
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 TYPE = TopicType("sensor_msgs/msg/Image")
@@ -65,7 +65,7 @@ def publish_rclpy(size: str, rate: float) -> None:
 
 
 def publish_ours(size: str, rate: float) -> None:
-    transport = Ros2Transport(Session("publisher", []))
+    transport = Ros2Transport(Ros2Session("publisher", []))
     publisher = transport.advertise(TOPIC, TYPE)
     images = pictures(size)
     for number in paced(rate):
@@ -115,7 +115,7 @@ def subscribe_count(topic: str, ages: Ages) -> Callable[[], None]:
 
 
 def subscribe_ours(topic: str, ages: Ages) -> Callable[[], None]:
-    transport = Ros2Transport(Session("subscriber", []))
+    transport = Ros2Transport(Ros2Session("subscriber", []))
     transport.subscribe(
         topic, Image, lambda image: ages.take(image.header.stamp_ns, image.data), print
     )

@@ -37,7 +37,7 @@ def tell(message: Image) -> None:
 def publish(by: str, topic: str, size: str, rate: str) -> None:
     publisher: Any
     if by == "ours":
-        publisher = topics.Publisher(topic, Image)
+        publisher = topics.Ros1Publisher(topic, Image)
     else:
         publisher = rospy.Publisher(topic, Image, queue_size=1)
     number, pause = 0, rospy.Rate(float(rate))
@@ -51,7 +51,7 @@ def publish(by: str, topic: str, size: str, rate: str) -> None:
 
 
 def subscribe(by: str, topic: str) -> None:
-    subscriber = topics.Subscriber if by == "ours" else rospy.Subscriber
+    subscriber = topics.Ros1Subscriber if by == "ours" else rospy.Subscriber
     subscriber(topic, Image, tell)
     rospy.spin()
 

@@ -13,7 +13,7 @@ from contract_of_faults import GARBAGE, GraphWorld, picture
 from ros_graph import Master, Nodes, end, wait_for
 
 from ros_visualise.runtime.ros1.raw import RawMessage
-from ros_visualise.runtime.ros1.topics import Publisher
+from ros_visualise.runtime.ros1.topics import Ros1Publisher
 from ros_visualise.runtime.ros1.transport import Ros1Transport
 from ros_visualise.runtime.topics import Subscription
 
@@ -40,7 +40,7 @@ class Ros1World(GraphWorld):
         self.wait()
 
     def give_damaged(self) -> None:
-        Publisher.publish(self.pictures, RawImage(GARBAGE))
+        Ros1Publisher.publish(self.pictures, RawImage(GARBAGE))
 
     def another(self) -> Callable[[int], object]:
         def give(number: int) -> None:

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Image
 from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.lending import FILLED
 from ros_visualise.runtime.ros1.stream import BrokenStream
-from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 from ros_visualise.runtime.ros1.wire import decode, encode
 
 LARGE = lending.LARGE + 1000
@@ -41,7 +41,7 @@ def peers(ros_master):
 
 @pytest.fixture
 def publisher(ros_master, request):
-    publisher = Publisher(f"/lending/{request.node.name.partition('[')[0]}", Image)
+    publisher = Ros1Publisher(f"/lending/{request.node.name.partition('[')[0]}", Image)
     yield publisher
     publisher.close()
 
@@ -179,7 +179,7 @@ def test_a_wait_for_memory_ends_with_the_connection(pair):
         assert not thread.is_alive()
 
 
-def publish_to(publisher: Publisher, number: int, peers: list[Peer]) -> None:
+def publish_to(publisher: Ros1Publisher, number: int, peers: list[Peer]) -> None:
     publisher.publish(numbered(number, LARGE))
     wait_for(lambda: all(one.numbers[-1:] == [number] for one in peers), "all to get it")
 
@@ -216,7 +216,7 @@ def test_a_subscriber_that_is_killed_or_stopped_holds_up_nobody(publisher, peers
 
 def test_a_publisher_that_is_killed_leaves_what_it_has_sent(ros_master, peers):
     got: list[Image] = []
-    subscriber = Subscriber("/lending/by_the_killed", Image, got.append)
+    subscriber = Ros1Subscriber("/lending/by_the_killed", Image, got.append)
     first = peers.start("publish", "ours", subscriber.name, LARGE, 50)
     wait_for(lambda: len(got) > 8, "some messages")
     assert lent() > 0

@@ -18,7 +18,7 @@ from rospy.impl.registration import get_topic_manager
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
 from ros_visualise.runtime.ros1 import topics as own_topics
-from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 
 MEGABYTE = 1_000_000
 
@@ -66,9 +66,9 @@ def numbers(received: list[Image]) -> list[int]:
 def test_messages_arrive(opened, message, by):
     topic = f"/arrive/{by}/{type(message).__name__}{len(getattr(message, 'data', ''))}"
     kind, got = type(message), []
-    opened(Subscriber(topic, kind, got.append))
+    opened(Ros1Subscriber(topic, kind, got.append))
     if by == "ours":
-        publisher = opened(Publisher(topic, kind))
+        publisher = opened(Ros1Publisher(topic, kind))
         connect(publisher)
     else:
         publisher = opened(rospy.Publisher(topic, kind, queue_size=1))
@@ -85,7 +85,7 @@ def test_messages_arrive(opened, message, by):
 
 
 def test_rospy_in_another_process_gets_ours(opened, peers):
-    publisher = opened(Publisher("/to_rospy", Image))
+    publisher = opened(Ros1Publisher("/to_rospy", Image))
     peer = peers.start("subscribe", "rospy", "/to_rospy")
     connect(publisher)
     for number in range(1, 21):
@@ -100,7 +100,7 @@ def test_ours_gets_what_rospy_in_another_process_sends(opened, peers):
     got: list[Image] = []
     peers.start("publish", "rospy", "/from_rospy", MEGABYTE, 50)
     wait_for(lambda: "/from_rospy" in dict(rospy.get_published_topics()), "its publisher")
-    subscriber = opened(Subscriber("/from_rospy", Image, got.append))
+    subscriber = opened(Ros1Subscriber("/from_rospy", Image, got.append))
     wait_for(lambda: len(got) >= 20, "20 messages")
     assert subscriber.connections == 1
     found = numbers(got[:20])
@@ -109,8 +109,8 @@ def test_ours_gets_what_rospy_in_another_process_sends(opened, peers):
 
 def test_only_our_own_topics_go_our_way(opened):
     before = [topics._PublisherImpl, topics._SubscriberImpl]
-    opened(Publisher("/ours_alone", Image))
-    opened(Subscriber("/ours_alone", Image, print))
+    opened(Ros1Publisher("/ours_alone", Image))
+    opened(Ros1Subscriber("/ours_alone", Image, print))
     opened(rospy.Publisher("/theirs_alone", Image, queue_size=1))
     opened(rospy.Subscriber("/theirs_alone", Image, print))
     manager = get_topic_manager()
@@ -126,12 +126,12 @@ def test_both_kinds_of_subscribers_in_one_process(opened, first):
     ours: list[Image] = []
     theirs: list[Image] = []
     makers = {
-        "ours": lambda: opened(Subscriber(topic, Image, ours.append)),
+        "ours": lambda: opened(Ros1Subscriber(topic, Image, ours.append)),
         "rospy": lambda: opened(rospy.Subscriber(topic, Image, theirs.append)),
     }
     for name in sorted(makers, key=lambda name: name != first):
         makers[name]()
-    publisher = opened(Publisher(topic, Image))
+    publisher = opened(Ros1Publisher(topic, Image))
     connect(publisher)
     publisher.publish(numbered(3, 100))
     wait_for(lambda: ours and theirs, "both")
@@ -144,12 +144,12 @@ def test_both_kinds_of_subscribers_in_one_process(opened, first):
 def test_both_kinds_of_publishers_in_one_process(opened, first):
     topic = f"/both_publish/{first}"
     makers = {
-        "ours": lambda: opened(Publisher(topic, Image)),
+        "ours": lambda: opened(Ros1Publisher(topic, Image)),
         "rospy": lambda: opened(rospy.Publisher(topic, Image, queue_size=9)),
     }
     made = {name: makers[name]() for name in sorted(makers, key=lambda name: name != first)}
     got: list[Image] = []
-    opened(Subscriber(topic, Image, got.append))
+    opened(Ros1Subscriber(topic, Image, got.append))
     connect(made["ours"])
     made["ours"].publish(numbered(1, 100))
     message = numbered(2, 100)
@@ -163,9 +163,9 @@ def test_both_kinds_of_publishers_in_one_process(opened, first):
 def test_several_publishers_and_subscribers_of_a_topic(opened, peers):
     first: list[Image] = []
     second: list[Image] = []
-    subscriber = opened(Subscriber("/several", Image, first.append))
-    opened(Subscriber("/several", Image, second.append))
-    one, other = (opened(Publisher("/several", Image)) for _ in range(2))
+    subscriber = opened(Ros1Subscriber("/several", Image, first.append))
+    opened(Ros1Subscriber("/several", Image, second.append))
+    one, other = (opened(Ros1Publisher("/several", Image)) for _ in range(2))
     peers.start("publish", "ours", "/several", 1000, 20)
     wait_for(lambda: subscriber.connections == 2, "another process")
     connect(one)
@@ -182,7 +182,7 @@ def test_several_publishers_and_subscribers_of_a_topic(opened, peers):
 
 @pytest.mark.parametrize("by", ["ours", "rospy"])
 def test_whoever_comes_late_gets_what_was_latched(opened, peers, by):
-    publisher = opened(Publisher(f"/latched/{by}", Image, latch=True))
+    publisher = opened(Ros1Publisher(f"/latched/{by}", Image, latch=True))
     publisher.publish(numbered(1, 5))
     publisher.publish(numbered(2, MEGABYTE))
     first, second = (peers.start("subscribe", by, publisher.name) for _ in range(2))
@@ -193,20 +193,20 @@ def test_whoever_comes_late_gets_what_was_latched(opened, peers, by):
 
 
 def test_another_subscriber_in_the_process_gets_what_was_latched(opened):
-    publisher = opened(Publisher("/latched_here", Image, latch=True))
+    publisher = opened(Ros1Publisher("/latched_here", Image, latch=True))
     publisher.publish(numbered(1, 5))
     first: list[Image] = []
     second: list[Image] = []
-    opened(Subscriber("/latched_here", Image, first.append))
+    opened(Ros1Subscriber("/latched_here", Image, first.append))
     wait_for(lambda: first, "the latched message")
-    opened(Subscriber("/latched_here", Image, second.append))
+    opened(Ros1Subscriber("/latched_here", Image, second.append))
     assert numbers(first) == numbers(second) == [1]
 
 
 def test_many_threads_may_publish(opened):
     got: list[Image] = []
-    opened(Subscriber("/threads", Image, got.append))
-    publisher = opened(Publisher("/threads", Image))
+    opened(Ros1Subscriber("/threads", Image, got.append))
+    publisher = opened(Ros1Publisher("/threads", Image))
     connect(publisher)
 
     def publish(start: int) -> None:
@@ -226,7 +226,7 @@ def test_many_threads_may_publish(opened):
 
 
 def test_counts_are_those_that_rosnode_asks_for(opened, peers, ros_master):
-    publisher = opened(Publisher("/counted", Image))
+    publisher = opened(Ros1Publisher("/counted", Image))
     peer = peers.start("subscribe", "ours", "/counted")
     connect(publisher)
     for number in range(1, 4):
@@ -267,10 +267,10 @@ def test_statistics_are_kept_where_they_are_asked_for(opened):
     opened(rospy.Subscriber("/statistics", TopicStatistics, told.append))
     rospy.set_param("/enable_statistics", True)
     try:
-        opened(Subscriber("/measured", Image, got.append))
+        opened(Ros1Subscriber("/measured", Image, got.append))
     finally:
         rospy.delete_param("/enable_statistics")
-    publisher = opened(Publisher("/measured", Image))
+    publisher = opened(Ros1Publisher("/measured", Image))
     connect(publisher)
     number = iter(range(1, 10_000))
     wait_for(lambda: publisher.publish(numbered(next(number), 10)) or told, "statistics")
@@ -291,8 +291,8 @@ def test_an_unknown_rospy_does_it_all_by_itself(unknown_rospy, opened, caplog):
     for name, large in (("/slow", True), ("/slow_small", False)):
         kind = Image if large else Odometry
         got: list[Any] = []
-        subscriber = opened(Subscriber(name, kind, got.append))
-        publisher = opened(Publisher(name, kind))
+        subscriber = opened(Ros1Subscriber(name, kind, got.append))
+        publisher = opened(Ros1Publisher(name, kind))
         connect(publisher)
         assert isinstance(get_topic_manager().pubs[name], topics._PublisherImpl)
         assert not isinstance(get_topic_manager().pubs[name], own_topics._PublisherImpl)
@@ -314,9 +314,9 @@ def test_an_unknown_rospy_does_it_all_by_itself(unknown_rospy, opened, caplog):
 
 
 def test_what_cannot_be_sent_is_refused(opened):
-    publisher = opened(Publisher("/refused", Image))
+    publisher = opened(Ros1Publisher("/refused", Image))
     got: list[Image] = []
-    opened(Subscriber("/refused", Image, got.append))
+    opened(Ros1Subscriber("/refused", Image, got.append))
     connect(publisher)
     for data in ("text", [300], np.zeros(9, np.uint8)[::2]):
         with pytest.raises(genpy.SerializationError, match="not a buffer of bytes"):

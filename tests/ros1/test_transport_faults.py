@@ -22,7 +22,7 @@ from ros_graph import wait_for
 from rospy.impl.registration import get_topic_manager
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 from ros_visualise.runtime.ros1.wire import Parcel, encode
 
 MEGABYTE = 1_000_000
@@ -52,7 +52,7 @@ def numbers(received: list[Image]) -> list[int]:
 
 @pytest.mark.parametrize("by", ["ours", "rospy"])
 def test_a_stopped_subscriber_holds_up_nobody(opened, peers, by):
-    publisher = opened(Publisher(f"/stopped/{by}", Image))
+    publisher = opened(Ros1Publisher(f"/stopped/{by}", Image))
     stopped, quick = (peers.start("subscribe", by, publisher.name) for _ in range(2))
     connect(publisher, 2)
     publisher.publish(numbered(1, MEGABYTE))
@@ -72,14 +72,14 @@ def test_a_stopped_subscriber_holds_up_nobody(opened, peers, by):
 
 
 def test_a_slow_subscriber_gets_newer_messages_whole(opened, peers):
-    publisher = opened(Publisher("/slowly", Image))
+    publisher = opened(Ros1Publisher("/slowly", Image))
     got: list[Image] = []
 
     def take(message: Image) -> None:
         time.sleep(0.02)
         got.append(message)
 
-    opened(Subscriber("/slowly", Image, take))
+    opened(Ros1Subscriber("/slowly", Image, take))
     connect(publisher)
     for number in range(1, 201):
         publisher.publish(numbered(number, MEGABYTE))
@@ -90,7 +90,7 @@ def test_a_slow_subscriber_gets_newer_messages_whole(opened, peers):
 
 
 def test_a_subscriber_that_is_killed_in_a_message_is_forgotten(opened, peers):
-    publisher = opened(Publisher("/killed", Image))
+    publisher = opened(Ros1Publisher("/killed", Image))
     peer, other = (peers.start("subscribe", "ours", "/killed") for _ in range(2))
     connect(publisher, 2)
     peer.signal(signal.SIGSTOP)
@@ -111,7 +111,7 @@ def test_a_publisher_that_is_killed_in_a_message_is_waited_for(opened, peers):
         entered.set()
         leave.wait(60)
 
-    subscriber = opened(Subscriber("/comes_again", Image, take))
+    subscriber = opened(Ros1Subscriber("/comes_again", Image, take))
     first = peers.start("publish", "ours", "/comes_again", LARGE, 100)
     assert entered.wait(60)
     time.sleep(0.2)  # the next one fills the socket
@@ -154,15 +154,15 @@ def test_what_is_no_message_is_skipped_with_one_warning(opened, monkeypatch, kin
     assert f"{publisher.name}: not a message" in said[0]
 
 
-def talk(opened: Callable[[Any], Any], topic: str, kind: Any) -> tuple[Publisher, list[Any]]:
+def talk(opened: Callable[[Any], Any], topic: str, kind: Any) -> tuple[Ros1Publisher, list[Any]]:
     got: list[Any] = []
-    opened(Subscriber(topic, kind, got.append))
-    publisher = opened(Publisher(topic, kind))
+    opened(Ros1Subscriber(topic, kind, got.append))
+    publisher = opened(Ros1Publisher(topic, kind))
     connect(publisher)
     return publisher, got
 
 
-def send(publisher: Publisher, raw: bytes) -> None:
+def send(publisher: Ros1Publisher, raw: bytes) -> None:
     """Bytes that are no message to the only subscriber."""
     [outbox] = get_topic_manager().pubs[publisher.name].connections
     outbox.offer(Parcel([memoryview(raw)], len(raw)))
@@ -180,8 +180,8 @@ def test_messages_that_are_kept_stay_as_they_were_in_few_buffers(opened):
         assert all(map(is_whole, kept))
         seen.append(message.header.stamp.secs)
 
-    opened(Subscriber("/kept", Image, take))
-    publisher = opened(Publisher("/kept", Image))
+    opened(Ros1Subscriber("/kept", Image, take))
+    publisher = opened(Ros1Publisher("/kept", Image))
     connect(publisher)
     for number in range(1, 201):
         publisher.publish(numbered(number, MEGABYTE))
@@ -193,8 +193,8 @@ def test_messages_that_are_kept_stay_as_they_were_in_few_buffers(opened):
 def test_a_topic_can_be_opened_again_and_again(opened):
     counts, got = [], []
     for number in range(1, 31):
-        subscriber = Subscriber("/again", Image, got.append)
-        publisher = Publisher("/again", Image)
+        subscriber = Ros1Subscriber("/again", Image, got.append)
+        publisher = Ros1Publisher("/again", Image)
         connect(publisher)
         publisher.publish(numbered(number, 1000))
         wait_for(lambda number=number: len(got) == number, "the message")
@@ -218,7 +218,7 @@ def open_files() -> int:
 
 def test_publishing_while_it_is_closed_does_no_harm(opened):
     raised: list[BaseException] = []
-    publishers: list[Publisher] = []
+    publishers: list[Ros1Publisher] = []
     over = threading.Event()
 
     def publish() -> None:
@@ -229,12 +229,12 @@ def test_publishing_while_it_is_closed_does_no_harm(opened):
             except BaseException as error:
                 raised.append(error)
 
-    subscriber = opened(Subscriber("/closing", Image, lambda message: None))
+    subscriber = opened(Ros1Subscriber("/closing", Image, lambda message: None))
     threads = [threading.Thread(target=publish) for _ in range(3)]
     for thread in threads:
         thread.start()
     for _ in range(20):
-        publishers.append(Publisher("/closing", Image))
+        publishers.append(Ros1Publisher("/closing", Image))
         connect(publishers[-1])
         publishers[-1].close()
         wait_for(lambda: subscriber.connections == 0, "rospy to see that it is gone")
@@ -249,11 +249,11 @@ NODE = """
     import sys, threading, time
     import numpy as np, rospy
     from sensor_msgs.msg import Image
-    from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+    from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 
     rospy.init_node("ending")
-    publisher = Publisher("a", Image)
-    subscriber = Subscriber("b", Image, lambda message: None)
+    publisher = Ros1Publisher("a", Image)
+    subscriber = Ros1Subscriber("b", Image, lambda message: None)
     print(publisher.name, subscriber.name, flush=True)
 
     def publish():

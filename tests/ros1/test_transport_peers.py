@@ -12,7 +12,7 @@ from peers import connect, running
 from ros_graph import wait_for
 from sensor_msgs.msg import CameraInfo, Image
 
-from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 
 HEIGHT, WIDTH = 240, 321  # an odd width
 COUNT = 10
@@ -33,12 +33,12 @@ def message(number: int) -> Image:
 
 @pytest.fixture
 def publisher(ros_master, request):
-    publisher = Publisher(f"/peers/{request.node.name.partition('[')[0]}", Image)
+    publisher = Ros1Publisher(f"/peers/{request.node.name.partition('[')[0]}", Image)
     yield publisher
     publisher.close()
 
 
-def publish_until(publisher: Publisher, condition: Any, what: str) -> Any:
+def publish_until(publisher: Ros1Publisher, condition: Any, what: str) -> Any:
     """Publish pictures, one after another, until somebody has got enough."""
     number = 0
 
@@ -101,7 +101,7 @@ def test_rosbag_plays_to_ours(ros_master, tmp_path: Path):
             played.data = played.data.tobytes()
             bag.write("/peers/played", played)
     got: list[Image] = []
-    subscriber = Subscriber("/peers/played", Image, got.append)
+    subscriber = Ros1Subscriber("/peers/played", Image, got.append)
     ros_master.call("rosbag", "play", "-d", "1", "--wait-for-subscribers", str(path))
     wait_for(lambda: len(got) == COUNT, "the bag")
     subscriber.close()
@@ -112,7 +112,7 @@ def test_rosbag_plays_to_ours(ros_master, tmp_path: Path):
 def test_a_relay_in_cpp_passes_all_on(publisher, ros_master):
     got: list[Image] = []
     relayed = f"{publisher.name}_relay"
-    subscriber = Subscriber(relayed, Image, got.append)
+    subscriber = Ros1Subscriber(relayed, Image, got.append)
     with running(ros_master, "/usr/lib/topic_tools/relay", publisher.name, relayed):
         connect(publisher)
         publish_until(publisher, lambda: got, "the first one")
@@ -130,8 +130,8 @@ def test_a_relay_in_cpp_passes_all_on(publisher, ros_master):
 def test_edges_in_cpp_come_back(publisher, ros_master):
     got: list[Image] = []
     node = ("/usr/lib/opencv_apps/edge_detection", "__name:=cpp_edges", "_debug_view:=false")
-    info = Publisher("/peers/camera_info", CameraInfo)
-    subscriber = Subscriber("/cpp_edges/image", Image, got.append)
+    info = Ros1Publisher("/peers/camera_info", CameraInfo)
+    subscriber = Ros1Subscriber("/cpp_edges/image", Image, got.append)
     with running(ros_master, *node, f"image:={publisher.name}"):
         connect(publisher)
         publish_until(publisher, lambda: len(got) > 3, "edges")

@@ -56,10 +56,10 @@ def graph() -> dict[str, str]:
 @pytest.fixture(scope="session")
 def ros2(graph: dict[str, str]) -> Iterator[Ros2Transport]:
     """This process as a node of the graph, ``/tests``."""
-    from ros_visualise.runtime.ros2.session import Session
+    from ros_visualise.runtime.ros2.session import Ros2Session
     from ros_visualise.runtime.ros2.transport import Ros2Transport
 
-    made = Ros2Transport(Session("tests", []))
+    made = Ros2Transport(Ros2Session("tests", []))
     yield made
     made.close()
 

@@ -22,7 +22,7 @@ from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros2 import parameters_client
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.services import result_of
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 PATIENCE_S = 60.0
@@ -154,7 +154,7 @@ def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(
 
 
 def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2Transport):
-    other = Ros2Transport(Session("other", []))
+    other = Ros2Transport(Ros2Session("other", []))
     node = other.session.node
     node.declare_parameter("camera.gain", 1.5)
     node.declare_parameter("names", ["a", "b"])

@@ -12,7 +12,7 @@ from waiting import wait_for
 from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.data import CameraInfo
 from ros_visualise.runtime.ros2.services import result_of
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 
@@ -22,7 +22,7 @@ def refuse(*_: object) -> None:
 
 @pytest.fixture
 def other(graph: dict[str, str]) -> Iterator[Ros2Transport]:
-    made = Ros2Transport(Session("other", []))
+    made = Ros2Transport(Ros2Session("other", []))
     yield made
     made.close()
 
@@ -39,7 +39,7 @@ def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2Transport, other
 
 
 def test_a_graph_that_was_left_cannot_be_asked(graph: dict[str, str]):
-    gone = Ros2Transport(Session("gone", []))
+    gone = Ros2Transport(Ros2Session("gone", []))
     gone.listing()
     gone.close()
     with pytest.raises(Unreachable):

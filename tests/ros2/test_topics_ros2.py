@@ -28,7 +28,7 @@ from ros_visualise.data import Header, Image, Text
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 IMAGE = TopicType("sensor_msgs/msg/Image")
@@ -260,7 +260,7 @@ def test_what_is_closed_as_callbacks_are_awaited_is_no_failure(ros2: Ros2Transpo
     node.add_waitable(closed)
     wait_for(lambda: ros2.advertise("brief", TopicType(TEXT)).close() or closed.met.is_set(), "it")
     with closing(ros2.offer("~again", lambda: None)):
-        other = Ros2Transport(Session("other", []))
+        other = Ros2Transport(Ros2Session("other", []))
         other.call("/tests/again")
         other.close()
     node.remove_waitable(closed)

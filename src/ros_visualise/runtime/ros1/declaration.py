@@ -29,7 +29,7 @@ _MAX_INT = 2**31 - 1
 
 
 @dataclass(frozen=True)
-class Declaration:
+class Ros1Declaration:
     """A node's parameters here, and how they are written there.
 
     Attributes:
@@ -70,7 +70,7 @@ class Declaration:
         return converted
 
 
-def declare(description: ConfigDescription) -> Declaration:
+def declare(description: ConfigDescription) -> Ros1Declaration:
     """The declaration for a description: our own, if it tells the same, else one made for it."""
     for ours, declaration in our_own():
         if ours == description:
@@ -79,15 +79,15 @@ def declare(description: ConfigDescription) -> Declaration:
 
 
 @cache
-def our_own() -> list[tuple[ConfigDescription, Declaration]]:
+def our_own() -> list[tuple[ConfigDescription, Ros1Declaration]]:
     """Our own nodes, each with its description; the first call takes a second of imports."""
-    return [(describe(specs(kind)), Declaration(kind, node)) for kind, node in offered()]
+    return [(describe(specs(kind)), Ros1Declaration(kind, node)) for kind, node in offered()]
 
 
-def _make(description: ConfigDescription) -> Declaration:
+def _make(description: ConfigDescription) -> Ros1Declaration:
     told = _told(description)
     choices = {name_here(one.name): one.choices for one in told if one.is_choice}
-    return Declaration(declared(told), choices=choices)
+    return Ros1Declaration(declared(told), choices=choices)
 
 
 def _told(description: ConfigDescription) -> list[ParameterDescription]:

@@ -15,7 +15,7 @@ from ros_visualise.core.errors import ParameterError, RosVisualiseError, Unreach
 from ros_visualise.core.params import specs
 from ros_visualise.core.supervision import attempt
 from ros_visualise.runtime.middleware import ParametersListener
-from ros_visualise.runtime.ros1.declaration import Declaration, declare, our_own
+from ros_visualise.runtime.ros1.declaration import Ros1Declaration, declare, our_own
 from ros_visualise.runtime.ros1.errors import translated
 
 
@@ -31,7 +31,7 @@ class ReconfigureClient:
         our_own()  # is needed soon, by threads that must not wait for it
         self._node = node
         self._listener = listener
-        self._declaration: Declaration | None = None
+        self._declaration: Ros1Declaration | None = None
         self._description: ConfigDescription | None = None
         self._last: Config | None = None
         self._lock = threading.RLock()

@@ -10,11 +10,11 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros1.errors import sending
 from ros_visualise.runtime.ros1.raw import RawPublisher
 from ros_visualise.runtime.ros1.registration import set_param
-from ros_visualise.runtime.ros1.topics import Publisher
+from ros_visualise.runtime.ros1.topics import Ros1Publisher
 from ros_visualise.runtime.ros1.types import DEFINITIONS, TYPES, message_class
 
 
-def advertise(topic: str, type: TopicType) -> Publisher:
+def advertise(topic: str, type: TopicType) -> Ros1Publisher:
     """A publisher for a topic; see `ros_visualise.runtime.middleware.Transport.advertise`."""
     if type.definitions is not None:
         return RawPublisher(topic, type)
@@ -23,7 +23,7 @@ def advertise(topic: str, type: TopicType) -> Publisher:
     return MessagePublisher(topic, type)
 
 
-class MessagePublisher(Publisher):
+class MessagePublisher(Ros1Publisher):
     """Publishes messages of `ros_visualise.data`.
 
     Args:

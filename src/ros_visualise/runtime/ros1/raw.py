@@ -8,7 +8,7 @@ from typing import Any
 import genpy
 
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros1.topics import Publisher
+from ros_visualise.runtime.ros1.topics import Ros1Publisher
 from ros_visualise.sinks.encoding import Encoder, TopicDeclaration
 
 
@@ -43,7 +43,7 @@ def raw_class(declared: TopicDeclaration) -> type[RawMessage]:
     return type("RawMessage", (RawMessage,), names)
 
 
-class RawPublisher(Publisher):
+class RawPublisher(Ros1Publisher):
     """Publishes a recorded topic.
 
     Args:

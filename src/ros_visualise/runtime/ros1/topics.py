@@ -39,7 +39,7 @@ _LOOK_AGAIN_S = 0.002
 _SAY_AGAIN_S = 10
 
 
-class Publisher:
+class Ros1Publisher:
     """Publishes messages of one class; each subscriber gets the newest one that it has time for.
 
     A message's data is not copied: it must not change after it was published.
@@ -127,7 +127,7 @@ class Publisher:
         return list(impl.connections or ()) if impl is not None else []
 
 
-class Subscriber:
+class Ros1Subscriber:
     """Calls ``callback`` with each message of a topic, on a thread of its publisher's connection.
 
     The data of an Image, CompressedImage or PointCloud2 is a numpy array of uint8, which may be

@@ -26,7 +26,7 @@ from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 from ros_visualise.runtime.ros1.registration import BoundedTransport
 from ros_visualise.runtime.ros1.services import TriggerService
 from ros_visualise.runtime.ros1.set_camera_info import SetCameraInfoService
-from ros_visualise.runtime.ros1.topics import Publisher, Subscriber
+from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 from ros_visualise.runtime.ros1.types import message_class
 
 _IMAGE = "sensor_msgs/Image"
@@ -47,7 +47,7 @@ class Ros1Transport(Transport):
         """A topic's full name on the graph."""
         return str(rospy.resolve_name(name)) if name != "~" else str(rospy.get_name())
 
-    def advertise(self, topic: str, type: TopicType) -> Publisher:
+    def advertise(self, topic: str, type: TopicType) -> Ros1Publisher:
         """Publish a topic."""
         return publishers.advertise(topic, type)
 
@@ -57,7 +57,7 @@ class Ros1Transport(Transport):
         kind: type[Message],
         take: Callable[[Any], None],
         reject: Callable[[str], None],
-    ) -> Subscriber:
+    ) -> Ros1Subscriber:
         """Subscribe to a topic."""
 
         def taken(message: Any) -> None:
@@ -71,7 +71,7 @@ class Ros1Transport(Transport):
         def heard(message: Any) -> None:
             attempt(self.resolve(topic), partial(taken, message))
 
-        return Subscriber(topic, message_class(kind.type_name), heard, reject)
+        return Ros1Subscriber(topic, message_class(kind.type_name), heard, reject)
 
     def offer(self, action: str, act: Callable[[], str | None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""

@@ -21,7 +21,7 @@ _NO_NAME = re.compile(r"\W")
 
 
 @dataclass(frozen=True)
-class Declaration:
+class Ros2Declaration:
     """A node's parameters here, and how they are called there.
 
     Attributes:
@@ -46,7 +46,7 @@ class Declaration:
 
 def declare(
     told: Sequence[ParameterDescriptor], values: Mapping[str, Any], prefix: str
-) -> Declaration:
+) -> Ros2Declaration:
     """The declaration for descriptors: our own, if they tell the same, else one made for them.
 
     Args:
@@ -58,11 +58,11 @@ def declare(
     key = frozenset(_told(one, prefix) for one in mine if not _is_fixed(one))
     if key in our_own():
         params, node = our_own()[key]
-        return Declaration(params, node, {s.name: prefix + s.name for s in specs(params)})
+        return Ros2Declaration(params, node, {s.name: prefix + s.name for s in specs(params)})
     names = _fields([one.name for one in mine], prefix)
     by_name = {one.name: one for one in mine}
     made = [_made(field, by_name[n], values[n], prefix) for field, n in names.items()]
-    return Declaration(declared(made), None, names)
+    return Ros2Declaration(declared(made), None, names)
 
 
 @cache

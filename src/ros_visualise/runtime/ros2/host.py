@@ -18,7 +18,7 @@ from ros_visualise.runtime.bridge.parameter_values import given_values
 from ros_visualise.runtime.middleware import Handle, Host, Managed
 from ros_visualise.runtime.ros2.clock import watch_clock
 from ros_visualise.runtime.ros2.errors import translated
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport
 
 _PACKAGE = "package://"
@@ -36,7 +36,7 @@ class Ros2Host(Host):
     def begin(self, name: str) -> Ros2Transport:
         """Become a node."""
         note(self._stop_request)  # who leaves while he joins would be seen for another ten seconds
-        session = Session(name, sys.argv)
+        session = Ros2Session(name, sys.argv)
         forward_log(_levels(session.node))
         session.start(partial(watch_clock, session.node, self.is_over), "clock watch")
         self._transport = Ros2Transport(session)

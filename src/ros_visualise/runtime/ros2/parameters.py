@@ -15,7 +15,7 @@ from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, specs
 from ros_visualise.runtime.ros2.clock import uses_sim_time
 from ros_visualise.runtime.ros2.description import describe, to_parameters, wanted
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 
 log = logging.getLogger(__name__)
 
@@ -34,9 +34,9 @@ class ParameterDesk:
         session: of this process.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Ros2Session) -> None:
         self.session, self.node = session, session.node
-        self._served: dict[str, ServedParameters] = {}
+        self._served: dict[str, Ros2ServedParameters] = {}
         self._members: set[str] = set()
         self._shown: dict[str, Any] = {}
         self._pushing = threading.local()
@@ -62,11 +62,11 @@ class ParameterDesk:
         """
         self._shown[name] = value
 
-    def serve(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
+    def serve(self, parameters: Parameters[Any], namespace: str) -> Ros2ServedParameters:
         """Declare a node's parameters, until that is closed."""
-        return ServedParameters(self, parameters, f"{namespace}." if namespace else "")
+        return Ros2ServedParameters(self, parameters, f"{namespace}." if namespace else "")
 
-    def add(self, served: ServedParameters) -> None:
+    def add(self, served: Ros2ServedParameters) -> None:
         """Have requests for these parameters answered."""
         self._served[served.prefix] = served
         if self._members:
@@ -74,7 +74,7 @@ class ParameterDesk:
         options = {name: value for name, value in self._shown.items() if "/" not in name}
         self._declare_fixed(options, "read when the node starts")
 
-    def remove(self, served: ServedParameters) -> None:
+    def remove(self, served: Ros2ServedParameters) -> None:
         """Answer no longer, and have them declared no longer."""
         with self.lock:
             self._served.pop(served.prefix, None)
@@ -119,7 +119,7 @@ class ParameterDesk:
                 again = f"start it again with -p {_SIM_TIME}:={str(one.value).lower()}"
                 reason = f"{_SIM_TIME} is read when the node starts; {again}"
                 return SetParametersResult(successful=False, reason=reason)
-        changes: dict[ServedParameters, dict[str, Any]] = defaultdict(dict)
+        changes: dict[Ros2ServedParameters, dict[str, Any]] = defaultdict(dict)
         for one in asked:
             for served in self._served.values():
                 if one.name in served.told:
@@ -135,7 +135,7 @@ class ParameterDesk:
         return SetParametersResult(successful=True)
 
 
-class ServedParameters:
+class Ros2ServedParameters:
     """Offers a node's parameters, for as long as it is open.
 
     What is changed elsewhere a thread of its own tells the graph: no lock is held by whoever
@@ -203,7 +203,7 @@ class ServedParameters:
                 self._desk.push(changed)
 
 
-def _apply_all(changes: Mapping[ServedParameters, Mapping[str, Any]]) -> None:
+def _apply_all(changes: Mapping[Ros2ServedParameters, Mapping[str, Any]]) -> None:
     """Apply changes of several nodes; where one refuses, the others get back what they had."""
     before: list[tuple[Parameters[Any], dict[str, Any]]] = []
     try:

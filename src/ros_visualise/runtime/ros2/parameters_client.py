@@ -16,13 +16,13 @@ from rclpy.qos import qos_profile_parameter_events
 
 from ros_visualise.core.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
-from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
+from ros_visualise.runtime.ros2.declaration import Ros2Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of
 from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.parameters import MEMBERS
 from ros_visualise.runtime.ros2.services import result_of
-from ros_visualise.runtime.ros2.session import Session
+from ros_visualise.runtime.ros2.session import Ros2Session
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ class ParameterClient:
     ) -> None:
         self._prefix = prefix
         self._listener = listener
-        self._declaration: Declaration | None = None
+        self._declaration: Ros2Declaration | None = None
         self._values: dict[str, Any] = {}
         self._is_there = False
         self._lock = threading.RLock()
@@ -132,7 +132,7 @@ class ParameterEvents:
         session: of this process.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Ros2Session) -> None:
         self.session = session
         self._listeners: list[tuple[str, Callable[[ParameterEvent], None]]] = []
         self._members: dict[str, tuple[str, ...]] = {}

@@ -20,7 +20,7 @@ from ros_visualise.runtime.memory import Buffer
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
 from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, overridden, profile
-from ros_visualise.runtime.ros2.session import Session, spelled
+from ros_visualise.runtime.ros2.session import Ros2Session, spelled
 from ros_visualise.runtime.ros2.types import message_class
 from ros_visualise.sinks.encoding import Buffer as Part
 from ros_visualise.sinks.encoding import Encoder
@@ -35,13 +35,13 @@ _LARGE_DEPTH = 3
 """Images that are kept until reliable subscribers have all of their pieces."""
 
 
-def advertise(session: Session, topic: str, type: TopicType) -> Publisher | Unsent:
+def advertise(session: Ros2Session, topic: str, type: TopicType) -> Ros2Publisher | Unsent:
     """A publisher for a topic; see `ros_visualise.runtime.middleware.Transport.advertise`.
 
     What is recorded may be of types that are not installed here: such a topic is left out.
     """
     try:
-        return Publisher(session, topic, type)
+        return Ros2Publisher(session, topic, type)
     except UsageError as error:
         if type.definitions is None:
             raise
@@ -70,7 +70,7 @@ class Unsent:
         """There is nothing to leave."""
 
 
-class Publisher:
+class Ros2Publisher:
     """Publishes a topic, as the bytes of its messages.
 
     Each publisher has a thread: one that has to wait for a reliable subscriber holds up nobody.
@@ -90,7 +90,7 @@ class Publisher:
         DamagedMessage: it cannot hold this type, which comes from a recording.
     """
 
-    def __init__(self, session: Session, topic: str, type: TopicType) -> None:
+    def __init__(self, session: Ros2Session, topic: str, type: TopicType) -> None:
         declared = _ENCODER.declare(type)
         self.name = session.resolve(topic)
         self.dropped = 0

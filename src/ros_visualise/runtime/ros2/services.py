@@ -22,7 +22,7 @@ _FIND_S = 2.0
 _ANSWER_S = 60.0
 
 
-class Service:
+class Ros2Service:
     """Offers a service that answers with ``success`` and a text.
 
     Args:
@@ -54,19 +54,19 @@ class Service:
             node.destroy_service(self._service)
 
 
-def trigger(node: Node, name: str, act: Callable[[], str | None]) -> Service:
+def trigger(node: Node, name: str, act: Callable[[], str | None]) -> Ros2Service:
     """Offer a std_srvs/Trigger."""
-    return Service(node, Trigger, name, lambda _: act(), "message")
+    return Ros2Service(node, Trigger, name, lambda _: act(), "message")
 
 
-def set_camera_info(node: Node, name: str, take: Callable[[CameraInfo], None]) -> Service:
+def set_camera_info(node: Node, name: str, take: Callable[[CameraInfo], None]) -> Ros2Service:
     """Offer a sensor_msgs/SetCameraInfo."""
 
     def taken(request: Any) -> None:
         data = serialize_message(request.camera_info)  # read as those on topics are
         take(from_message(DEFINITIONS.read(CameraInfo.type_name, data), CameraInfo))
 
-    return Service(node, SetCameraInfo, name, taken, "status_message")
+    return Ros2Service(node, SetCameraInfo, name, taken, "status_message")
 
 
 def call(node: Node, service: str) -> None:

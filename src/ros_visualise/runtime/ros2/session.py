@@ -38,7 +38,7 @@ H = TypeVar("H", bound=Handle)
 log = logging.getLogger(__name__)
 
 
-class Session:
+class Ros2Session:
     """A node, with threads that answer its services.
 
     Args:

@@ -22,7 +22,7 @@ from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
 from ros_visualise.runtime.ros2.quality import fitting, overridden, profile
-from ros_visualise.runtime.ros2.session import Session, spelled
+from ros_visualise.runtime.ros2.session import Ros2Session, spelled
 from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ class _Asked(NamedTuple):
     qos: QoS
 
 
-class Subscriber:
+class Ros2Subscriber:
     """Calls ``take`` with each message of a topic, on a thread of its own.
 
     It asks for what all publishers offer: when they change, another subscription takes the place of
@@ -66,7 +66,7 @@ class Subscriber:
 
     def __init__(
         self,
-        session: Session,
+        session: Ros2Session,
         topic: str,
         kind: Any,
         take: Callable[[Any], None],

@@ -14,12 +14,12 @@ from ros_visualise.runtime.middleware import Listing, ParametersListener, Transp
 from ros_visualise.runtime.ros2 import clock, publishers, services, session
 from ros_visualise.runtime.ros2.errors import translated
 from ros_visualise.runtime.ros2.listing import Look
-from ros_visualise.runtime.ros2.parameters import ParameterDesk, ServedParameters
+from ros_visualise.runtime.ros2.parameters import ParameterDesk, Ros2ServedParameters
 from ros_visualise.runtime.ros2.parameters_client import ParameterClient, ParameterEvents
-from ros_visualise.runtime.ros2.publishers import Publisher, Unsent
-from ros_visualise.runtime.ros2.services import Service
-from ros_visualise.runtime.ros2.session import Session
-from ros_visualise.runtime.ros2.subscriptions import Subscriber
+from ros_visualise.runtime.ros2.publishers import Ros2Publisher, Unsent
+from ros_visualise.runtime.ros2.services import Ros2Service
+from ros_visualise.runtime.ros2.session import Ros2Session
+from ros_visualise.runtime.ros2.subscriptions import Ros2Subscriber
 
 
 class Ros2Transport(Transport):
@@ -33,7 +33,7 @@ class Ros2Transport(Transport):
         desk: answers for its parameters.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Ros2Session) -> None:
         self.session = session
         self.desk = ParameterDesk(session)
 
@@ -46,24 +46,24 @@ class Ros2Transport(Transport):
         return self.session.resolve(name)
 
     @translated("the ROS 2 graph")
-    def advertise(self, topic: str, type: TopicType) -> Publisher | Unsent:
+    def advertise(self, topic: str, type: TopicType) -> Ros2Publisher | Unsent:
         """Publish a topic."""
         return self.session.keep(publishers.advertise(self.session, topic, type))
 
     @translated("the ROS 2 graph")
     def subscribe(
         self, topic: str, kind: type, take: Callable[[Any], None], reject: Callable[[str], None]
-    ) -> Subscriber:
+    ) -> Ros2Subscriber:
         """Subscribe to a topic."""
-        return self.session.keep(Subscriber(self.session, topic, kind, take, reject))
+        return self.session.keep(Ros2Subscriber(self.session, topic, kind, take, reject))
 
     @translated("the ROS 2 graph")
-    def offer(self, action: str, act: Callable[[], str | None]) -> Service:
+    def offer(self, action: str, act: Callable[[], str | None]) -> Ros2Service:
         """Offer a std_srvs/Trigger."""
         return services.trigger(self.session.node, session.spelled(action), act)
 
     @translated("the ROS 2 graph")
-    def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Service:
+    def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Ros2Service:
         """Offer a sensor_msgs/SetCameraInfo."""
         return services.set_camera_info(self.session.node, session.spelled(service), take)
 
@@ -72,7 +72,7 @@ class Ros2Transport(Transport):
         with translated(action):
             services.call(self.session.node, action)
 
-    def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
+    def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Ros2ServedParameters:
         """Declare a node's parameters."""
         return self.desk.serve(parameters, namespace)
 

@@ -24,7 +24,7 @@ from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.remote.declaration import ParameterDescription, declared
 from ros_visualise.runtime.zenoh import keys
 from ros_visualise.runtime.zenoh.errors import translated
-from ros_visualise.runtime.zenoh.session import Session
+from ros_visualise.runtime.zenoh.session import ZenohSession
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class Description(msgspec.Struct):
     values: Values
 
 
-class ServedParameters:
+class ZenohServedParameters:
     """Offers a node's parameters until it is closed.
 
     Args:
@@ -70,7 +70,7 @@ class ServedParameters:
         place: full name under which they are.
     """
 
-    def __init__(self, session: Session, parameters: Parameters[Any], place: str) -> None:
+    def __init__(self, session: ZenohSession, parameters: Parameters[Any], place: str) -> None:
         self._zenoh, self._parameters = session.zenoh, parameters
         self._key = keys.parameters_key(place)
         self._changed = threading.Event()
@@ -120,7 +120,7 @@ class ServedParameters:
                 self._zenoh.put(self._key, _written(self._values()))
 
 
-class ParametersClient:
+class ZenohParametersClient:
     """Follows a node's parameters; see `ros_visualise.runtime.middleware.ParametersClient`.
 
     Args:
@@ -129,7 +129,7 @@ class ParametersClient:
         listener: receives them.
     """
 
-    def __init__(self, session: Session, place: str, listener: ParametersListener) -> None:
+    def __init__(self, session: ZenohSession, place: str, listener: ParametersListener) -> None:
         self._zenoh, self._graph = session.zenoh, session.graph
         self._place, self._key, self._listener = place, keys.parameters_key(place), listener
         self._met: str | None = None  # id of the session that has described them

@@ -47,7 +47,7 @@ class Endpoints:
         return " or ".join((*self.listen, *self.connect))
 
 
-class Session:
+class ZenohSession:
     """A session that is open.
 
     Args:

@@ -19,7 +19,7 @@ from ros_visualise.runtime.bridge.send_queue import SendQueue
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.zenoh import keys
 from ros_visualise.runtime.zenoh.errors import translated
-from ros_visualise.runtime.zenoh.session import Session
+from ros_visualise.runtime.zenoh.session import ZenohSession
 from ros_visualise.sinks.encoding import Encoder
 
 DEFINITIONS = Definitions("cdr")
@@ -29,7 +29,7 @@ _KEPT = 100
 """Latched messages of one publisher that a late subscriber gets at most."""
 
 
-class Publisher:
+class ZenohPublisher:
     """Publishes a topic; see `ros_visualise.runtime.middleware.Publisher`.
 
     A thread sends: a slow network holds up nobody who publishes. Meanwhile as many messages wait as
@@ -47,7 +47,7 @@ class Publisher:
         DamagedMessage: ROS 2 cannot hold this type, which comes from a recording.
     """
 
-    def __init__(self, session: Session, name: str, type: TopicType) -> None:
+    def __init__(self, session: ZenohSession, name: str, type: TopicType) -> None:
         declared = _ENCODER.declare(type)
         self.name = name
         self._unsent = 0
@@ -110,7 +110,7 @@ class Publisher:
             self._unsent += not self._queue.closed
 
 
-class Subscriber:
+class ZenohSubscriber:
     """Subscribes to a topic; see `ros_visualise.runtime.middleware.Transport.subscribe`.
 
     Args:
@@ -122,7 +122,7 @@ class Subscriber:
 
     def __init__(
         self,
-        session: Session,
+        session: ZenohSession,
         name: str,
         kind: Any,
         take: Callable[[Any], None],

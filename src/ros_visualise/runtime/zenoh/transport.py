@@ -21,9 +21,9 @@ from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.middleware import Handle, Listing, ParametersListener, Transport
 from ros_visualise.runtime.zenoh import keys
 from ros_visualise.runtime.zenoh.errors import translated
-from ros_visualise.runtime.zenoh.parameters import ParametersClient, ServedParameters
-from ros_visualise.runtime.zenoh.session import Endpoints, Session
-from ros_visualise.runtime.zenoh.topics import DEFINITIONS, Publisher, Subscriber
+from ros_visualise.runtime.zenoh.parameters import ZenohParametersClient, ZenohServedParameters
+from ros_visualise.runtime.zenoh.session import Endpoints, ZenohSession
+from ros_visualise.runtime.zenoh.topics import DEFINITIONS, ZenohPublisher, ZenohSubscriber
 
 _ANSWER_S = 60.0
 _MOST_CALLS = 16
@@ -46,7 +46,7 @@ class ZenohTransport(Transport):
     """
 
     def __init__(self, name: str, endpoints: Endpoints) -> None:
-        self._session = Session(name, endpoints)
+        self._session = ZenohSession(name, endpoints)
 
     def close(self) -> None:
         self._session.close()
@@ -59,18 +59,18 @@ class ZenohTransport(Transport):
         return keys.legal(name if name.startswith("/") else f"{namespace}/{name}")
 
     @translated(_NETWORK)
-    def advertise(self, topic: str, type: TopicType) -> Publisher:
-        return Publisher(self._session, self.resolve(topic), type)
+    def advertise(self, topic: str, type: TopicType) -> ZenohPublisher:
+        return ZenohPublisher(self._session, self.resolve(topic), type)
 
     @translated(_NETWORK)
     def subscribe(
         self, topic: str, kind: type, take: Callable[[Any], None], reject: Callable[[str], None]
-    ) -> Subscriber:
-        return Subscriber(self._session, self.resolve(topic), kind, take, reject)
+    ) -> ZenohSubscriber:
+        return ZenohSubscriber(self._session, self.resolve(topic), kind, take, reject)
 
     @translated(_NETWORK)
     def offer(self, action: str, act: Callable[[], str | None]) -> Handle:
-        return Service(self._session, self.resolve(action), keys.TRIGGER, lambda _: act())
+        return ZenohService(self._session, self.resolve(action), keys.TRIGGER, lambda _: act())
 
     @translated(_NETWORK)
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
@@ -78,7 +78,7 @@ class ZenohTransport(Transport):
             read = DEFINITIONS.read(CameraInfo.type_name, request)
             take(from_message(read, CameraInfo))
 
-        return Service(self._session, self.resolve(service), keys.SET_CAMERA_INFO, taken)
+        return ZenohService(self._session, self.resolve(service), keys.SET_CAMERA_INFO, taken)
 
     def call(self, action: str) -> None:
         key = keys.topic_key(action, *keys.TRIGGER)
@@ -92,12 +92,14 @@ class ZenohTransport(Transport):
             raise RosVisualiseError(f"{action.rpartition('/')[0]}: {told.message}")
 
     @translated(_NETWORK)
-    def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
-        return ServedParameters(self._session, parameters, self.resolve(f"~{namespace}"))
+    def serve_parameters(
+        self, parameters: Parameters[Any], namespace: str
+    ) -> ZenohServedParameters:
+        return ZenohServedParameters(self._session, parameters, self.resolve(f"~{namespace}"))
 
     @translated(_NETWORK)
-    def follow_parameters(self, node: str, listener: ParametersListener) -> ParametersClient:
-        return ParametersClient(self._session, node, listener)
+    def follow_parameters(self, node: str, listener: ParametersListener) -> ZenohParametersClient:
+        return ZenohParametersClient(self._session, node, listener)
 
     @translated(_NETWORK)
     def listing(self) -> Listing:
@@ -126,7 +128,7 @@ class ZenohTransport(Transport):
         return WallClock()
 
 
-class Service:
+class ZenohService:
     """Answers queries by success and a text, each on a thread of its own.
 
     Args:
@@ -138,7 +140,7 @@ class Service:
 
     def __init__(
         self,
-        session: Session,
+        session: ZenohSession,
         name: str,
         type: tuple[str, str],
         act: Callable[[bytes], str | None],
