@@ -7,11 +7,11 @@ import pytest
 import rospy
 from nav_msgs.msg import Odometry, Path
 from ros_graph import end, wait_for
-from ros_visualise.runtime.ros1.listing import list_graph
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
 from ros_visualise.runtime.remote.graph_snapshot import snapshot
+from ros_visualise.runtime.ros1.transport import list_graph
 
 ROBOTS = ("uav1", "uav2")
 ARGUMENTS = ("rviz:=false", "view:=none", "rate:=0.25", "world:=plane")
