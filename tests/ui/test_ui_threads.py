@@ -11,7 +11,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
 from ros_visualise.ui.look.curve import Curve, RecordedCurves
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.rounds import Rounds
+from ros_visualise.ui.periodic import PeriodicThread
 
 PATIENCE_S = 30.0
 
@@ -45,7 +45,7 @@ def test_a_round_that_fails_is_counted_and_the_next_is_done():
             raise ValueError
         done.set()
 
-    rounds = Rounds("drawing", do_round, finished.set, 0.0, lambda: False)
+    rounds = PeriodicThread("drawing", do_round, finished.set, 0.0, lambda: False)
     rounds.start()
     assert done.wait(PATIENCE_S)
     rounds.close(PATIENCE_S)

@@ -58,7 +58,7 @@ class PageContent:
         urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
-        self._looker, self._memory = inspector, memory
+        self._inspector, self._memory = inspector, memory
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -78,8 +78,8 @@ class PageContent:
         self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._unthrottled)
         self._add_main_panel(gui)
         self._follow_scene()
-        self._choice.begin()
-        self._kept.take_in()
+        self._switches.begin()
+        self._settings.take_in()
         self._warnings = Warnings(self._notice.say)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
@@ -89,7 +89,7 @@ class PageContent:
 
     def close(self, timeout_s: float) -> None:
         """End the threads, each within the given time."""
-        self._memory.remember(self._kept.arrangement)
+        self._memory.remember(self._settings.arrangement)
         self._recorder.close()
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
         self._worker.close(timeout_s)
@@ -104,7 +104,7 @@ class PageContent:
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._kept = PageSettings(gui, self._worker, self._scene, self._memory)
+        self._settings = PageSettings(gui, self._worker, self._scene, self._memory)
         playback = self._runtime.playback
         self._transport: PlaybackControls | None = None
         if playback is not None:
@@ -119,9 +119,9 @@ class PageContent:
         robot = gui.add_folder("Robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
         self._driving = Driving(gui, robot, self._runtime, self._driver)
-        self._space_folder = gui.add_folder("3D")
-        self._space = ScenePanel(
-            self._server, self._space_folder, self._runtime, self._scene, self._worker
+        self._scene_folder = gui.add_folder("3D")
+        self._scene_panel = ScenePanel(
+            self._server, self._scene_folder, self._runtime, self._scene, self._worker
         )
         self._frames_folder = gui.add_folder("Frames", expand_by_default=False)
         with self._frames_folder:
@@ -132,11 +132,11 @@ class PageContent:
         self._windows_folder = gui.add_folder("Windows")
         with self._windows_folder:
             self._size = self._add_size(gui)
-        self._choice = WindowSwitches(gui, self._windows_folder, self._worker)
+        self._switches = WindowSwitches(gui, self._windows_folder, self._worker)
         add_channel(gui, self._worker, "pick", self._pick)
         with gui.add_folder("Recording"):
             self._recorder = RecordingPanel(gui, self._runtime, self._worker, self._files)
-            SavePanel(gui, self._runtime, self._worker, self._files.folder, self._kept)
+            SavePanel(gui, self._runtime, self._worker, self._files.folder, self._settings)
         with gui.add_folder("Graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("Plots", expand_by_default=False)
@@ -197,11 +197,11 @@ class PageContent:
         """Draw the present graph; with images only, there is no scene."""
         topics = topics_of(self._graph)
         self._drawing.follow(self._graph)
-        self._space.follow(topics, self._graph.inputs)
+        self._scene_panel.follow(topics, self._graph.inputs)
         self._has_scene = bool(topics)
         self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
-        self._space_folder.visible = self._frames_folder.visible = self._has_scene
-        self._choice.follow(self._windows, self._has_scene, is_track(topics))
+        self._scene_folder.visible = self._frames_folder.visible = self._has_scene
+        self._switches.follow(self._windows, self._has_scene, is_track(topics))
         self._windows_folder.visible = bool(self._windows)
         self._size.visible = bool(self._pictures())
 
@@ -223,15 +223,15 @@ class PageContent:
             self._plots = Plots(self._server.gui, self._graph)
         had_scene = self._has_scene
         self._follow_scene()
-        self._kept.take_in()
+        self._settings.take_in()
         if before != self._windows or had_scene != self._has_scene:
-            self._choice.show()
+            self._switches.show()
 
     def _refresh(self) -> None:
         if self._runtime.graph is not self._graph:
             self._follow()
         self._notice.refresh()
-        self._looker.refresh()
+        self._inspector.refresh()
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()
@@ -240,14 +240,14 @@ class PageContent:
             self._tools.rest()
             return
         self._field_plot.refresh()
-        self._choice.refresh()
+        self._switches.refresh()
         for window in self._windows:
             window.refresh()
         self._tools.refresh()
         if self._transport is not None:
             self._transport.refresh()
         self._preset.refresh()
-        self._kept.refresh()
+        self._settings.refresh()
         self._robot.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
@@ -264,7 +264,7 @@ class PageContent:
 
     def _show_frames(self) -> None:
         if self._has_scene:
-            self._space.refresh()
+            self._scene_panel.refresh()
             picture = tree_picture(self._scene.frames.links.all())
             self._frames.content = f'<div class="rv-frames">{picture}</div>'
 

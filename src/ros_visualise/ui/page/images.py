@@ -16,8 +16,8 @@ from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.look import link
 from ros_visualise.ui.page.overlay import Overlay
+from ros_visualise.ui.periodic import PeriodicThread
 from ros_visualise.ui.preview import rgb_preview
-from ros_visualise.ui.rounds import Rounds
 
 log = logging.getLogger(__name__)
 
@@ -126,7 +126,7 @@ class Picture:
         return f'<a {over} {look} title="Inspect"></a>'
 
 
-class ImageThread:
+class ImageThread(PeriodicThread):
     """Refreshes pictures up to 30 times a second, while ``is_watched``.
 
     ``unthrottled`` is True while the graph runs as fast as possible, and work here slows it.
@@ -138,24 +138,18 @@ class ImageThread:
         is_watched: Callable[[], bool],
         unthrottled: Callable[[], bool],
     ) -> None:
+        super().__init__("images", self._do_round, self._rest, _PERIOD_S, unthrottled)
         self.size = SIZE
         self._pictures, self._is_watched = pictures, is_watched
         self._reported: set[str] = set()  # topics with a reported problem
-        self._rounds = Rounds("images", self._do_round, self._rest, _PERIOD_S, unthrottled)
-
-    def start(self) -> None:
-        self._rounds.start()
 
     def show(self, pictures: Sequence[Picture]) -> None:
         """Refresh these pictures and no others."""
-        with self._rounds.at_work:
+        with self.at_work:
             for picture in self._pictures:
                 if picture not in pictures:
                     picture.rest()
             self._pictures = pictures
-
-    def close(self, timeout_s: float) -> None:
-        self._rounds.close(timeout_s)
 
     def _rest(self) -> None:
         for picture in self._pictures:

@@ -10,7 +10,7 @@ from ros_visualise.data import Image, Text
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.topics import Subscription
-from ros_visualise.ui.rounds import Rounds
+from ros_visualise.ui.periodic import PeriodicThread
 from ros_visualise.ui.scene.kinds import HELD, is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene
 
@@ -27,7 +27,7 @@ def topics_of(graph: Graph) -> dict[str, type]:
     return kinds if any(is_spatial(kind) for kind in kinds.values()) else {}
 
 
-class SceneThread:
+class SceneThread(PeriodicThread):
     """Has a scene draw the messages of a runtime, up to 15 times a second.
 
     Transforms and markers are taken at all times, so that browsers that come later see them too;
@@ -44,6 +44,7 @@ class SceneThread:
         is_watched: Callable[[], bool],
         unthrottled: Callable[[], bool],
     ) -> None:
+        super().__init__("scene", self._do_round, self._finish, _PERIOD_S, unthrottled)
         self._runtime, self._scene = runtime, scene
         scene.time.is_live = runtime.playback is None
         self._is_watched = is_watched
@@ -52,13 +53,9 @@ class SceneThread:
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
         self._place = (0, 0)
-        self._rounds = Rounds("scene", self._do_round, self._finish, _PERIOD_S, unthrottled)
-
-    def start(self) -> None:
-        self._rounds.start()
 
     def follow(self, graph: Graph) -> None:
-        with self._rounds.at_work:
+        with self.at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
             wanted = {topic for topic, kind in self._kinds.items() if kind in HELD}
@@ -67,9 +64,6 @@ class SceneThread:
             for topic in wanted - self._held.keys():
                 self._held[topic] = self._runtime.subscribe(topic, _MOST_HELD)
             self._rest_but(self._kinds)
-
-    def close(self, timeout_s: float) -> None:
-        self._rounds.close(timeout_s)
 
     def _finish(self) -> None:
         self._rest_but(())

@@ -1,4 +1,5 @@
-// Questions to the program, with a header that no other site can send.
+// Queries to the program, with a header that no other site can send; and what all pages use.
+const $ = (id) => document.getElementById(id);
 async function ask(what, values = {}) {
   const query = new URLSearchParams({ ask: what });
   for (const [name, value] of Object.entries(values)) {

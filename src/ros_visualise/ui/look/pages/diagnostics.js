@@ -1,5 +1,4 @@
 // How nodes say that they are doing, the worst above; what was opened stays open.
-const $ = (id) => document.getElementById(id);
 const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_S = 5;
 const opened = new Set();

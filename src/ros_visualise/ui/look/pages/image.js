@@ -1,5 +1,4 @@
 // Which images are shown: the newest of a topic and, with it, that of another of the same stamp.
-const $ = (id) => document.getElementById(id);
 const NONE = "None";
 const state = { one: null, other: null, alone: "", held: false };
 const stage = new Stage($("view"), tell);

@@ -1,5 +1,4 @@
 // What the nodes say, the newest below.
-const $ = (id) => document.getElementById(id);
 const LEVELS = ["DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"];
 const lines = [];
 

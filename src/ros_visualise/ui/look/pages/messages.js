@@ -1,5 +1,4 @@
 // Any topic's newest message as a tree; what was opened stays open as values change.
-const $ = (id) => document.getElementById(id);
 const opened = new Set();
 let held = false;
 

@@ -1,5 +1,4 @@
 // Numbers of any topics over the time that is played; a click goes there.
-const $ = (id) => document.getElementById(id);
 const NOTHING = "No topic has numbers to plot. A video has some only if it contains telemetry.";
 const CHOOSE = "Choose a topic and some of its fields to plot them over the whole recording. Click the plot to seek.";
 const MARGIN = { left: 62, right: 12, top: 10, bottom: 26 };

@@ -35,9 +35,9 @@ class Line:
 
 
 class PathDrawing(Drawing):
-    """A `Path`."""
+    """A `Path`, or the outline of a `PolygonStamped`."""
 
-    draws = (Path,)
+    draws = (Path, PolygonStamped)
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
@@ -45,35 +45,14 @@ class PathDrawing(Drawing):
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
 
     def draw(self, message: Any, appearance: Appearance) -> None:
-        assert isinstance(message, Path)
-        positions = message.positions_xyz
-        self._vertices = positions[np.isfinite(positions).all(axis=1)]
-        self._line.show(self._vertices)
+        is_path = isinstance(message, Path)
+        points = message.positions_xyz if is_path else message.points_xyz
+        self._vertices = points[np.isfinite(points).all(axis=1)]
+        end = self._vertices[: 0 if is_path else 1]
+        self._line.show(np.concatenate([self._vertices, end]))
 
     def extent(self) -> npt.NDArray[np.floating]:
         return thinned(self._vertices)
-
-    def reset(self) -> None:
-        self._line.show(np.zeros((0, 3)))
-
-
-class PolygonDrawing(Drawing):
-    """A `PolygonStamped`."""
-
-    draws = (PolygonStamped,)
-
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
-        super().__init__(scene, name, color)
-        self._line = Line(scene, f"{name}/line", color)
-        self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
-
-    def draw(self, message: Any, appearance: Appearance) -> None:
-        assert isinstance(message, PolygonStamped)
-        self._corners = message.points_xyz[np.isfinite(message.points_xyz).all(axis=1)]
-        self._line.show(np.concatenate([self._corners, self._corners[:1]]))
-
-    def extent(self) -> npt.NDArray[np.floating]:
-        return thinned(self._corners)
 
     def reset(self) -> None:
         self._line.show(np.zeros((0, 3)))

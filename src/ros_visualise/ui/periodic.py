@@ -12,7 +12,7 @@ _REST, _REST_UNTHROTTLED = 2.0, 8.0
 """Seconds of pause for each second of computing: the nodes come first."""
 
 
-class Rounds:
+class PeriodicThread:
     """Does rounds until it is closed, then ``finish``.
 
     Args:
@@ -32,7 +32,7 @@ class Rounds:
         unthrottled: Callable[[], bool],
     ) -> None:
         self.at_work = threading.Lock()
-        self._do_round, self._finish = do_round, finish
+        self._round, self._ending = do_round, finish
         self._period_s, self._unthrottled = period_s, unthrottled
         self._closed = threading.Event()
         self._name = name
@@ -52,8 +52,8 @@ class Rounds:
         while not self._closed.wait(pause_s):
             start_s, cpu_s = time.perf_counter(), time.thread_time()
             with self.at_work:
-                supervision.attempt(self._name, self._do_round)
+                supervision.attempt(self._name, self._round)
             rest = _REST_UNTHROTTLED if self._unthrottled() else _REST
             spent_s = time.perf_counter() - start_s
             pause_s = max(self._period_s - spent_s, rest * (time.thread_time() - cpu_s))
-        self._finish()
+        self._ending()
