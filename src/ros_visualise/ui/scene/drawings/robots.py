@@ -36,6 +36,7 @@ class RobotDrawing(Drawing):
         self._text, self._problem = "", ""
         self._model = RobotModel((), (), {})
         self._links: dict[str, viser.FrameHandle] = {}
+        self._places: dict[str, Floats] = {}
         self._triangles = 0
 
     def draw(self, message: Any, appearance: Appearance) -> None:
@@ -44,7 +45,7 @@ class RobotDrawing(Drawing):
         self._text, self._problem, self._triangles = message.text, "", 0
         for link in self._links.values():
             link.remove()
-        self._links = {}
+        self._links, self._places = {}, {}
         try:
             self._model = read_model(message.text)
             self._add_all()
@@ -67,10 +68,17 @@ class RobotDrawing(Drawing):
             if place is not None:
                 places[name] = place
             if name in self._links:
-                self._links[name].visible = place is not None
-                if place is not None:
-                    move(self._links[name], place)
+                self._show(name, place)
+        self._places = places
         return self._problem
+
+    def _show(self, link: str, place: Floats | None) -> None:
+        """Send what has changed of a link."""
+        node = self._links[link]
+        if node.visible != (place is not None):
+            node.visible = place is not None
+        if place is not None and not np.array_equal(place, self._places.get(link, 0.0)):
+            move(node, place)
 
     def _place(self, link: str, frames: Frames, places: dict[str, Floats]) -> Floats | None:
         """T_fixed_link, 4x4; ``places`` are those of its parents."""
