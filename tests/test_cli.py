@@ -262,7 +262,7 @@ class TestRefusals:
 
     def test_a_calibration_that_is_not_there(self, video):
         url = ["--set", "streamer.camera_info_url=nowhere.yaml"]
-        assert "nowhere.yaml: No such file" in refused("video", video, *url)
+        assert "nowhere.yaml: no such file" in refused("video", video, *url)
 
     def test_nodes_of_ones_own(self, video):
         assert "FILE.py:NAME" in refused("video", video, "--node", "nonsense")

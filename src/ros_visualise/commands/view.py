@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.params import specs
-from ros_visualise.running.arguments import option, positive
+from ros_visualise.running.arguments import option, parse_setting, positive
 from ros_visualise.running.options import (
     MemoryOptions,
     NetworkOptions,
@@ -40,7 +40,7 @@ class ViewerOptions(NetworkOptions, ViewingOptions, OutputOptions, MemoryOptions
 
 
 def run(options: ViewerOptions) -> int:
-    """Show what is published until it is ended."""
+    """Show the topics of other machines until it is stopped."""
     import time
     from contextlib import closing
 
@@ -79,7 +79,7 @@ class _Pending:
     """Settings and recordings that wait for their nodes and topics to come.
 
     Attributes:
-        failed: something was refused or lost.
+        failed: data was lost, or a setting or recording rejected.
     """
 
     def __init__(self, options: ViewerOptions, runtime: RemoteRuntime) -> None:
@@ -89,13 +89,14 @@ class _Pending:
         self.failed = False
         self._runtime, self._overwrite = runtime, options.overwrite
         self._split = parse_split(options.split) if options.split else None
-        self._settings = [_parsed(text) for text in options.set]
+        settings = map(parse_setting, options.set)
+        self._settings = [(node.strip("/"), name, value) for node, name, value in settings]
         self._targets = [parse_target(text) for text in options.record]
         check_targets([path for path, _ in self._targets], None)
         self._recordings: list[RecorderThread] = []
 
     def follow(self) -> None:
-        """Do what has become possible."""
+        """Make the settings and start the recordings that have become possible."""
         nodes, topics = self._runtime.parameters, self._runtime.graph.topics
         for setting in tuple(self._settings):
             node, name, value = setting
@@ -108,7 +109,7 @@ class _Pending:
                 self._attempt(partial(self._record, *target))
 
     def close(self) -> None:
-        """End the recordings; report what never came."""
+        """End the recordings; report missing nodes and topics."""
         for recording in self._recordings:
             self._runtime.stop_recording(recording)
             self.failed |= recording.error is not None
@@ -128,15 +129,6 @@ class _Pending:
         except RosVisualiseError as error:
             log.error("%s", error)
             self.failed = True
-
-
-def _parsed(text: str) -> tuple[str, str, str]:
-    """Node, parameter and value of ``--set``."""
-    key, equals, value = text.partition("=")
-    node, dot, name = key.rpartition(".")
-    if not (equals and dot):
-        raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
-    return node.strip("/"), name, value
 
 
 COMMAND = Command("show pipelines that run on other machines, over Zenoh", ViewerOptions, run)

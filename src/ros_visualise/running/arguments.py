@@ -99,6 +99,19 @@ def _reading(kind: Any, default: Any) -> dict[str, Any]:
     return next(({"type": one} for one in (Path, float, int) if one in kinds), {})
 
 
+def parse_setting(text: str, hint: Callable[[str], str] = lambda key: "") -> tuple[str, str, str]:
+    """Node, parameter and value of ``--set``.
+
+    Raises:
+        UsageError: another form; ``hint`` of what is before the ``=`` ends the message.
+    """
+    key, equals, value = text.partition("=")
+    node, dot, param = key.partition(".")
+    if not (equals and dot):
+        raise UsageError(f"--set {text}: give NODE.PARAM=VALUE{hint(key)}")
+    return node, param, value
+
+
 def _checked(
     kind: type[int] | type[float], accept: Callable[[float], bool], words: str
 ) -> Callable[[str], float]:

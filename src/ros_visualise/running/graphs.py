@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from ros_visualise.graph.pipelines import film_pipeline, image_pipeline, recordi
 from ros_visualise.graph.presets import preset
 from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathParams
+from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.options import NodeOptions, PlayingOptions, SettingOptions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
@@ -194,10 +196,7 @@ def with_settings(graph: Graph, options: SettingOptions, is_recording: bool = Fa
         except ParameterError as error:
             raise UsageError(f"{options.params}: {error}") from None
     for text in options.set:
-        key, equals, value = text.partition("=")
-        node, dot, param = key.partition(".")
-        if not (equals and dot):
-            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE{_with_node(graph, key)}")
+        node, param, value = parse_setting(text, partial(_with_node, graph))
         graph = _configured(graph, {node: {param: value}}, is_recording)
     return graph
 

@@ -52,7 +52,7 @@ class Running(Protocol):
         """Run it."""
 
     def follow(self) -> None:
-        """Do what has to be done now and then."""
+        """Serve the graph now and then."""
 
     def stop(self) -> None:
         """End it."""
@@ -62,7 +62,7 @@ class Running(Protocol):
 
     @property
     def failed(self) -> bool:
-        """True if something was lost."""
+        """True if data was lost."""
 
 
 class Alone:
@@ -73,14 +73,14 @@ class Alone:
         self.start, self.stop = self.runtime.start, self.runtime.stop
 
     def follow(self) -> None:
-        """Nothing has to be done."""
+        """Nothing to serve."""
 
     def leave(self) -> None:
         """No topics to leave."""
 
     @property
     def failed(self) -> bool:
-        """True if something was lost."""
+        """True if data was lost."""
         return self.runtime.failed or self.runtime.report().is_incomplete
 
 
