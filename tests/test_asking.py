@@ -122,6 +122,7 @@ def completions(line):
     asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line}
     asked |= {"COMP_POINT": str(len(line)), "_ARGCOMPLETE_STDOUT_FILENAME": "/dev/stdout"}
     done = subprocess.run([PROGRAM], env={**os.environ, **asked}, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
     return [word.strip() for word in done.stdout.replace("\v", "\n").split("\n") if word.strip()]
 
 

@@ -1,6 +1,5 @@
 """Converting: every message with its stamp, and its bytes where it can keep them."""
 
-import contextlib
 import json
 import os
 import re
@@ -8,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from waiting import bytes_in, wait_for
 
 from ros_visualise.commands import main
 from ros_visualise.data import Header, Image, Imu, Transforms, TransformStamped
@@ -398,18 +397,11 @@ def test_ctrl_c_leaves_a_file_that_can_be_read(tmp_path: Path) -> None:
     target = tmp_path / "r.bag"
     command = [sys.executable, "-m", "ros_visualise", "convert", str(recorder.path), str(target)]
     with subprocess.Popen([*command, "--compression", "bz2"], stderr=subprocess.PIPE) as process:
-        while process.poll() is None and not _has_begun(target):
-            time.sleep(0.01)
+        wait_for(lambda: bytes_in(target) > 10_000, "the copy to begin", process=process)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
     assert process.returncode == 130
     assert 0 < len(read(target)) < 160
-
-
-def _has_begun(path: Path) -> bool:
-    with contextlib.suppress(FileNotFoundError):
-        return path.stat().st_size > 10_000
-    return False
 
 
 def test_a_full_disk_ends_it_with_one_line(

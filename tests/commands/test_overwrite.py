@@ -5,12 +5,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rosbags.highlevel import AnyReader
+from waiting import bytes_in, wait_for
 
 from ros_visualise.commands import main
 from ros_visualise.data import Header, Odometry
@@ -44,12 +44,6 @@ def tree(folder: Path) -> dict[str, bytes]:
     """Every file below a folder, and what is in it."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-def written(path: Path) -> bool:
-    """Whether more than the beginning of a file is there, or of one in a folder."""
-    files = [path] if path.is_file() else path.rglob("*")
-    return any(file.stat().st_size > 10_000 for file in files)
 
 
 @pytest.fixture
@@ -243,8 +237,7 @@ def interrupt(target: Path, *arguments: object) -> tuple[int, str]:
     with subprocess.Popen(
         [*COMMAND, *map(str, arguments)], stderr=subprocess.PIPE, text=True
     ) as process:
-        while process.poll() is None and not written(target):
-            time.sleep(0.01)
+        wait_for(lambda: bytes_in(target) > 10_000, "a message", process=process)
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=30)
     return process.returncode, error
@@ -288,8 +281,7 @@ def test_the_folder_is_removed_while_it_is_recorded(tmp_path: Path, name: str) -
     with subprocess.Popen(
         [*COMMAND, *map(str, play)], stderr=subprocess.PIPE, text=True
     ) as process:
-        while process.poll() is None and not written(folder):
-            time.sleep(0.01)
+        wait_for(lambda: bytes_in(folder) > 10_000, "a message", process=process)
         shutil.rmtree(folder)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 1
@@ -304,8 +296,7 @@ def test_a_converted_folder_is_removed(tmp_path: Path) -> None:
     with subprocess.Popen(
         [*COMMAND, "convert", str(source), str(folder / "r")], stderr=subprocess.PIPE, text=True
     ) as process:
-        while process.poll() is None and not written(folder):
-            time.sleep(0.001)
+        wait_for(lambda: bytes_in(folder) > 10_000, "a message", process=process)
         shutil.rmtree(folder)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 1

@@ -14,6 +14,7 @@ import pytest
 from made_bags import START_NS, BagWriter
 from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
+from waiting import bytes_in, wait_for
 
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
@@ -90,11 +91,7 @@ class Terminal:
 
 def wait_for_messages(process, path):
     """Until something stands in a recording."""
-    give_up = time.monotonic() + PATIENCE_S
-    while not (path.exists() and path.stat().st_size > 20_000):
-        assert process.poll() is None
-        assert time.monotonic() < give_up
-        time.sleep(0.02)
+    wait_for(lambda: bytes_in(path) > 20_000, "messages in it", process=process)
 
 
 def count(path):
@@ -223,8 +220,7 @@ def test_one_message_that_takes_long_holds_up_no_ctrl_c(tmp_path, command):
         bag.write("a", START_NS, (120_000_000).to_bytes(4, "little") + bytes(120_000_000))
     play = ["--view", "none", "--rate", "0", "--record"] if command == "bag" else []
     process = subprocess.Popen([*COMMAND, command, source, *play, path], stderr=subprocess.PIPE)
-    while not path.exists():
-        assert process.poll() is None
+    wait_for(path.exists, "the recording", process=process)
     time.sleep(2)  # in which it is unpacked, and begun
     process.send_signal(signal.SIGINT)
     try:

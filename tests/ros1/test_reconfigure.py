@@ -8,7 +8,6 @@ import threading
 import time
 from dataclasses import asdict, dataclass
 from enum import Enum
-from functools import partial
 
 import pytest
 import rospy
@@ -36,7 +35,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
 ]
 
-wait_until = partial(wait_for, what="it to come about")
 
 DYNPARAM = ("/usr/bin/python3", "/usr/lib/dynamic_reconfigure/dynparam")
 
@@ -133,7 +131,7 @@ def test_dynparam_lists_it(server):
 
 def test_dynparam_loads_what_it_dumped(server, parameters, tmp_path):
     parameters.update({"count": 11, "blur": "off"})
-    wait_until(lambda: rospy.get_param(f"{server}/blur") == "off")
+    wait_for(lambda: rospy.get_param(f"{server}/blur") == "off")
     dynparam("dump", server, str(tmp_path / "kept.yaml"))
     kept = parameters.current
     parameters.update(vars(Every()))
@@ -179,9 +177,9 @@ def test_the_description_keeps_the_groups(server):
 def test_a_change_from_elsewhere_is_published_and_put_on_the_parameter_server(server, parameters):
     seen = []
     subscriber = rospy.Subscriber(f"{server}/parameter_updates", Config, seen.append)
-    wait_until(lambda: seen)
+    wait_for(lambda: seen)
     parameters.update({"count": 77, "blur": Blur.THREE})
-    wait_until(lambda: values_in(seen[-1])["count"] == 77)
+    wait_for(lambda: values_in(seen[-1])["count"] == 77)
     subscriber.unregister()
     assert values_in(seen[-1]) == as_ros(parameters.current)
     assert rospy.get_param(server) == as_ros(parameters.current)
@@ -246,7 +244,7 @@ def test_types_are_coerced_as_declared(server, parameters):
 def test_both_sides_at_once_end_in_step_and_in_peace(server, parameters):
     seen = []
     subscriber = rospy.Subscriber(f"{server}/parameter_updates", Config, seen.append)
-    wait_until(lambda: seen)
+    wait_for(lambda: seen)
 
     def from_here():
         for count in range(200):
@@ -264,7 +262,7 @@ def test_both_sides_at_once_end_in_step_and_in_peace(server, parameters):
         assert not thread.is_alive()
     assert parameters.current.count == 199
     assert parameters.current.free == 59
-    wait_until(lambda: values_in(seen[-1]) == as_ros(parameters.current))
+    wait_for(lambda: values_in(seen[-1]) == as_ros(parameters.current))
     wait_for(lambda: is_quiet(seen), "an end of the echoes")
     subscriber.unregister()
     assert rospy.get_param(server) == as_ros(parameters.current)
@@ -278,7 +276,7 @@ def is_quiet(seen):
 
 def test_an_int_beyond_32_bits_is_told_as_far_as_ros_can(server, parameters):
     parameters.update({"free": 3_000_000_000})
-    wait_until(lambda: rospy.get_param(f"{server}/free") == 2**31 - 1)
+    wait_for(lambda: rospy.get_param(f"{server}/free") == 2**31 - 1)
     assert parameters.current.free == 3_000_000_000
 
 

@@ -5,7 +5,6 @@ import subprocess
 import sys
 import threading
 import time
-from functools import partial
 
 import cv2
 import numpy as np
@@ -35,7 +34,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
 ]
 
-wait_until = partial(wait_for, what="it to come about")
 
 PEER = """
 import sys, rospy
@@ -138,13 +136,13 @@ def test_nodes_come_after_those_whose_topics_they_take_also_in_a_cycle():
 def test_nodes_are_found_as_they_come_and_go(runtime, peer):
     assert node(runtime, "plain") is None
     process = peer("plain", "", "/far/image_raw")
-    found = wait_until(lambda: node(runtime, "plain"))
+    found = wait_for(lambda: node(runtime, "plain"))
     assert found.outputs == {"/far/image_raw": "/far/image_raw"}
     assert runtime.graph.topics["/far/image_raw"].type is Image
     assert vars(runtime.parameters["plain"].current) == {}
-    wait_until(lambda: stays(runtime))  # what others left on the graph may still go
+    wait_for(lambda: stays(runtime))  # what others left on the graph may still go
     process.terminate()
-    wait_until(lambda: node(runtime, "plain") is None)
+    wait_for(lambda: node(runtime, "plain") is None)
 
 
 def stays(runtime):
@@ -157,7 +155,7 @@ def stays(runtime):
 def test_our_nodes_have_their_declared_parameters_and_order(runtime, peer):
     peer("edge_detector", "/plain/image", "/edges_overlay /edges")
     peer("plain", "", "/plain/image")
-    wait_until(lambda: node(runtime, "plain") and node(runtime, "edge_detector"))
+    wait_for(lambda: node(runtime, "plain") and node(runtime, "edge_detector"))
     names = [node.name for node in runtime.graph.nodes]
     assert names.index("plain") < names.index("edge_detector")
     found = node(runtime, "edge_detector")
@@ -171,7 +169,7 @@ def test_our_nodes_have_their_declared_parameters_and_order(runtime, peer):
 
 def test_a_topic_is_subscribed_only_while_somebody_looks(runtime, peer):
     peer("plain", "", "/plain/image")
-    wait_until(lambda: node(runtime, "plain"))
+    wait_for(lambda: node(runtime, "plain"))
     assert not subscribed("/plain/image")
     first, second = (runtime.subscribe("/plain/image") for _ in range(2))
     image = first.take(PATIENCE_S)
@@ -184,7 +182,7 @@ def test_a_topic_is_subscribed_only_while_somebody_looks(runtime, peer):
     first.close()
     assert subscribed("/plain/image")
     second.close()
-    wait_until(lambda: not subscribed("/plain/image"))
+    wait_for(lambda: not subscribed("/plain/image"))
 
 
 def test_topics_of_every_kind_are_shown_and_decoded(runtime, ros_master, tmp_path):
@@ -198,7 +196,7 @@ def test_topics_of_every_kind_are_shown_and_decoded(runtime, ros_master, tmp_pat
         "/tf": Transforms,
     }
     try:
-        wait_until(lambda: set(types) <= set(runtime.graph.topics))
+        wait_for(lambda: set(types) <= set(runtime.graph.topics))
         assert {name: runtime.graph.topics[name].type for name in types} == types
         assert "robot" in [node.name for node in runtime.graph.nodes]
         odometry = runtime.subscribe("/robot/odom", depth=5).take(PATIENCE_S)
@@ -255,7 +253,7 @@ def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_maste
         [sys.executable, "-c", COMPRESSED], stdout=subprocess.PIPE, text=True
     )
     try:
-        wait_until(compressed.get_num_connections)
+        wait_for(compressed.get_num_connections)
         while looking.poll() is None:
             compressed.publish(packed)
             time.sleep(0.02)
@@ -284,14 +282,14 @@ runtime.close()
 
 def test_what_is_received_is_reported_in_the_common_layout(runtime, peer):
     peer("plain", "", "/plain/image")
-    wait_until(lambda: node(runtime, "plain"))
+    wait_for(lambda: node(runtime, "plain"))
     idle = runtime.report(2.0)
     image = TopicReport("sensor_msgs/msg/Image", 0, hz=None, wall_hz=None)
     assert idle.topics["/plain/image"] == image
     assert idle.nodes["plain"].dropped == {}
     assert idle.nodes["plain"].p50_ms is None
     subscription = runtime.subscribe("/plain/image")
-    wait_until(lambda: runtime.report(2.0).topics["/plain/image"].messages > 5)
+    wait_for(lambda: runtime.report(2.0).topics["/plain/image"].messages > 5)
     told = runtime.report().topics["/plain/image"]
     assert told.hz <= 1.0 < told.wall_hz, "the stamps are one second apart, or more"
     subscription.close()
@@ -304,7 +302,7 @@ def diagnostics(name, **values):
 
 def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     peer("plain", "", "/plain/image")
-    wait_until(lambda: node(runtime, "plain"))
+    wait_for(lambda: node(runtime, "plain"))
     publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
     told = diagnostics("/plain", received=9, dropped__rate=3, dropped__queue=2, p50_ms=1.5, x="-")
     told.status[0].values.append(KeyValue("topics//plain/image/hz", "49.5"))
@@ -313,7 +311,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     told.status[0].values.append(KeyValue("processed", "nan"))
     told.status[0].values.append(KeyValue("dropped/late", "9" * 5000))
     told.status[0].values.append(KeyValue("dropped as asked", "rate"))
-    wait_until(lambda: publisher.publish(told) or runtime.report().nodes["plain"].received)
+    wait_for(lambda: publisher.publish(told) or runtime.report().nodes["plain"].received)
     publisher.unregister()
     report = runtime.report(2.0)
     outputs = {"/plain/image": OutputReport(49.5, 9.9)}
@@ -326,7 +324,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
 
 def test_what_nodes_log_can_be_looked_at(runtime):
     publisher = rospy.Publisher("/rosout", Log, queue_size=10)
-    wait_until(lambda: "/rosout" in runtime.diagnostic_topics)
+    wait_for(lambda: "/rosout" in runtime.diagnostic_topics)
     assert "/rosout" not in runtime.graph.topics
     assert runtime.name == rospy.get_name()
     subscription = runtime.subscribe("/rosout", 100)
@@ -337,7 +335,7 @@ def test_what_nodes_log_can_be_looked_at(runtime):
         found = subscription.take(0.1)
         return found if found and found.node == "/planner" else None
 
-    found = wait_until(told)
+    found = wait_for(told)
     assert (found.level, found.text) == (logging.WARNING, "no path")
     subscription.close()
     publisher.unregister()
@@ -410,23 +408,23 @@ def test_a_recording_takes_every_topic_in_the_order_of_arrival(runtime, peer, tm
 
     peer("plain", "", "/plain/a /plain/b /plain/silent_one")
     peer("edge_detector", "/plain/a", "/edges")
-    wait_until(lambda: len(runtime.graph.topics) >= 4 and node(runtime, "edge_detector"))
+    wait_for(lambda: len(runtime.graph.topics) >= 4 and node(runtime, "edge_detector"))
     path = tmp_path / "run.mcap"
     recording = runtime.start_recording(path)
     with pytest.raises(UsageError, match="another process is recording to it"):
         runtime.start_recording(path, overwrite=True)
     topics = ("/plain/a", "/plain/b", "/plain/silent_one", "/edges")
-    wait_until(lambda: all(received(runtime, topic) > 5 for topic in topics))
+    wait_for(lambda: all(received(runtime, topic) > 5 for topic in topics))
     runtime.parameters["edge_detector"].update({"low": 3})
     written = recording.written
-    wait_until(lambda: recording.written > written + 8)
+    wait_for(lambda: recording.written > written + 8)
     [(recorded, told)] = runtime.report().recordings.items()
     assert recorded == str(path)
     assert written + 8 < told.messages <= recording.written
     assert told.dropped == 0
     runtime.stop_recording(recording)
     runtime.stop_recording(recording)
-    wait_until(lambda: not subscribed("/plain/a"))
+    wait_for(lambda: not subscribed("/plain/a"))
     with path.open("rb") as file:
         messages = list(make_reader(file).iter_messages(log_time_order=False))
     by_topic = {}
@@ -452,7 +450,7 @@ def test_a_silent_topic_holds_up_no_recording_and_stamps_of_zero_are_no_times(ru
     other = subprocess.Popen([sys.executable, "-c", RECORDING, str(tmp_path / "run.mcap")])
     image = RosImage(height=1, width=1, step=1, encoding="mono8", data=b"x")
     try:
-        wait_until(lambda: silent.get_num_connections() and loud.get_num_connections())
+        wait_for(lambda: silent.get_num_connections() and loud.get_num_connections())
         while other.poll() is None:
             loud.publish(image)
             time.sleep(0.01)

@@ -7,7 +7,6 @@ import threading
 import time
 from dataclasses import dataclass
 from enum import Enum
-from functools import partial
 
 import cv2
 import numpy as np
@@ -34,7 +33,6 @@ QUIET = [
 ]
 pytestmark = [pytest.mark.usefixtures("ros_master"), *QUIET]
 
-wait_until = partial(wait_for, what="it to come about")
 
 SERVING = """
 import rospy
@@ -172,7 +170,7 @@ def test_changes_by_others_are_told(remote, own):
     told = []
     remote.on_change(lambda current, changed: told.append((current.count, dict(changed))))
     own.update({"count": 33})
-    wait_until(lambda: told)
+    wait_for(lambda: told)
     assert told == [(33, {"count": 33})]
 
 
@@ -202,7 +200,7 @@ def test_many_at_once_end_with_the_same_values(remote, own):
     for thread in threads:
         thread.join(60)
         assert not thread.is_alive()
-    wait_until(lambda: (remote.current.count, remote.current.name) == (99, "299"))
+    wait_for(lambda: (remote.current.count, remote.current.name) == (99, "299"))
     assert (own.current.count, own.current.name) == (99, "299")
 
 
@@ -238,8 +236,8 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
 
     getattr(process, by)()
     process.wait()
-    wait_until(lambda: not edges.connected)
-    wait_until(lambda: edges.follow() or warned(caplog))
+    wait_for(lambda: not edges.connected)
+    wait_for(lambda: edges.follow() or warned(caplog))
     edges.follow()
     before = edges.current
     start_s = time.monotonic()
@@ -250,9 +248,9 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
     rospy.delete_param("/edge_detector")
 
     serve()
-    wait_until(lambda: edges.connected and edges.current.low == 100)
+    wait_for(lambda: edges.connected and edges.current.low == 100)
     edges.follow()
-    wait_until(lambda: answers(edges))
+    wait_for(lambda: answers(edges))
     assert edges.current.high == 444
     said = [r.getMessage() for r in caplog.records if r.name.startswith("ros_visualise")]
     lost = "edge_detector: connection lost; will reconnect"
@@ -278,7 +276,7 @@ def test_a_node_that_hangs_holds_nobody_up(serve, edges):
         with pytest.raises(OpenError, match="does not answer"):
             edges.update({"low": low})
     subprocess.run(["kill", "-CONT", str(process.pid)], check=True)
-    wait_until(lambda: answers(edges))
+    wait_for(lambda: answers(edges))
 
 
 def test_nobody_there_is_no_hang():

@@ -1,7 +1,7 @@
 """A node that asks for calibrated images is told once where they have no calibration."""
 
 import numpy as np
-from test_local import until
+from waiting import wait_for
 
 from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.graph import Graph, place
@@ -23,7 +23,7 @@ def test_images_without_a_calibration_are_said_once_and_processed_all_the_same(c
         pixels = np.zeros((2, 2), np.uint8)
         image = Image(pixels, "mono8", Header(number), camera_info=calibration)
         runtime.publish("/image", image)
-        until(lambda number=number: len(got) == number + 1)
+        wait_for(lambda number=number: len(got) == number + 1)
     runtime.stop()
     assert got == [info, None, None]
     said = [r.getMessage() for r in caplog.records if "calibration" in r.getMessage()]

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 from test_joined_nodes import boxes_of, diamond, joined
-from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
+from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of
+from waiting import wait_for
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.supervision import PROCESS
@@ -104,7 +105,7 @@ def test_who_publishes_from_outside_hears_what_a_listener_refuses():
     runtime.start()
     with pytest.raises(UsageError, match="tipped over"):
         runtime.publish("/in", Image(np.zeros((1, 1), np.uint8), "mono8"))
-    until(lambda: taken.take(0.1))
+    wait_for(lambda: taken.take(0.1))
     assert not late.asked
     runtime.stop()
 
@@ -160,8 +161,8 @@ def test_a_join_hoards_nothing_for_an_input_that_has_died(join):
     playback = Playback(rate=0, hold=True)
     runtime = LocalRuntime(graph, playback)
     runtime.start()
-    until(lambda: playback.state.ended)
-    until(lambda: runtime.report().nodes["joined"].received == FRAMES + 5)
+    wait_for(lambda: playback.state.ended)
+    wait_for(lambda: runtime.report().nodes["joined"].received == FRAMES + 5)
     waiting = len(held)
     runtime.stop()
     assert waiting <= 3  # the last of the topic, of the inbox, and of the join
@@ -185,6 +186,6 @@ def test_a_join_behind_a_dead_node_holds_up_no_recording(tmp_path):
     runtime = LocalRuntime(diamond(dying(5), joined(Exact(), got)), Playback(rate=0, hold=True))
     recording = runtime.start_recording(tmp_path / "r.mcap", topics=["/image_raw", "/joined"])
     runtime.start()
-    until(lambda: recording.written == FRAMES + 5)  # while the source holds at its end
+    wait_for(lambda: recording.written == FRAMES + 5)  # while the source holds at its end
     runtime.stop()
     assert failures("finder") == {"Death": 1}

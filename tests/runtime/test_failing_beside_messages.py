@@ -1,7 +1,8 @@
 """What nodes and sources raise where no message is at stake is counted, and ends nobody else."""
 
 import pytest
-from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
+from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of
+from waiting import wait_for
 
 from ros_visualise.core.declarations import action
 from ros_visualise.core.errors import RosVisualiseError
@@ -85,10 +86,10 @@ def test_a_source_that_cannot_begin_says_so_as_a_node_does():
 def test_a_source_that_raises_when_it_is_opened_anew_goes_on_as_before(caplog):
     run = Run(graph_of(source_type=failing_source()), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     run.runtime.parameters["counter"].update({"frames": -1})
-    until(lambda: caplog.messages)
-    until(lambda: run.runtime.parameters["counter"].current.frames == FRAMES)
+    wait_for(lambda: caplog.messages)
+    wait_for(lambda: run.runtime.parameters["counter"].current.frames == FRAMES)
     run.runtime.stop()
     assert "cannot start: ValueError: none" in caplog.text
     assert not run.runtime.failed

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from test_local import until
+from waiting import wait_for
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.core.params import Parameters, param
@@ -144,9 +144,9 @@ def test_live_an_image_waits_for_transforms_that_come_after_it():
     runtime.publish("/tf", transform("map", "base", 1.0, 1000 * MS))
     runtime.publish("/image", image(1010 * MS))
     runtime.publish("/tf", transform("map", "base", 2.0, 1020 * MS))
-    until(lambda: got == [1.5])
+    wait_for(lambda: got == [1.5])
     runtime.publish("/image", image(1030 * MS))  # no transform of its time comes
-    until(lambda: runtime.report().nodes["locator"].dropped == {"no transform": 1})
+    wait_for(lambda: runtime.report().nodes["locator"].dropped == {"no transform": 1})
     runtime.stop()
 
 
@@ -156,7 +156,7 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
     runtime = LocalRuntime(Graph(None, (placed,)).joined(), None)
     runtime.start()
     runtime.publish("/tf", transform("map", "map", 1.0, 1000 * MS))
-    until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
+    wait_for(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
     runtime.stop()
     assert (
         "locator: /tf: 'map' -> 'map' is a frame in itself (further occurrences suppressed)"
@@ -170,7 +170,7 @@ def test_faults_without_end_are_said_a_few_times_alone(caplog):
     runtime.start()
     for number in range(60):
         runtime.publish("/tf", transform(f"map{number}", f"map{number}", 1.0, 1000 * MS))
-    until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 60})
+    wait_for(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 60})
     runtime.stop()
     assert caplog.text.count("further occurrences suppressed") == 11
     assert caplog.text.count("locator: further warnings suppressed") == 1

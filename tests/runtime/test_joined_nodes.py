@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from test_local import FRAMES, PERIOD_NS, CounterParams, counter, live_counter, until
+from test_local import FRAMES, PERIOD_NS, CounterParams, counter, live_counter
+from waiting import wait_for
 
 from ros_visualise.core.params import param
 from ros_visualise.core.synchronizer import Approximate, Exact, Latest
@@ -162,7 +163,7 @@ def test_a_node_that_joins_answers_every_number_and_so_holds_up_no_recorder(tmp_
     runtime = LocalRuntime(graph, Playback(rate=0, hold=True))
     recording = runtime.start_recording(tmp_path / "r.mcap", topics=["/image_raw", "/joined"])
     runtime.start()
-    until(lambda: recording.written == FRAMES + 1)  # while the source holds at its end
+    wait_for(lambda: recording.written == FRAMES + 1)  # while the source holds at its end
     runtime.stop()
 
 
@@ -210,11 +211,11 @@ def test_after_a_seek_nothing_from_before_it_is_joined_and_the_node_is_reset_onc
     playback = Playback(rate=0, hold=True)
     runtime = LocalRuntime(graph, playback)
     runtime.start()
-    until(lambda: playback.state.ended and len(log) == FRAMES)
+    wait_for(lambda: playback.state.ended and len(log) == FRAMES)
     playback.seek(0.0)
-    until(lambda: log and log[-1] == 0)
+    wait_for(lambda: 0 in log[FRAMES:])
     playback.play()
-    until(lambda: log[-1] == (FRAMES - 1) * PERIOD_NS)
+    wait_for(lambda: log[-1] == (FRAMES - 1) * PERIOD_NS)
     runtime.stop()
     assert not runtime.failed
     assert log.count("reset") == 1
@@ -241,10 +242,10 @@ def test_live_the_newest_set_is_taken_and_the_others_are_counted():
     runtime.start()
     assert entered.wait(20)
     playback.play()
-    until(lambda: playback.state.ended)
-    until(lambda: runtime.report().nodes["finder"].received == FRAMES)
+    wait_for(lambda: playback.state.ended)
+    wait_for(lambda: runtime.report().nodes["finder"].received == FRAMES)
     go_on.set()
-    until(lambda: len(got) == 2)
+    wait_for(lambda: len(got) == 2)
     runtime.stop()
     assert got[1] >= FRAMES - 3
     dropped = runtime.report().nodes["joined"].dropped
@@ -268,9 +269,9 @@ def test_a_paused_node_shows_what_new_parameters_do_with_the_set_before():
     runtime = LocalRuntime(diamond(finder(), shifted), playback)
     playback.step()
     runtime.start()
-    until(lambda: len(got) == 1)
+    wait_for(lambda: len(got) == 1)
     runtime.parameters["joined"].update({"by": 5})
-    until(lambda: len(got) == 2)
+    wait_for(lambda: len(got) == 2)
     runtime.stop()
     assert got[1] == (got[0][0], 5)
 
@@ -281,6 +282,6 @@ def test_a_live_source_is_joined_as_it_comes():
         diamond(finder(), joined(Exact(), got), live_counter), Playback(live_stamps=True)
     )
     runtime.start()
-    until(lambda: len(got) > 5)
+    wait_for(lambda: len(got) > 5)
     runtime.stop()
     assert all(image == found for image, found in got)

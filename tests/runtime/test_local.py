@@ -2,11 +2,11 @@
 
 import sys
 import threading
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.core.params import Parameters, param
@@ -101,13 +101,6 @@ def counting(source_type=counter):
     return SourceNode("counter", source_type.declared, CounterParams(), {}, outputs)
 
 
-def until(condition):
-    deadline = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
-
-
 class Run:
     """A runtime that is watched by a listener that loses nothing."""
 
@@ -180,9 +173,9 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
     run.runtime.start()
     assert entered.wait(10)
     run.playback.play()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     go_on.set()
-    until(lambda: len(seen) >= 2)
+    wait_for(lambda: len(seen) >= 2)
     run.runtime.stop()
     report = run.runtime.report()
     assert seen[-1] == FRAMES - 1
@@ -194,7 +187,7 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
 def test_a_subscription_starts_with_the_last_message():
     run = Run(graph_of(add), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     subscription = run.runtime.subscribe("/add/sum")
     seen = set()
     while FRAMES not in seen:
@@ -220,9 +213,9 @@ def test_parameters_change_between_messages():
     run = Run(graph_of(add, collector(seen)), hold=True, rate=1, frames=None)
     run.playback.step()
     run.runtime.start()
-    until(lambda: seen)
+    wait_for(lambda: seen)
     run.runtime.parameters["add"].update({"amount": 50})
-    until(lambda: len(seen) >= 2)
+    wait_for(lambda: len(seen) >= 2)
     run.runtime.stop()
     (before, header, _), (after, again, _) = seen[:2]
     assert (after - before, again) == (49, header)  # while paused, the same image once more
@@ -290,9 +283,9 @@ def test_a_stateful_node_is_reset_when_time_jumps_back_and_finishes_at_the_end()
 
     run = Run(graph_of(Stateful), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     run.playback.seek(38 * PERIOD_NS / 1e9 + 0.001)
-    until(lambda: len(log) >= FRAMES + 3)
+    wait_for(lambda: len(log) >= FRAMES + 3)
     run.playback.close()
     assert run.runtime.wait(10)
     assert log == [*range(FRAMES), "reset", 38, 39]
@@ -316,13 +309,13 @@ def test_a_stateful_node_is_reset_by_a_jump_ahead_and_by_a_source_that_is_opened
     run = Run(graph_of(Stateful), hold=True)
     run.playback.pause()
     run.runtime.start()
-    until(lambda: log == [0])
+    wait_for(lambda: log == [0])
     run.playback.seek(20 * PERIOD_NS / 1e9 + 0.001)
-    until(lambda: log[-1:] == [20])
+    wait_for(lambda: log[-1:] == [20])
     run.playback.step()
-    until(lambda: log[-1:] == [21])
+    wait_for(lambda: log[-1:] == [21])
     run.runtime.parameters["counter"].update({"frames": 30})
-    until(lambda: len(log) == 6)
+    wait_for(lambda: len(log) == 6)
     assert log == [0, "reset", 20, 21, "reset", 21]
     run.runtime.stop()
 
@@ -394,7 +387,7 @@ def test_figures_are_asked_for_between_two_steps():
 
     run = Run(graph_of(Counting), loop=True, rate=0)
     run.runtime.start()
-    until(lambda: run.runtime.report().nodes["counting"].processed > 5)
+    wait_for(lambda: run.runtime.report().nodes["counting"].processed > 5)
     reports = [run.runtime.report().nodes["counting"] for _ in range(300)]
     run.runtime.stop()
     assert {report.own["open"] for report in reports} == {0}
@@ -417,7 +410,7 @@ def test_a_long_step_holds_up_nobody_who_asks_for_figures():
 
     run = Run(graph_of(Slow))
     run.runtime.start()
-    until(lambda: run.runtime.report().nodes["slow"].received == 1)
+    wait_for(lambda: run.runtime.report().nodes["slow"].received == 1)
     assert run.runtime.report().nodes["slow"].received == 1
     free.set()
     run.runtime.stop()
@@ -439,7 +432,7 @@ def test_a_loop_goes_on_in_time_so_that_nothing_is_reset():
 
     run = Run(graph_of(Stateful), loop=True)
     run.runtime.start()
-    until(lambda: len(seen) > 2 * FRAMES + 5)
+    wait_for(lambda: len(seen) > 2 * FRAMES + 5)
     run.runtime.stop()
     assert [value for value, _ in seen[: 2 * FRAMES]] == [*range(FRAMES)] * 2
     stamps = [stamp for _, stamp in seen[: 2 * FRAMES]]
@@ -456,7 +449,7 @@ def test_stopping_ends_every_thread_even_when_a_queue_is_full():
 
     run = Run(graph_of(add, stuck), loop=True)
     run.runtime.start()
-    until(lambda: run.runtime.report().nodes["stuck"].received)
+    wait_for(lambda: run.runtime.report().nodes["stuck"].received)
     run.runtime.stop()
     assert run.runtime.wait(5)
 
@@ -472,7 +465,7 @@ def test_a_live_source_is_never_held_up():
 
     run = Run(graph_of(slow, source_type=live_counter))
     run.runtime.start()
-    until(lambda: run.runtime.report().topics["/image_raw"].messages == FRAMES)
+    wait_for(lambda: run.runtime.report().topics["/image_raw"].messages == FRAMES)
     go_on.set()
     assert run.runtime.wait(10)
     assert run.runtime.report().nodes["slow"].dropped["queue"] >= FRAMES - 3
@@ -488,9 +481,9 @@ def test_a_source_is_opened_anew_when_its_parameters_ask_for_it():
     seen = []
     run = Run(graph_of(collector(seen)), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     run.runtime.parameters["counter"].update({"frames": 3})
-    until(lambda: len(seen) == FRAMES + 1)
+    wait_for(lambda: len(seen) == FRAMES + 1)
     run.runtime.stop()
     assert [value for value, _, _ in seen] == [*range(FRAMES), 2]  # it goes on where it was
 
@@ -524,9 +517,9 @@ def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
     seen = []
     run = Run(graph_of(collector(seen)), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     run.runtime.parameters["counter"].update({"frames": -1})
-    until(lambda: len(seen) == FRAMES + 1)
+    wait_for(lambda: len(seen) == FRAMES + 1)
     run.runtime.stop()
     assert caplog.messages == ["no frames: give at least 0"]
     assert run.runtime.parameters["counter"].current.frames == FRAMES
@@ -538,11 +531,11 @@ def test_one_recording_can_end_while_another_goes_on(tmp_path):
     first = run.runtime.start_recording(tmp_path / "first.mcap")
     second = run.runtime.start_recording(tmp_path / "second.mcap", topics=["/add/extra"])
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
-    until(lambda: (first.written, second.written) == (2 * FRAMES, FRAMES))
+    wait_for(lambda: run.playback.state.ended)
+    wait_for(lambda: (first.written, second.written) == (2 * FRAMES, FRAMES))
     run.runtime.stop_recording(second)
     run.playback.seek(0)
-    until(lambda: first.written == 4 * FRAMES)
+    wait_for(lambda: first.written == 4 * FRAMES)
     run.runtime.stop()
     assert (second.written, run.runtime.failed) == (FRAMES, False)
     assert "/add/extra" in run.runtime.report().topics
@@ -630,10 +623,10 @@ def test_while_paused_the_last_image_that_came_is_repeated():
     run = Run(graph_of(FpsControl, add, collector(seen), fps_control={"fps": 10}), hold=True)
     run.playback.step(2)  # of which the second is left out
     run.runtime.start()
-    until(lambda: run.runtime.report().nodes["fps_control"].received == 2)
-    until(lambda: seen)
+    wait_for(lambda: run.runtime.report().nodes["fps_control"].received == 2)
+    wait_for(lambda: seen)
     run.runtime.parameters["add"].update({"amount": 9})
-    until(lambda: len(seen) == 2)
+    wait_for(lambda: len(seen) == 2)
     run.runtime.stop()
     assert [value for value, _, _ in seen] == [1, 9]
     assert run.runtime.report().nodes["collector"].p99_ms < 5000
@@ -716,7 +709,7 @@ def test_where_messages_come_from_outside_a_node_is_asked_what_is_due():
     runtime.start()
     image = Image(np.zeros((2, 3), np.uint8), "mono8")
     runtime.publish("/in", image)
-    until(lambda: subscription.take(1) is image)
+    wait_for(lambda: subscription.take(1) is image)
     runtime.stop()
     assert not runtime.failed
 
@@ -737,7 +730,7 @@ def test_in_a_recording_none_is_for_two_runs_would_differ():
 
     run = Run(graph_of(Keeper), hold=True)
     run.runtime.start()
-    until(lambda: run.playback.state.ended)
+    wait_for(lambda: run.playback.state.ended)
     run.runtime.wait(0.3)
     run.runtime.stop()
     assert not asked

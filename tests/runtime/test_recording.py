@@ -1,11 +1,11 @@
 """The order in which a recorder writes, and what it does when it cannot."""
 
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import wait_for
 
 from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.data import Header, Image, ParameterEvent
@@ -235,8 +235,7 @@ def test_a_node_owes_no_answer_to_what_does_not_come_to_it():
     recording.put("/b", packet(2))
     recording.put("/a", packet(3))
     recording.put("/c", packet(0))
-    while recording.written < 4:  # all that nothing can come before any more
-        time.sleep(0.001)
+    wait_for(lambda: recording.written == 4, "all that nothing can come before any more")
     assert memory.entries == [("/a", 0), ("/c", 0), ("/b", 10), ("/b", 20)]
     recording.put("/c", packet(3))
     for topic in recording.listeners:
@@ -263,7 +262,6 @@ def test_a_node_that_is_ahead_of_the_source_s_word_is_not_waited_for_twice():
     recording = RecorderThread(memory, sensors(), lossless=True)
     recording.put("/c", packet(0))
     recording.put("/a", packet(0))
-    while recording.written < 2:
-        time.sleep(0.001)
+    wait_for(lambda: recording.written == 2)
     recording.close()
     assert memory.entries == [("/a", 0), ("/c", 0)]

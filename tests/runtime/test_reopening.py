@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from test_local import PERIOD_NS, until
+from test_local import PERIOD_NS
+from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.params import param
@@ -93,7 +94,7 @@ def test_a_parameter_that_is_set_while_the_source_opens_holds_afterwards(reopene
     open_second(reopened)
     reopened.set({"gain": 7})
     reopened.kind.go_on.set()
-    until(lambda: gain_of(reopened) == 7)
+    wait_for(lambda: gain_of(reopened) == 7)
     assert reopened.kind.opened == [("first", 1), ("second", 1)]
 
 
@@ -101,7 +102,7 @@ def test_another_path_that_is_set_while_the_source_opens_is_opened_next(reopened
     open_second(reopened)
     reopened.set({"path": "third", "gain": 7})
     reopened.kind.go_on.set()
-    until(lambda: gain_of(reopened) == 7)
+    wait_for(lambda: gain_of(reopened) == 7)
     assert reopened.kind.opened[-1] == ("third", 7)
     assert reopened.parameters["slow"].current == SlowParams("third", 7)
 
@@ -110,7 +111,7 @@ def test_a_path_that_is_set_while_another_cannot_be_opened_stays(reopened, caplo
     open_second(reopened, "missing")
     reopened.set({"path": "third"})
     reopened.kind.go_on.set()
-    until(lambda: ("third", 1) in reopened.kind.opened)
+    wait_for(lambda: ("third", 1) in reopened.kind.opened)
     assert reopened.parameters["slow"].current.path == "third"
     assert caplog.messages == ["missing: no such device"]
 
@@ -119,7 +120,7 @@ def test_what_is_set_while_a_path_cannot_be_opened_holds_with_the_one_before(reo
     open_second(reopened, "missing")
     reopened.set({"gain": 7})
     reopened.kind.go_on.set()
-    until(lambda: gain_of(reopened) == 7)
+    wait_for(lambda: gain_of(reopened) == 7)
     assert reopened.parameters["slow"].current == SlowParams("first", 7)
     assert caplog.messages == ["missing: no such device"]
 
@@ -128,6 +129,6 @@ def test_what_the_opened_source_refuses_is_said_and_set_back(reopened, caplog):
     open_second(reopened)
     reopened.set({"gain": 200})
     reopened.kind.go_on.set()
-    until(lambda: reopened.parameters["slow"].current == SlowParams("second", 1))
-    until(lambda: gain_of(reopened) == 1)
+    wait_for(lambda: reopened.parameters["slow"].current == SlowParams("second", 1))
+    wait_for(lambda: gain_of(reopened) == 1)
     assert caplog.messages == ["gain=200: the device takes up to 100"]

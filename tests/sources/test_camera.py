@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_videos import numbered, write_video
+from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
@@ -52,13 +54,13 @@ def free_port(kind: int) -> int:
 
 def open_patiently(url: str, timeout_s: float) -> LiveCamera:
     """A server needs a moment until it listens."""
-    give_up = time.monotonic() + PATIENCE_S
-    while True:
-        try:
+
+    def opened() -> LiveCamera | None:
+        with suppress(OpenError):
             return LiveCamera(url, timeout_s=timeout_s)
-        except OpenError:
-            assert time.monotonic() < give_up
-            time.sleep(0.05)
+        return None
+
+    return wait_for(opened, url)
 
 
 def take(camera: LiveCamera, count: int) -> list[tuple[int, Any]]:
@@ -126,8 +128,7 @@ def test_a_slow_taker_gets_the_newest_and_the_rest_is_counted() -> None:
 
     camera = LiveCamera("lavfi:testsrc2=size=64x48:rate=1000", clock=Clock())
     first = take(camera, 1)[0][0]
-    while camera.dropped < 50:
-        time.sleep(0.01)
+    wait_for(lambda: camera.dropped >= 50)
     second = take(camera, 1)[0][0]
     camera.close()
     assert second - first > 0.04 * S

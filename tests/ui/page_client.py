@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import viser
 import zstandard
+from waiting import wait_for
 from websockets.sync.client import connect
 
 TOKEN = "a-token-of-the-tests_00"
@@ -49,6 +50,11 @@ def get(port: int, path: str = "/", token: str = TOKEN, **headers: str) -> tuple
         asked.request("GET", f"/{token}{path}" if token else path, headers=headers)
         answer = asked.getresponse()
         return answer.status, answer.headers, answer.read().decode(errors="replace")
+
+
+def wait_in(tab: Any, check: Callable[[], Any]) -> Any:
+    """What the check gives as soon as it gives something, while a browser's tab works."""
+    return wait_for(check, sleep=lambda pause_s: tab.wait_for_timeout(1000 * pause_s))
 
 
 class Client:

@@ -1,6 +1,7 @@
 """Driving in a real browser: a robot moves while a button or a key is held, and no longer."""
 
 import pytest
+from page_client import wait_in
 from test_driving import Told, graph_of
 
 from ros_visualise.runtime.local import LocalRuntime
@@ -32,14 +33,6 @@ def tab(chromium, husky):
     context.close()
 
 
-def wait_until(tab, check):
-    for _ in range(300):
-        if check():
-            return
-        tab.wait_for_timeout(50)
-    pytest.fail("it did not come about")
-
-
 def is_driven(husky, velocity):
     return husky.velocities[-3:] == [velocity] * 3
 
@@ -59,18 +52,18 @@ def test_it_moves_while_a_button_or_key_is_held(tab, husky, monkeypatch):
 
     tab.hover("[data-hold=forward]")
     tab.mouse.down()
-    wait_until(tab, lambda: is_driven(husky, (0.8, 0.0, 0.0)))
+    wait_in(tab, lambda: is_driven(husky, (0.8, 0.0, 0.0)))
     tab.mouse.move(900, 300)
     tab.mouse.up()
-    wait_until(tab, lambda: is_stopped(husky))
+    wait_in(tab, lambda: is_stopped(husky))
 
     tab.keyboard.down("i")
     tab.keyboard.down("j")
-    wait_until(tab, lambda: is_driven(husky, (0.8, 0.0, 0.6)))
+    wait_in(tab, lambda: is_driven(husky, (0.8, 0.0, 0.6)))
     tab.keyboard.up("i")
-    wait_until(tab, lambda: is_driven(husky, (0.0, 0.0, 0.6)))
+    wait_in(tab, lambda: is_driven(husky, (0.0, 0.0, 0.6)))
     tab.keyboard.press("k")
-    wait_until(tab, lambda: is_stopped(husky))
+    wait_in(tab, lambda: is_stopped(husky))
     sent = len(husky.velocities)
     tab.wait_for_timeout(500)
     assert len(husky.velocities) == sent, "stopped is stopped, though a key is still down"
@@ -78,15 +71,15 @@ def test_it_moves_while_a_button_or_key_is_held(tab, husky, monkeypatch):
 
     for event in ("blur", "pagehide"):
         tab.keyboard.down("m")
-        wait_until(tab, lambda: is_driven(husky, (-0.8, 0.0, 0.0)))
+        wait_in(tab, lambda: is_driven(husky, (-0.8, 0.0, 0.0)))
         tab.evaluate(f"window.dispatchEvent(new Event('{event}'))")
-        wait_until(tab, lambda: is_stopped(husky))
+        wait_in(tab, lambda: is_stopped(husky))
         tab.keyboard.up("m")
 
 
 def test_it_stops_when_the_connection_is_lost(tab, husky):
     tab.keyboard.down("l")
-    wait_until(tab, lambda: husky.velocities)
+    wait_in(tab, lambda: husky.velocities)
     tab.evaluate("rv.send = () => {}")
-    wait_until(tab, lambda: is_stopped(husky))
+    wait_in(tab, lambda: is_stopped(husky))
     assert set(husky.velocities[:-1]) == {(0.0, 0.0, -0.6)}

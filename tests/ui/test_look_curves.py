@@ -1,7 +1,6 @@
 """Numbers over time: of a recording at once, of others as they come."""
 
 import json
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from made_videos import numbered, write_video
 from scene_messages import odometry
 from scene_runtime import Told
+from waiting import wait_for
 
 from ros_visualise.data import Image, Odometry
 from ros_visualise.geometry.thinning import extremes
@@ -61,13 +61,12 @@ def inspector(tmp_path):
 
 def whole_curve(inspector, field):
     """As soon as it is there."""
-    end_s = time.monotonic() + 30
-    while True:
+
+    def found():
         (curve,) = ask(inspector, f"{WHOLE}&field={field}")["curves"]
-        if curve["share"] == 1:
-            return curve
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
+        return curve if curve["share"] == 1 else None
+
+    return wait_for(found, "the whole curve")
 
 
 def test_a_paused_recording_is_there_from_its_start_to_its_end(inspector):
@@ -91,10 +90,7 @@ def test_what_was_measured_beside_a_film_is_there_whole(tmp_path):
 
 def test_a_click_goes_there(inspector):
     assert ask(inspector, "ask=play&seek=17")["playing"] is False
-    end_s = time.monotonic() + 30
-    while ask(inspector, WHOLE)["position"] != 17:
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
+    wait_for(lambda: ask(inspector, WHOLE)["position"] == 17)
     assert inspector.answer(BrowserQuery("ask=play&seek=nan")).status == 400
     assert inspector.answer(BrowserQuery("ask=play&seek=5"), is_viewer=True).status == 403
 

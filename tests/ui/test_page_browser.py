@@ -2,7 +2,7 @@
 
 import re
 
-import pytest
+from page_client import wait_in
 
 from ros_visualise.vision.edges import Method
 
@@ -29,14 +29,6 @@ def image(tab, topic="/processed_image"):
     return tab.locator("xpath=" + IMAGE.format(topic))
 
 
-def wait_until(tab, check):
-    for _ in range(300):
-        if check():
-            return
-        tab.wait_for_timeout(100)
-    pytest.fail("it did not come about in 30 seconds")
-
-
 def slide(tab, label, fraction):
     """Drag a slider to this part of its way."""
     box = element(tab, label, "*[contains(@class,'Slider-trackContainer')]").bounding_box()
@@ -57,66 +49,66 @@ def is_brightest(tab, value):
 
 def test_threshold_slider_changes_the_pixels_on_all_browsers(browse, runtime):
     first, second = browse(), browse()
-    wait_until(first, lambda: is_brightest(first, 128))
+    wait_in(first, lambda: is_brightest(first, 128))
 
     slide(first, "Threshold", 0.2)
 
-    wait_until(first, lambda: abs(runtime.parameters["filters"].current.threshold - 51) <= 3)
+    wait_in(first, lambda: abs(runtime.parameters["filters"].current.threshold - 51) <= 3)
     threshold = runtime.parameters["filters"].current.threshold
     for tab in (first, second):
-        wait_until(tab, lambda tab=tab: value_of(tab, "Threshold") == threshold)
-        wait_until(tab, lambda tab=tab: is_brightest(tab, threshold))
+        wait_in(tab, lambda tab=tab: value_of(tab, "Threshold") == threshold)
+        wait_in(tab, lambda tab=tab: is_brightest(tab, threshold))
 
 
 def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, runtime):
     tab = browse()
     runtime.parameters["filters"].update({"threshold": 77})
-    wait_until(tab, lambda: value_of(tab, "Threshold") == 77)
-    wait_until(tab, lambda: is_brightest(tab, 77))
+    wait_in(tab, lambda: value_of(tab, "Threshold") == 77)
+    wait_in(tab, lambda: is_brightest(tab, 77))
 
     tab.reload()
-    wait_until(tab, lambda: is_brightest(tab, 77))
+    wait_in(tab, lambda: is_brightest(tab, 77))
     late = browse()
-    wait_until(late, lambda: is_brightest(late, 77))
+    wait_in(late, lambda: is_brightest(late, 77))
 
 
 def test_buttons_and_keys_play(browse, runtime):
     tab, playback = browse(), runtime.playback
     tab.get_by_role("button", name=re.compile("Play")).click()
-    wait_until(tab, lambda: playback.state.playing)
+    wait_in(tab, lambda: playback.state.playing)
     tab.get_by_role("button", name=re.compile("Pause")).click()
-    wait_until(tab, lambda: not playback.state.playing)
+    wait_in(tab, lambda: not playback.state.playing)
     before_s = playback.state.position_s
     tab.get_by_role("button", name="▸").click()
-    wait_until(tab, lambda: playback.state.position_s > before_s)
+    wait_in(tab, lambda: playback.state.position_s > before_s)
     stepped_s = playback.state.position_s
     tab.get_by_role("button", name="◂").click()
-    wait_until(tab, lambda: playback.state.position_s < stepped_s)
+    wait_in(tab, lambda: playback.state.position_s < stepped_s)
     tab.keyboard.press("Space")
-    wait_until(tab, lambda: playback.state.playing)
+    wait_in(tab, lambda: playback.state.playing)
     tab.keyboard.press("Space")
-    wait_until(tab, lambda: not playback.state.playing)
+    wait_in(tab, lambda: not playback.state.playing)
     tab.keyboard.press("Home")
-    wait_until(tab, lambda: playback.state.position_s == 0)
+    wait_in(tab, lambda: playback.state.position_s == 0)
 
 
 def test_a_window_can_be_hidden_and_comes_back(browse, runtime):
     tab = browse()
     switch = element(tab, "filters", "input")
     switch.click(force=True)
-    wait_until(tab, lambda: image(tab).count() == 0 and image(tab, "/edges").count() == 1)
+    wait_in(tab, lambda: image(tab).count() == 0 and image(tab, "/edges").count() == 1)
     switch.click(force=True)
-    wait_until(tab, lambda: image(tab).count() == 1)
-    wait_until(tab, lambda: is_brightest(tab, 128))
+    wait_in(tab, lambda: image(tab).count() == 1)
+    wait_in(tab, lambda: is_brightest(tab, 128))
 
 
 def test_overlay_is_made_only_while_it_is_shown(browse, runtime):
     tab = browse()
-    wait_until(tab, lambda: "/edges" in runtime.report().topics)
+    wait_in(tab, lambda: "/edges" in runtime.report().topics)
     assert "/edges_overlay" not in runtime.report().topics
     element(tab, "Image", "input").click()
     tab.get_by_role("option", name="/edges_overlay").click()
-    wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
+    wait_in(tab, lambda: "/edges_overlay" in runtime.report().topics)
 
 
 def test_choice_reaches_the_node(browse, runtime):
@@ -124,4 +116,4 @@ def test_choice_reaches_the_node(browse, runtime):
     tab.get_by_text("Method", exact=True).first.click()
     element(tab, "Method", "input").click()
     tab.get_by_role("option", name="scharr").click()
-    wait_until(tab, lambda: runtime.parameters["edge_detector"].current.method is Method.SCHARR)
+    wait_in(tab, lambda: runtime.parameters["edge_detector"].current.method is Method.SCHARR)

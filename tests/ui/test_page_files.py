@@ -2,7 +2,6 @@
 
 import http.client
 import re
-import time
 from contextlib import closing, suppress
 from io import BytesIO
 from pathlib import Path
@@ -11,6 +10,7 @@ from zipfile import ZipFile
 import pytest
 from page_client import TOKEN, VIEW_TOKEN, Client
 from rosbags.highlevel import AnyReader
+from waiting import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -64,13 +64,6 @@ def fetch(port, query, **headers):
         return answer.status, answer.read()
 
 
-def wait_until(check):
-    end_s = time.monotonic() + 60
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
-
-
 def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser, tmp_path):
     pieces = [VIDEO[:60_000], VIDEO[60_000:120_000], VIDEO[120_000:]]
     upload(port, [b"12:00"], upload="a.SRT", size=5, open="")
@@ -110,7 +103,7 @@ def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):
 def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}/?upload=a.mp4&size=9") as socket:
         socket.send(b"1234")
-        wait_until(lambda: list((tmp_path / "there").glob("a.mp4.*.part")))
+        wait_for(lambda: list((tmp_path / "there").glob("a.mp4.*.part")))
     client.read_until(lambda: any("connection closed" in html for html in client.html))
     assert not list((tmp_path / "there").iterdir())
 

@@ -1,7 +1,6 @@
 """What the page is made of, without a browser."""
 
 import threading
-import time
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from enum import Enum
@@ -11,6 +10,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from waiting import wait_for
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, param, specs
@@ -107,13 +107,6 @@ def test_a_slider_waits_for_its_switch(server):
     parameters.update({"blur": "off"})
     wait_for(lambda: size.disabled)
     worker.close(1)
-
-
-def wait_for(check):
-    end_s = time.monotonic() + 20
-    while not check():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 def test_a_slider_holds_a_value_beyond_its_range(elements):

@@ -1,12 +1,11 @@
 """The page of a robot: the scene, its controls, plots of fields, and points over images."""
 
-import time
-
 import numpy as np
 import pytest
 from page_client import Client
 from scene_messages import cloud, image, odometry, tf, transform
 from scene_runtime import Told
+from waiting import wait_for
 
 from ros_visualise.data import Image, Odometry, PointCloud, Transforms
 from ros_visualise.ui import ViewOptions
@@ -36,13 +35,6 @@ def client(page, port):
     client.socket.close()
 
 
-def wait_until(check):
-    end_s = time.monotonic() + 60
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
-
-
 def test_what_is_published_is_drawn(client, runtime):
     runtime.say(tf_static=tf(transform("base_link", "lidar", [0, 0, 1])))
     runtime.say(tf=tf(transform("odom", "base_link", [3, 0, 0], 1)))
@@ -56,17 +48,17 @@ def test_what_is_published_is_drawn(client, runtime):
 
 
 def test_nothing_but_transforms_is_asked_for_while_nobody_looks(page, runtime, port):
-    wait_until(lambda: runtime.asked["/tf"] == 1)
+    wait_for(lambda: runtime.asked["/tf"] == 1)
     runtime.say(tf_static=tf(transform("map", "lidar", [1, 0, 0])))
     runtime.say(tf_static=tf(transform("map", "odom", [2, 0, 0])), points=cloud(DEPTH))
     scene = page._content._scene
-    wait_until(lambda: scene.frames.names == ["lidar", "map", "odom"])
+    wait_for(lambda: scene.frames.names == ["lidar", "map", "odom"])
     assert [runtime.asked[topic] for topic in ("/points", "/odom", "/image")] == [0, 0, 0]
     client = Client(port)
-    wait_until(lambda: runtime.asked["/points"] == 1)
+    wait_for(lambda: runtime.asked["/points"] == 1)
     client.read_until(lambda: "/world/topics/points/points" in client.nodes)
     client.socket.close()
-    wait_until(lambda: sum(runtime.asked[t] for t in ("/points", "/odom", "/image")) == 0)
+    wait_for(lambda: sum(runtime.asked[t] for t in ("/points", "/odom", "/image")) == 0)
     assert runtime.asked["/tf"] == 1
 
 

@@ -7,13 +7,13 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from collections import deque
 from contextlib import ExitStack, suppress
 from threading import Thread
 
 import pytest
 from page_client import TOKEN, Client, addresses
+from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.ui import ViewOptions
@@ -162,16 +162,9 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
     client.read_until(lambda: len(followed) == 3)
     assert followed == ["/controlled_stream", "/processed_image", "/edges"]
     client.set("filters", False)
-    wait_until(lambda: "/processed_image" not in followed)
+    wait_for(lambda: "/processed_image" not in followed)
     client.socket.close()
-    wait_until(lambda: not followed)
-
-
-def wait_until(check):
-    end_s = time.monotonic() + 60
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.02)
+    wait_for(lambda: not followed)
 
 
 def test_recording_from_the_page(port, runtime, tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_client import Client
+from page_client import Client, wait_in
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
@@ -10,45 +10,37 @@ from ros_visualise.ui import ViewOptions, read_arrangement
 from ros_visualise.ui.page import Page
 
 
-def wait_until(tab, check):
-    for _ in range(600):
-        if check():
-            return
-        tab.wait_for_timeout(50)
-    pytest.fail("it did not come about")
-
-
 def test_reload_and_a_link_lose_nothing(browse, page, runtime):
     tab = browse()
     filters = runtime.parameters["filters"]
     assert "#" not in tab.url
     filters.update({"threshold": 77})
-    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
 
     filters.update({"threshold": 50})
     tab.reload()
-    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=50"))
+    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=50"))
     assert filters.current.threshold == 50  # what it was before is not set again
 
     link = f"{page.url}#filters/threshold=78&edge_detector/show=/edges_overlay&a/b=1&windows=x"
     tab.goto("about:blank")
     tab.goto(link)
-    wait_until(tab, lambda: filters.current.threshold == 78)
-    wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
+    wait_in(tab, lambda: filters.current.threshold == 78)
+    wait_in(tab, lambda: "/edges_overlay" in runtime.report().topics)
     kept = "#filters/threshold=78&edge_detector/image=/edges_overlay"
-    wait_until(tab, lambda: tab.url.endswith(kept))
+    wait_in(tab, lambda: tab.url.endswith(kept))
 
     other = browse()
-    wait_until(other, lambda: other.url == tab.url)
+    wait_in(other, lambda: other.url == tab.url)
     filters.update({"threshold": 60})
     for one in (tab, other):
-        wait_until(one, lambda one=one: "threshold=60" in one.url)
+        wait_in(one, lambda one=one: "threshold=60" in one.url)
 
 
 def test_what_changed_before_anybody_looked_is_kept_too(browse, page, runtime):
     runtime.parameters["filters"].update({"threshold": 77})
     tab = browse()
-    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
 
 
 def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
@@ -64,7 +56,7 @@ def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
     )
     tab.goto("http://evil.example/")
     tab.click("a")
-    wait_until(tab, lambda: tab.url == f"{page.url}/")
+    wait_in(tab, lambda: tab.url == f"{page.url}/")
     assert runtime.parameters["filters"].current.threshold == 128
 
     asked = []

@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from page_client import TOKEN, VIEW_TOKEN
-from test_page_browser import element, value_of, wait_until
+from page_client import TOKEN, VIEW_TOKEN, wait_in
+from test_page_browser import element, value_of
 from waiting import wait_for
 
 READY = "document.querySelectorAll(\"img[src^='blob:']\").length == 3"
@@ -53,9 +53,9 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
 
     runtime.parameters["filters"].update({"threshold": 77})
     for tab in (looking, working):
-        wait_until(tab, lambda tab=tab: value_of(tab, "Threshold") == 77)
+        wait_in(tab, lambda tab=tab: value_of(tab, "Threshold") == 77)
     working.keyboard.press("Space")
-    wait_until(working, lambda: runtime.playback.state.playing)
+    wait_in(working, lambda: runtime.playback.state.playing)
 
 
 def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, runtime, tmp_path):

@@ -1,9 +1,8 @@
 """The controls of playback, as a browser moves them."""
 
-import time
-
 import pytest
 from page_client import Client
+from waiting import wait_for
 
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
@@ -35,50 +34,43 @@ def client(playback, port):
     client.socket.close()
 
 
-def wait_until(check):
-    end_s = time.monotonic() + 60
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
-
-
 def test_the_topic_of_a_step_is_chosen(client, playback):
     assert client.values["Step by"] == "/image"
     client.set("Step by", "/imu")
-    wait_until(lambda: playback.step_topic == "/imu")
+    wait_for(lambda: playback.step_topic == "/imu")
     client.set("Step by", "Any message")
-    wait_until(lambda: playback.step_topic == "")
+    wait_for(lambda: playback.step_topic == "")
 
 
 @pytest.mark.parametrize("rate", [0.1, 100.0])
 def test_the_rate_goes_far(client, playback, rate):
     client.set("Rate", rate)
-    wait_until(lambda: playback.state.rate == rate)
+    wait_for(lambda: playback.state.rate == rate)
 
 
 def test_a_step_shows_the_next_image(client, playback):
-    wait_until(lambda: playback.state.duration_s is not None)
+    wait_for(lambda: playback.state.duration_s is not None)
     before = playback.state.position_s
     client.set("Playback", "▸")
-    wait_until(lambda: playback.state.position_s > before)
+    wait_for(lambda: playback.state.position_s > before)
     assert not playback.state.playing
 
 
 def test_marks_are_numbers_buttons_and_keys(client, playback):
     playback.seek(3.0)
-    wait_until(lambda: playback.state.position_s == 3.0)
+    wait_for(lambda: playback.state.position_s == 3.0)
     client.set("Range", "Set start")
-    wait_until(lambda: playback.state.part_s == (3.0, None))
+    wait_for(lambda: playback.state.part_s == (3.0, None))
     client.read_until(lambda: client.values["Start"] == 3.0)
     playback.seek(5.0)
     client.set("Range", "Set end")
-    wait_until(lambda: playback.state.part_s == (3.0, 5.0))
+    wait_for(lambda: playback.state.part_s == (3.0, 5.0))
     client.read_until(lambda: client.values["End"] == 5.0)
     address = "playback%20range/start=3.0&amp;playback%20range/end=5.0"
     client.read_until(lambda: any(address in h for h in client.html))
     client.set("Start", 6.25)
-    wait_until(lambda: playback.state.part_s == (6.25, None))
+    wait_for(lambda: playback.state.part_s == (6.25, None))
     client.set("End", 4.0)
-    wait_until(lambda: playback.state.part_s == (0.0, 4.0))
+    wait_for(lambda: playback.state.part_s == (0.0, 4.0))
     client.set("Range", "Clear")
-    wait_until(lambda: playback.state.part_s == (0.0, None))
+    wait_for(lambda: playback.state.part_s == (0.0, None))

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
+from waiting import wait_for
 from websockets.exceptions import ConnectionClosedError
 
 from ros_visualise.ui.look.answers import BrowserQuery
@@ -63,11 +64,7 @@ def taking(folder, **limits):
 
 
 async def until(check):
-    for _ in range(6000):
-        if check():
-            return
-        await asyncio.sleep(0.01)
-    pytest.fail("it did not come about")
+    await asyncio.to_thread(wait_for, check)
 
 
 def test_a_file_has_its_name_when_it_is_whole(tmp_path):

@@ -9,6 +9,7 @@ import textwrap
 import time
 
 import pytest
+from waiting import wait_for
 
 HELPERS = """
 import os, subprocess, sys, time
@@ -209,12 +210,12 @@ def test_quitting_ends_the_command_with_status_0(screen):
     )
     xdo = {"env": {**os.environ, "DISPLAY": screen}, "timeout": 20}
     find = ["xdotool", "search", "--onlyvisible", "--name", "^filters$"]
-    windows, end_s = [], time.monotonic() + 60
+
+    def shown():  # nothing, too, if another window goes meanwhile
+        return subprocess.run(find, **xdo, capture_output=True, text=True).stdout.split()
+
     try:
-        while not windows and time.monotonic() < end_s:  # it fails if another window goes meanwhile
-            windows = subprocess.run(find, **xdo, capture_output=True, text=True).stdout.split()
-            time.sleep(0.1)
-        assert windows, "none was shown; what the command said is below"
+        windows = wait_for(shown, "a window", process=process)
         press = ["xdotool", "windowfocus", "--sync", windows[-1], "key", "Escape"]
         subprocess.run(press, **xdo, check=True)
         _, errors = process.communicate(timeout=20)
