@@ -44,11 +44,12 @@ class GaussMarkov:
 
     def __init__(self, random: np.random.Generator, deviation: Floats, time_s: float) -> None:
         self._random, self._deviation, self._time_s = random, deviation, time_s
+        self._interval = Interval()
         self._errors: Floats = deviation * random.standard_normal(len(deviation))
 
-    def step(self, elapsed_s: float) -> Floats:
-        """The errors (N,) after some time."""
-        keep = math.exp(-elapsed_s / self._time_s)
+    def at(self, stamp_ns: int) -> Floats:
+        """The errors (N,) at a time, not before the last one."""
+        keep = math.exp(-self._interval.until(stamp_ns) / self._time_s)
         kick = math.sqrt(1 - keep**2) * self._random.standard_normal(len(self._errors))
         self._errors = keep * self._errors + kick * self._deviation
         return self._errors

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from ros_visualise.simulation.sensors import SENSORS, Fitting
-
-Measured = Iterator[tuple[str, Any]]
-Make = Callable[[int, int], Measured]
-"""(stamp_ns, index of the measurement) -> (output, message) of one measurement."""
+from ros_visualise.simulation.sensors import SENSORS, Fitting, Measure
 
 
 class SensorStream:
     """Measurements at a rate: each at the first step at or after its due time."""
 
-    def __init__(self, rate_hz: float, make: Make, output: str, always: bool) -> None:
-        self._rate_hz, self.make, self.output, self.always = rate_hz, make, output, always
+    def __init__(self, rate_hz: float, measure: Measure, output: str, always: bool) -> None:
+        self._rate_hz, self.measure, self.output, self.always = rate_hz, measure, output, always
         self.index = 0
         self.due_ns = 0
 
@@ -68,6 +64,6 @@ class Schedule:
                 continue
             index = stream.pass_on()
             if stream.always or self._wants(stream.output):
-                for name, message in stream.make(stamp_ns, index):
+                for name, message in stream.measure(stamp_ns, index).items():
                     yield SensorOutput(stamp_ns, name, message)
         self.due_ns = min(stream.due_ns for stream in self._streams)

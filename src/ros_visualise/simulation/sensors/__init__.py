@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from ros_visualise.simulation.frames import CameraMount
     from ros_visualise.simulation.pad import Pad
     from ros_visualise.simulation.robot import Robot
-    from ros_visualise.simulation.schedule import Make
 
 P = TypeVar("P")
+
+Measure = Callable[[int, int], Mapping[str, Any]]
+"""(stamp_ns, index of the measurement) -> output -> message."""
 
 
 def setting(default: Any, help: str, **limits: Any) -> Any:
@@ -55,7 +57,7 @@ class SensorType:
         params: its parameters; robots whose settings derive from these have it.
         outputs: names -> types of message; the first one is asked for listeners.
         rate: parameter with its measurements per second.
-        fit: gives the measuring function, see `Make`.
+        fit: gives the measuring function.
         switch: parameter that turns it on; empty: always on.
         always: measure also without listeners, because it has a state.
         standard: every robot gets it.
@@ -64,7 +66,7 @@ class SensorType:
     params: type
     outputs: Mapping[str, type]
     rate: str
-    fit: Callable[[Fitting], Make]
+    fit: Callable[[Fitting], Measure]
     switch: str = ""
     always: bool = False
     standard: bool = True

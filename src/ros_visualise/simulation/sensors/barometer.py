@@ -9,9 +9,8 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
-from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.noise import GaussMarkov, random_of
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _SEA_LEVEL_PA = 101325.0
 _SEA_LEVEL_K = 288.15
@@ -54,29 +53,22 @@ class Barometer:
         self._origin_m = origin_m
         self._white = params.baro_noise
         drift = np.array([params.baro_drift])
-        self._drift, self._interval = (
-            GaussMarkov(self._random, drift, params.baro_drift_time),
-            Interval(),
-        )
+        self._drift = GaussMarkov(self._random, drift, params.baro_drift_time)
         self._variance = params.baro_noise**2 + params.baro_drift**2
 
     def measure(self, stamp_ns: int, height_m: float) -> FluidPressure:
         """The pressure at a height above the world's origin."""
-        drift = float(self._drift.step(self._interval.until(stamp_ns))[0])
+        drift = float(self._drift.at(stamp_ns)[0])
         error = drift + self._white * self._random.standard_normal()
         pressure = pressure_at(self._origin_m + height_m) + error
         return FluidPressure(pressure, self._variance, Header(stamp_ns, self.frame_id))
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The sensor in the body."""
     body, settings = fitting.robot.body, fitting.settings
     barometer = Barometer(settings, settings.gps_altitude, fitting.seed)
-
-    def measure(stamp_ns: int, _: int) -> Measured:
-        yield "pressure", barometer.measure(stamp_ns, body.position[2])
-
-    return measure
+    return lambda stamp_ns, _: {"pressure": barometer.measure(stamp_ns, body.position[2])}
 
 
 SENSOR = SensorType(

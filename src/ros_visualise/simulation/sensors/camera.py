@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,8 +15,7 @@ import numpy.typing as npt
 from ros_visualise.data import CameraInfo, Floats, Header, Image, Pixels
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.rendering import Renderer
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _NOISE_MARGIN = 64
 
@@ -101,15 +101,15 @@ class CameraSensor:
         return np.asarray(cv2.add(pixels, grain, dtype=cv2.CV_8U))
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The camera on its mount."""
     body, mount = fitting.robot.body, fitting.mount
     camera = CameraSensor(fitting.settings, fitting.seed, fitting.model)
     fitting.closing.append(camera.close)
 
-    def measure(stamp_ns: int, index: int) -> Measured:
+    def measure(stamp_ns: int, index: int) -> Mapping[str, Any]:
         place, R = mount.optical_in_map(np.array(body.position), body.axes)
-        yield "image", camera.measure(stamp_ns, index, fitting.data, place, R)
+        return {"image": camera.measure(stamp_ns, index, fitting.data, place, R)}
 
     return measure
 

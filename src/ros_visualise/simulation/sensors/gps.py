@@ -9,9 +9,8 @@ import numpy as np
 
 from ros_visualise.data import Floats, Header, NavSatFix
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.noise import GaussMarkov, random_of
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _DIAGONAL_KNOWN = 2  # COVARIANCE_TYPE_DIAGONAL_KNOWN
 
@@ -47,10 +46,7 @@ class GpsSensor:
         axes = np.array([1.0, 1.0, params.gps_vertical])
         self._white = params.gps_noise * axes
         drift = params.gps_drift * axes
-        self._drift, self._interval = (
-            GaussMarkov(self._random, drift, params.gps_drift_time),
-            Interval(),
-        )
+        self._drift = GaussMarkov(self._random, drift, params.gps_drift_time)
         self._covariance = np.diag(self._white**2 + drift**2)
         origin = params.gps_latitude, params.gps_longitude, params.gps_altitude
         self._plane = LocalPlane(*origin)
@@ -58,7 +54,7 @@ class GpsSensor:
     def measure(self, stamp_ns: int, position_xyz: Floats) -> NavSatFix:
         """The fix of an antenna: metres east, north and up of the world's origin."""
         noise = self._white * self._random.standard_normal(3)
-        drift = self._drift.step(self._interval.until(stamp_ns))
+        drift = self._drift.at(stamp_ns)
         place = position_xyz + noise + drift
         latitude, longitude, altitude = self._plane.from_enu(place).tolist()
         return NavSatFix(
@@ -71,14 +67,10 @@ class GpsSensor:
         )
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The receiver, at its antenna."""
     body, gps = fitting.robot.body, GpsSensor(fitting.settings, fitting.seed)
-
-    def measure(stamp_ns: int, _: int) -> Measured:
-        yield "fix", gps.measure(stamp_ns, body.site("gps_link")[0])
-
-    return measure
+    return lambda stamp_ns, _: {"fix": gps.measure(stamp_ns, body.site("gps_link")[0])}
 
 
 SENSOR = SensorType(GpsParams, {"fix": NavSatFix}, "gps_rate", fit, "gps", always=True)

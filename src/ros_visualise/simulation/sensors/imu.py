@@ -12,8 +12,7 @@ from ros_visualise.data import Floats, Header, Imu
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
 from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _imu = partial(setting, group="imu")
 
@@ -72,28 +71,17 @@ class ImuSensor:
         elapsed_s = self._interval.until(stamp_ns)
         self._bias = self._bias + self._walk * math.sqrt(elapsed_s) * noise[6:]
         measured = motion + self._bias + self._white * noise[:6]
-        tilt = self._tilt.step(elapsed_s).tolist()
+        tilt = self._tilt.at(stamp_ns).tolist()
         estimate = multiply(attitude, from_rotation_vector(*tilt))
-        orientation, angular, linear = self._covariances
-        return Imu(
-            xyzw(estimate),
-            measured[:3],
-            measured[3:],
-            orientation,
-            angular,
-            linear,
-            Header(stamp_ns, self.frame_id),
-        )
+        turn, angular, linear = self._covariances
+        header = Header(stamp_ns, self.frame_id)
+        return Imu(xyzw(estimate), measured[:3], measured[3:], turn, angular, linear, header)
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The sensor in the body."""
     body, imu = fitting.robot.body, ImuSensor(fitting.settings, fitting.seed)
-
-    def measure(stamp_ns: int, _: int) -> Measured:
-        yield "imu", imu.measure(stamp_ns, body.attitude, body.motion())
-
-    return measure
+    return lambda stamp_ns, _: {"imu": imu.measure(stamp_ns, body.attitude, body.motion())}
 
 
 SENSOR = SensorType(ImuParams, {"imu": Imu}, "imu_rate", fit, always=True)

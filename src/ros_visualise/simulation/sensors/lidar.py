@@ -12,8 +12,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats, Header, PointCloud
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.rays import PLANE, Ranges, RayCulling, StaticGeoms
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 Indices = npt.NDArray[np.intp]
 
@@ -127,15 +126,13 @@ def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
     return np.asarray(100 * np.where(model.geom_matid[geoms] >= 0, 0.5, colours), np.float32)
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The lidar on the robot."""
     body = fitting.robot.body
     lidar = Lidar(fitting.settings, fitting.seed, fitting.model, fitting.data)
-
-    def measure(stamp_ns: int, index: int) -> Measured:
-        yield "points", lidar.measure(stamp_ns, index, *body.site("lidar_link"))
-
-    return measure
+    return lambda stamp_ns, index: {
+        "points": lidar.measure(stamp_ns, index, *body.site("lidar_link"))
+    }
 
 
 SENSOR = SensorType(LidarParams, {"points": PointCloud}, "lidar_rate", fit, "lidar")

@@ -10,8 +10,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Header, MagneticField
 from ros_visualise.simulation.noise import random_of
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _TESLA = 1e-6
 
@@ -62,14 +61,10 @@ class Magnetometer:
         return MagneticField(measured, self._covariance, Header(stamp_ns, self.frame_id))
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The sensor in the body."""
     body, magnetometer = fitting.robot.body, Magnetometer(fitting.settings, fitting.seed)
-
-    def measure(stamp_ns: int, _: int) -> Measured:
-        yield "mag", magnetometer.measure(stamp_ns, body.axes)
-
-    return measure
+    return lambda stamp_ns, _: {"mag": magnetometer.measure(stamp_ns, body.axes)}
 
 
 SENSOR = SensorType(

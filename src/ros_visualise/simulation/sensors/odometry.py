@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +21,11 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.frames import body_frame
+from ros_visualise.simulation.frames import ODOM, body_frame
+from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.noise import Interval, random_of
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
-_FRAME, _CHILD = "odom", "base_link"
 _SURE = 1e-6  # of exact quantities: filters cannot use a variance of zero
 _SLIP = 1e-3  # (m/s)^2, sideways and up, which wheels do not measure
 _WHEELS_TWIST = np.diag((_SURE, _SLIP, _SLIP, _SURE, _SURE, _SURE))
@@ -103,15 +104,10 @@ class WheelOdometry:
         twist = _WHEELS_TWIST.copy()
         twist[0, 0] += ((p.odom_scale * way_m) ** 2 + walks[0]) / period_s**2
         twist[5, 5] += ((p.odom_turn_scale * turn_rad) ** 2 + walks[1]) / period_s**2
-        return _odometry(
-            stamp_ns,
-            (self._x, self._y, 0.0),
-            from_yaw(self._yaw),
-            np.array((ds / period_s, 0.0, 0.0)),
-            np.array((0.0, 0.0, dyaw / period_s)),
-            self._covariance[:6, :6].copy(),
-            twist,
-        )
+        speed = np.array((ds / period_s, 0.0, 0.0)), np.array((0.0, 0.0, dyaw / period_s))
+        pose = np.array((self._x, self._y, 0.0)), xyzw(from_yaw(self._yaw))
+        covariances = self._covariance[:6, :6].copy(), twist
+        return Odometry(*pose, *speed, *covariances, BASE, Header(stamp_ns, ODOM))
 
     def _spread(
         self,
@@ -205,15 +201,9 @@ class VisualInertialOdometry:
         vx, vy, vz = linear.tolist()
         velocity = np.array((vx, vy, vz, 0, 0, 0))
         twist = _SEEN_TWIST + p.odom_scale**2 * np.multiply.outer(velocity, velocity)
-        return _odometry(
-            stamp_ns,
-            self._at,
-            believed,
-            linear * self._scale,
-            angular,
-            self._covariance[:6, :6].copy(),
-            twist,
-        )
+        pose, speed = (np.array(self._at), xyzw(believed)), (linear * self._scale, angular)
+        covariances = self._covariance[:6, :6].copy(), twist
+        return Odometry(*pose, *speed, *covariances, BASE, Header(stamp_ns, ODOM))
 
     def _spread(self, seen: list[float], way: float) -> None:
         """Propagate the covariance over a measured step with a given true length."""
@@ -229,32 +219,16 @@ def _carry(covariance: Floats, J: Floats) -> Floats:
     return carried
 
 
-def _odometry(
-    stamp_ns: int,
-    position: Vector,
-    attitude: Quat,
-    linear: Floats,
-    angular: Floats,
-    pose: Floats,
-    twist: Floats,
-) -> Odometry:
-    header = Header(stamp_ns, _FRAME)
-    return Odometry(
-        np.array(position), xyzw(attitude), linear, angular, pose, twist, _CHILD, header
-    )
-
-
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The robot's own odometry, and the frames that it moves."""
     robot, mount = fitting.robot, fitting.mount
 
-    def measure(stamp_ns: int, _: int) -> Measured:
+    def measure(stamp_ns: int, _: int) -> Mapping[str, Any]:
         odometry = robot.measure_odometry(stamp_ns)
         moving = [body_frame(odometry)]
         if mount.gimbal:
             moving.append(mount.camera_in_body(stamp_ns, robot.body.attitude))
-        yield "tf", Transforms(tuple(moving))
-        yield "odom", odometry
+        return {"tf": Transforms(tuple(moving)), "odom": odometry}
 
     return measure
 

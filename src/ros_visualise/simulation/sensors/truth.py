@@ -10,8 +10,7 @@ from ros_visualise.data import Floats, Header, Odometry
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, Vector, xyzw
 from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.schedule import Make, Measured
-from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _EXACT = read_only(np.zeros((6, 6)))
 
@@ -23,7 +22,7 @@ class TruthParams:
     truth_rate: float = setting(50.0, "messages per second of the ground truth", min=0.1, max=200)
 
 
-def tell_truth(
+def ground_truth(
     stamp_ns: int,
     position: Vector,
     attitude: Quat,
@@ -37,15 +36,12 @@ def tell_truth(
     return Odometry(*pose, linear, angular, _EXACT, _EXACT, child, header)
 
 
-def fit(fitting: Fitting) -> Make:
+def fit(fitting: Fitting) -> Measure:
     """The pose of the robot's base."""
     body = fitting.robot.body
-
-    def measure(stamp_ns: int, _: int) -> Measured:
-        pose = body.position, body.attitude
-        yield "truth", tell_truth(stamp_ns, *pose, *body.velocity())
-
-    return measure
+    return lambda stamp_ns, _: {
+        "truth": ground_truth(stamp_ns, body.position, body.attitude, *body.velocity())
+    }
 
 
 SENSOR = SensorType(TruthParams, {"truth": Odometry}, "truth_rate", fit)
