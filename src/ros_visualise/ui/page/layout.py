@@ -65,7 +65,7 @@ def arrange(
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         columns = (len(panels) + 1) // 2
-        if any(window.tells for window in chosen):
+        if any(window.has_texts for window in chosen):
             columns = min(columns, _MOST_WITH_TEXTS)
         _place(panels, columns, WINDOWS_WIDTH)
     for window in windows:

@@ -58,7 +58,7 @@ def open_server(
     if not gate.is_used:
         close_server(server)
         raise RuntimeError("unsupported viser: its server would be unguarded")
-    if server.get_port() != port:  # somebody took it since; viser went on to the next
+    if server.get_port() != port:  # taken meanwhile; viser went on to the next
         close_server(server)
         raise OpenError(_in_use(host, port, flag))
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)

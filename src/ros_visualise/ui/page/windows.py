@@ -70,7 +70,7 @@ class Window:
         return self.picture is not None or bool(self._notes)
 
     @property
-    def tells(self) -> bool:
+    def has_texts(self) -> bool:
         return bool(self._notes)
 
     @property

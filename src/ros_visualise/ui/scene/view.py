@@ -215,5 +215,5 @@ def _level(direction: Floats) -> Floats:
 
 
 def _is_place(coordinates: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-    inside: npt.NDArray[np.bool_] = np.abs(coordinates) < _BEYOND_M  # no number is not
+    inside: npt.NDArray[np.bool_] = np.abs(coordinates) < _BEYOND_M  # NaN is not
     return inside

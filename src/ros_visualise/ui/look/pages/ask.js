@@ -7,12 +7,12 @@ async function ask(what, values = {}) {
   }
   const answer = await fetch(`?${query}`, { headers: { "X-Ros-Visualise": "1" } });
   if (!answer.ok) {
-    const said = await answer.json().catch(() => ({}));
-    throw new Error(said.error || `the program replied with status ${answer.status}`);
+    const body = await answer.json().catch(() => ({}));
+    throw new Error(body.error || `the program replied with status ${answer.status}`);
   }
   return answer;
 }
-const asked = (name) => new URLSearchParams(location.search).get(name) || "";
+const parameter = (name) => new URLSearchParams(location.search).get(name) || "";
 const remember = (values) => {
   const query = new URLSearchParams(location.search);
   for (const [name, value] of Object.entries(values)) {
@@ -29,7 +29,7 @@ const element = (name, text = "", classes = "") => {
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 function addPages() {
   const nav = document.querySelector("nav");
-  const here = asked("look");
+  const here = parameter("look");
   for (const page of ["image", "plots", "messages", "log", "diagnostics"]) {
     const link = element("a", page[0].toUpperCase() + page.slice(1), page === here ? "here" : "");
     link.href = `?look=${page}`;

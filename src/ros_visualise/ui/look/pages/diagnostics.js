@@ -1,10 +1,10 @@
-// How nodes say that they are doing, the worst above; what was opened stays open.
+// Diagnostics of the nodes, the worst first; opened entries stay open.
 const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_S = 5;
 const opened = new Set();
 const shown = { statuses: [], live: false };
 
-function levelOf(status) {  // of one that is live and says nothing more: stale
+function levelOf(status) {  // stale: a live one without news
   return shown.live && status.age > STALE_S ? LEVELS.length - 1 : status.level;
 }
 function fits(status) {
@@ -45,8 +45,8 @@ async function start() {
         Object.assign(shown, await (await ask("diagnostics")).json());
         show();
       }
-      $("said").textContent = "";
-    } catch (error) { $("said").textContent = error.message; }
+      $("error").textContent = "";
+    } catch (error) { $("error").textContent = error.message; }
     await pause(1000);
   }
 }

@@ -1,7 +1,7 @@
-// Which images are shown: the newest of a topic and, with it, that of another of the same stamp.
+// The newest image of a topic and, to compare, another topic's of the same stamp.
 const NONE = "None";
 const state = { one: null, other: null, alone: "", held: false };
-const stage = new Stage($("view"), tell);
+const stage = new Stage($("view"), describePointer);
 
 function canvases() {
   const stretch = $("stretch").checked;
@@ -15,12 +15,12 @@ function canvases() {
 }
 function show() {
   if (!state.one) return;
-  say(state.alone);
-  try { stage.show(canvases()); } catch (error) { say(error.message); }
+  report(state.alone);
+  try { stage.show(canvases()); } catch (error) { report(error.message); }
   const { width, height, encoding, stamp } = state.one;
   $("facts").textContent = `${width} × ${height} ${encoding}, ${Number(stamp) / 1e9} s${later()}`;
   $("range").textContent = drawHistogram($("histogram"), seen());
-  tell();
+  describePointer();
 }
 const seen = () => stage.layers[0]?.picture || state.one;
 function later() {  // how far the stamps are apart, where none is the same
@@ -45,7 +45,7 @@ function describe(picture, [x, y]) {
   const values = picture.at(x, y).map((value, i) => `${names[i] || ""} ${written(value)}`.trim());
   return `${picture.topic}\n${values.join("  ")}`;
 }
-function tell() {
+function describePointer() {
   if (!state.one) return;
   const under = stage.under;
   const shown = [...new Set([state.one, state.other, seen()])].filter(Boolean);
@@ -56,7 +56,7 @@ function tell() {
   $("along").hidden = !stage.line;
   if (stage.line) $("length").textContent = drawProfile($("profile"), seen(), stage.line);
 }
-function say(text) { $("said").textContent = text; }
+function report(text) { $("error").textContent = text; }
 
 async function fetchPicture(topic, values) {
   const answer = await ask("pixels", { topic, ...values });
@@ -96,7 +96,7 @@ async function update() {
 }
 async function keepFresh() {
   for (;;) {
-    if (!state.held && !document.hidden) await update().catch((error) => say(error.message));
+    if (!state.held && !document.hidden) await update().catch((error) => report(error.message));
     await pause(150);
   }
 }
@@ -121,19 +121,19 @@ async function start() {
   const { images } = await (await ask("topics")).json();
   images.forEach((topic) => { $("topic").add(new Option(topic)); });
   [NONE, ...images].forEach((topic) => { $("other").add(new Option(topic)); });
-  if (!images.length) return say("no image topics");
-  $("topic").value = images.includes(asked("topic")) ? asked("topic") : images[0];
-  $("other").value = images.includes(asked("other")) ? asked("other") : NONE;
+  if (!images.length) return report("no image topics");
+  $("topic").value = images.includes(parameter("topic")) ? parameter("topic") : images[0];
+  $("other").value = images.includes(parameter("other")) ? parameter("other") : NONE;
   choose();
   $("topic").onchange = $("other").onchange = choose;
   $("mode").onchange = $("stretch").onchange = show;
   $("hold").onclick = hold;
   $("line").onclick = drawLine;
-  $("png").onclick = () => state.one && savePng().catch((error) => say(error.message));
+  $("png").onclick = () => state.one && savePng().catch((error) => report(error.message));
   $("fit").onclick = () => stage.fit();
   $("one").onclick = () => stage.exact();
   const keys = { h: hold, l: drawLine, f: () => stage.fit(), 1: () => stage.exact() };
   window.onkeydown = (event) => event.target.tagName !== "SELECT" && keys[event.key]?.();
   await keepFresh();
 }
-start().catch((error) => say(error.message));
+start().catch((error) => report(error.message));

@@ -1,4 +1,4 @@
-// What the nodes say, the newest below.
+// The log of the nodes, the newest line last.
 const LEVELS = ["DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"];
 const lines = [];
 
@@ -30,8 +30,8 @@ async function start() {
       lines.push(...more);
       lines.splice(0, lines.length - 2000);
       if (more.length) show();
-      $("said").textContent = "";
-    } catch (error) { $("said").textContent = error.message; }
+      $("error").textContent = "";
+    } catch (error) { $("error").textContent = error.message; }
     await pause(1000);
   }
 }

@@ -1,4 +1,4 @@
-// Any topic's newest message as a tree; what was opened stays open as values change.
+// The newest message of a topic as a tree; opened branches stay open as values change.
 const opened = new Set();
 let held = false;
 
@@ -31,7 +31,7 @@ async function update() {
   const topic = $("topic").value;
   const { message } = await (await ask("message", { topic })).json();
   if (topic !== $("topic").value || held) return;
-  $("said").textContent = "";
+  $("error").textContent = "";
   const entries = Object.entries(message);
   $("tree").replaceChildren(...entries.map(([key, one]) => branch(key, one, `${topic} ${key}`, 1)));
 }
@@ -39,7 +39,7 @@ async function start() {
   addPages();
   const { topics } = await (await ask("topics")).json();
   for (const topic of Object.keys(topics)) $("topic").add(new Option(topic));
-  if (asked("topic") in topics) $("topic").value = asked("topic");
+  if (parameter("topic") in topics) $("topic").value = parameter("topic");
   const choose = () => {
     remember({ topic: $("topic").value });
     $("type").textContent = topics[$("topic").value];
@@ -51,9 +51,9 @@ async function start() {
   for (;;) {
     const selecting = String(getSelection());
     if (!held && !document.hidden && !selecting) {
-      await update().catch((error) => { $("said").textContent = error.message; });
+      await update().catch((error) => { $("error").textContent = error.message; });
     }
     await pause(250);
   }
 }
-start().catch((error) => { $("said").textContent = error.message; });
+start().catch((error) => { $("error").textContent = error.message; });

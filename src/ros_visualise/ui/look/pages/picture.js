@@ -20,7 +20,7 @@ class Picture {
     if (this.measured || this.channels < 3) return this.channels > 1 ? ["0", "1", "2", "3"] : [""];
     return this.encoding.startsWith("bgr") ? ["B", "G", "R", "A"] : ["R", "G", "B", "A"];
   }
-  isNone(value) {  // zero and what is no number are no measurement
+  isNone(value) {  // zero and NaN are not measurements
     return !Number.isFinite(value) || (this.measured && value === 0);
   }
   range() {  // from where to where the values go, without the outermost two percent

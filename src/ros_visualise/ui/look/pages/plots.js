@@ -141,7 +141,7 @@ function choose(name, on) {
   state.chosen.forEach((one) => query.append("field", one));
   history.replaceState(null, "", `?${query}`);
   for (const box of $("fields").querySelectorAll("input")) box.checked = state.chosen.includes(box.value);
-  update().catch(tell);
+  update().catch(report);
 }
 async function fieldsOf(topic) {  // as soon as there is a message
   while (topic === $("topic").value) {
@@ -182,14 +182,14 @@ async function update() {
   $("reading").hidden = !reading.length;
   $("all").value = Math.min(1, ...reading.map((curve) => curve.share));
   $("play").textContent = state.playing ? "Pause" : "Play";
-  tell({ message: state.curves.map((curve) => curve.error).find(Boolean) || "" });
+  report({ message: state.curves.map((curve) => curve.error).find(Boolean) || "" });
   draw();
 }
-function tell(error) { $("said").textContent = error.message; }
+function report(error) { $("error").textContent = error.message; }
 
 async function play(values) {
   if (!state.plays) return;
-  try { await ask("play", values); await update(); } catch (error) { tell(error); }
+  try { await ask("play", values); await update(); } catch (error) { report(error); }
 }
 function listen() {
   const canvas = $("plot");
@@ -231,10 +231,10 @@ async function start() {
   for (const topic of plotted) $("topic").add(new Option(`${topic} (${topics[topic]})`, topic));
   const first = state.chosen[0]?.split(":").slice(0, -1).join(":");
   if (plotted.includes(first)) $("topic").value = first;
-  $("topic").onchange = () => offer().catch(tell);
+  $("topic").onchange = () => offer().catch(report);
   $("search").oninput = filter;
   $("apart").onchange = draw;
-  $("fit").onclick = () => { state.fitted = true; update().catch(tell); };
+  $("fit").onclick = () => { state.fitted = true; update().catch(report); };
   $("play").onclick = () => play({ toggle: 1 });
   window.onkeydown = (event) => {
     if (event.target.tagName === "INPUT" && event.target.type === "search") return;
@@ -242,10 +242,10 @@ async function start() {
     if (event.key === "f") $("fit").click();
   };
   listen();
-  if (plotted.length) offer().catch(tell);
+  if (plotted.length) offer().catch(report);
   for (;;) {
-    if (!document.hidden) await update().catch(tell);
+    if (!document.hidden) await update().catch(report);
     await pause(300);
   }
 }
-start().catch(tell);
+start().catch(report);

@@ -1,9 +1,9 @@
-// Keeps how the page is arranged in its address, behind the #: what the program tells in
-// data-address, and "view=x,y,z,x,y,z", where this browser's camera is and what it looks at, from
-// data-anchor. A page that is opened with such an address, or whose program was started again, tells
-// it the program. If another web site opened it (rv.isForeign), it tells nothing. viser takes what
-// is behind the # for a part of its server's address, and behind the ? for another server; it must
-// not see these as it starts, nor write its server's address, which holds the token, into ours.
+// Keeps the page's settings in its address, behind the #: the program's, from data-address, and
+// "view=x,y,z,x,y,z", position and target of this browser's camera, from data-anchor. A page that is
+// opened with such an address, or whose program was restarted, sends it to the program, unless
+// another web site opened the page (rv.isForeign). viser takes the part behind the # for a part of
+// its server's address, and behind the ? for another server; it must not see these as it starts,
+// nor write its server's address, which holds the token, into ours.
 (() => {
   const PERIOD_MS = 500;
   const isForeign = rv.isForeign || window.opener !== null;
@@ -11,7 +11,7 @@
   let view = "";
   let isMoved = false; // the camera, by hand
 
-  // Loaded again before the program heard of it, a tab still knows it.
+  // A tab that is reloaded before the program has received it keeps it.
   const opened = location.hash || sessionStorage.getItem("rv-opened") || "";
   if (!isForeign) sessionStorage.setItem("rv-opened", opened);
   const replace = history.replaceState.bind(history);
@@ -23,7 +23,7 @@
     return { address, view: view ?? "" };
   }
 
-  function tell(hash, isSame) {
+  function send(hash, isSame) {
     const found = split(hash);
     if (found.address && !isSame(found.address)) rv.send("address", found.address);
     if (found.view) rv.send("view", (view = found.view));
@@ -50,9 +50,9 @@
     if (there.run !== run) {
       const hash = run ? location.hash : opened;
       run = there.run;
-      // A tab that is loaded again has nothing to tell: others may have gone on since.
+      // A reloaded tab sends nothing: others may have changed settings since.
       const shown = sessionStorage.getItem("rv-shown");
-      if (!isForeign) return tell(hash, (address) => shown === `${run} ${address}`);
+      if (!isForeign) return send(hash, (address) => shown === `${run} ${address}`);
     }
     if (isMoved && rv.camera) view = look(there.anchor);
     write(there.address);
@@ -60,5 +60,5 @@
 
   for (const moved of ["pointerdown", "wheel"])
     window.addEventListener(moved, (event) => (isMoved ||= event.target.matches?.("canvas")), true);
-  window.addEventListener("hashchange", () => isForeign || tell(location.hash, () => false));
+  window.addEventListener("hashchange", () => isForeign || send(location.hash, () => false));
 })();

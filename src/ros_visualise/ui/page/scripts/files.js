@@ -1,6 +1,6 @@
-// Uploads what is dropped on the page, or chosen where data-upload is: each file over a connection
-// of its own, in pieces. The first of several is opened when all are there. Links with data-download
-// fetch what was recorded, in pieces too, as a server that holds a whole file in memory would not do.
+// Uploads files that are dropped on the page or chosen by data-upload: each over a connection of its
+// own, in pieces. The first of several is opened once all are there. Links with data-download fetch
+// recordings, in pieces too, so that the server holds no whole file in memory.
 (() => {
   const PIECE = 60_000;
   const MOST_WAITING = 4_000_000; // bytes that are sent ahead
@@ -23,7 +23,7 @@
           await new Promise((wake) => setTimeout(wake, 20));
       }
     } catch {
-      socket.close(); // it cannot be read, as a folder: the program says that it was not uploaded
+      socket.close(); // unreadable, as a folder: the program reports the failure
     }
     await ended;
   }
@@ -38,8 +38,8 @@
     const name = decodeURIComponent(link.dataset.download);
     const pieces = [];
     for (let at = 0, size = 1; at < size; at += pieces.at(-1).size) {
-      const asked = new URLSearchParams({ ask: "recorded", name, from: at });
-      const answer = await fetch(`?${asked}`, { headers: { "X-Ros-Visualise": "1" } });
+      const query = new URLSearchParams({ ask: "recorded", name, from: at });
+      const answer = await fetch(`?${query}`, { headers: { "X-Ros-Visualise": "1" } });
       if (!answer.ok) return;
       size = Number(answer.headers.get("X-Size"));
       pieces.push(await answer.blob());

@@ -8,7 +8,7 @@
   let number = 0;
   let timer = null;
 
-  function tell() {
+  function send() {
     const names = [...new Set(held.values())];
     rv.send("hold", [press, ++number, ...names].join(" "));
     for (const button of document.querySelectorAll("[data-hold]"))
@@ -19,16 +19,16 @@
     if (held.get(what) === name) return;
     if (held.size === 0) {
       press = Math.random().toString(36).slice(2);
-      timer = setInterval(tell, PERIOD_MS);
+      timer = setInterval(send, PERIOD_MS);
     }
     held.set(what, name);
-    tell();
+    send();
   }
 
   function release(what) {
     if (!held.delete(what)) return;
     if (held.size === 0) clearInterval(timer);
-    tell();
+    send();
   }
 
   function releaseAll() {

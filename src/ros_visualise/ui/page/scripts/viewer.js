@@ -1,4 +1,4 @@
-// Read-only (rv.isViewer): the page says so, and what would change anything cannot be pressed.
+// Read-only (rv.isViewer): a badge says so, and all controls are disabled.
 if (rv.isViewer) {
   const CONTROLS = [".mantine-Slider-root", ".mantine-Checkbox-root", ".mantine-Input-wrapper",
     ".mantine-Button-root", ".mantine-NumberInput-controls", ".rv-pad", ".rv-upload", "[data-pick]"];

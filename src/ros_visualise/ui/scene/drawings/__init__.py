@@ -21,7 +21,7 @@ def _read(held: Any, name: str) -> Drawings:
     kinds = [one for one in candidates if isinstance(one, type) and issubclass(one, Drawing)]
     found = tuple(kind for kind in kinds if "draws" in vars(kind) and kind is not Drawing)
     if not found:
-        raise UsageError("holds no Drawing that says what it draws")
+        raise UsageError("contains no Drawing that declares what it draws")
     return found
 
 
