@@ -51,6 +51,12 @@ def read_text(path: Path, encoding: str = "utf-8") -> str:
     return read_file(path).decode(encoding, "replace")
 
 
+def natural(file: Path) -> list[tuple[int, str]]:
+    """Key that orders ``bag_10`` after ``bag_9``."""
+    parts = re.split(r"(\d+)", file.name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
+
+
 def is_of_the_shell(path: str | os.PathLike[str]) -> bool:
     """True for a pipe that the shell opened, which can be read once."""
     return _OF_THE_SHELL.fullmatch(os.path.realpath(path)) is not None

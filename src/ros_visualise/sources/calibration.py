@@ -24,6 +24,7 @@ C = TypeVar("C", Image, Detections)
 
 _WIDEST = 1 << 16  # pixels; no sensor has so many in a row
 _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
+_DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 
 
 class Calibration:
@@ -177,9 +178,6 @@ def _is_scaled(before: Size, after: Size) -> bool:
         abs(new_width - width * new_height / height) <= 1
         or abs(new_height - height * new_width / width) <= 1
     )
-
-
-_DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 
 
 def camera_name(node: str) -> str:

@@ -27,6 +27,8 @@ from ros_visualise.sources.demux import limit_frames
 from ros_visualise.sources.v4l2_controls import set_controls
 from ros_visualise.sources.video_pixels import FrameConverter, Size
 
+log = logging.getLogger(__name__)
+
 _OPEN_S = 10.0  # a stream may take that long until its first keyframe
 _LOST_NS = 1_000_000_000
 _DRIFT = 1e-4  # of a camera's clock against ours
@@ -37,6 +39,8 @@ _NETWORK = {
     "protocol_blacklist": "file",  # no stream may have files of this machine read
 }
 _TRY_TEST = "without a camera, try the test picture, which is the camera called test"
+_BACK_OFF_S = (0.5, 10.0)
+_IDLE_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -168,12 +172,6 @@ def _check_device(device: str) -> None:
 
 def _not_a_camera(uri: str) -> OpenError:
     return OpenError(f"{uri}: not a camera; a file is played as a video")
-
-
-log = logging.getLogger(__name__)
-
-_BACK_OFF_S = (0.5, 10.0)
-_IDLE_S = 0.1
 
 
 class LiveCamera:

@@ -32,6 +32,23 @@ _CARS = (  # place on the road at time zero, laps while the flight lasts (negati
     (0.90, -2, (48, 48, 160)),
 )
 _CAR = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (13.0, 6.5)
+Canvas = npt.NDArray[np.uint8]
+Points = npt.NDArray[np.float64]
+SIDE = 2560
+"""Width and height of the map, in pixels."""
+_SHADOW = (6, 8)  # where the sun throws it
+_FIELDS = (  # BGR
+    (88, 158, 122),
+    (70, 138, 98),
+    (96, 176, 150),
+    (110, 190, 196),
+    (120, 182, 214),
+    (92, 132, 164),
+    (80, 150, 84),
+    (104, 168, 132),
+)
+_HEDGE = (52, 92, 58)
+_ROOFS = ((70, 92, 176), (64, 78, 148), (92, 104, 122), (84, 112, 188), (110, 112, 118))
 
 
 class Flyover:
@@ -114,27 +131,6 @@ def _draw_car(pixels: Any, view: Any, phase: float, lane: float, colour: Any) ->
     draw(_CAR, colour)
     draw(_CAR * (0.5, 0.82) + (-1.5, 0), tuple(0.55 * c for c in colour))
     draw(_CAR * (0.34, 0.72) + (-1.8, 0), colour)
-
-
-Canvas = npt.NDArray[np.uint8]
-Points = npt.NDArray[np.float64]
-
-SIDE = 2560
-"""Width and height of the map, in pixels."""
-
-_SHADOW = (6, 8)  # where the sun throws it
-_FIELDS = (  # BGR
-    (88, 158, 122),
-    (70, 138, 98),
-    (96, 176, 150),
-    (110, 190, 196),
-    (120, 182, 214),
-    (92, 132, 164),
-    (80, 150, 84),
-    (104, 168, 132),
-)
-_HEDGE = (52, 92, 58)
-_ROOFS = ((70, 92, 176), (64, 78, 148), (92, 104, 122), (84, 112, 188), (110, 112, 118))
 
 
 def road() -> Points:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import re
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_file
-from ros_visualise.core.regular_files import read_file
+from ros_visualise.core.regular_files import natural, read_file
 from ros_visualise.data import Image, Pixels
 from ros_visualise.vision.color import encoding_of
 from ros_visualise.vision.compression import decodable
@@ -119,10 +118,5 @@ def _in_folder(folder: Path) -> list[Path]:
     """The pictures directly in a folder, ``9.png`` before ``10.png``."""
     with contextlib.suppress(OSError):
         there = [one for one in folder.iterdir() if one.suffix.lower() in SUFFIXES]
-        return sorted((one for one in there if one.is_file()), key=_in_order)
+        return sorted((one for one in there if one.is_file()), key=natural)
     return []
-
-
-def _in_order(path: Path) -> list[tuple[bool, int, str]]:
-    parts = re.split(r"(\d+)", path.name)
-    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts]

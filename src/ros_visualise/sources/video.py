@@ -34,6 +34,14 @@ _SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
 _SILENT = 0.1  # of the packets, at most: some codecs have a few that show nothing
 _MOST_SILENT = 2  # where there are few
 _SHORT_NS = 500_000_000  # a file that ends this much before its promised end was cut
+_BOX = struct.Struct(">I4s")
+_LONG = struct.Struct(">Q")
+_RIFF = struct.Struct("<4sI")
+_BOXES = {b"ftyp", b"styp", b"moov", b"moof", b"mdat", b"mfra", b"free", b"skip", b"wide", b"uuid"}
+_SYNC, _PACKET_BYTES = b"\x47", 188  # of MPEG-TS, which ends with a whole packet
+_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+_TOPIC = "/image_raw"
+_FRAME = "camera_optical"
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,9 @@ class Video:
         self.faults: list[str] = []
         self._closed = False
         self._open()
-        first = _first_frame(self._container, self._stream, self._path)
+        first = next(Decoder(self._container, self._stream).frames(), None)
+        if first is None:
+            raise OpenError(f"{path}: no frame of its video can be decoded; convert it again")
         self._origin = first.pts
         self.info = _info(self._container, self._stream, first, size)
 
@@ -227,12 +237,6 @@ class _Times:
         return round((pts - self._origin) * self._tick_ns)
 
 
-def _first_frame(container: InputContainer, stream: VideoStream, path: Path) -> VideoFrame:
-    for frame in Decoder(container, stream).frames():
-        return frame
-    raise OpenError(f"{path}: no frame of its video can be decoded; copy or convert it again")
-
-
 def _info(
     container: InputContainer, stream: VideoStream, first: VideoFrame, size: Size | None
 ) -> VideoInfo:
@@ -246,14 +250,6 @@ def _info(
     fps = float(stream.average_rate or stream.guessed_rate or _DEFAULT_FPS)
     codec = stream.codec_context.name
     return VideoInfo(width, height, fps, codec, duration_ns, promised_ns, stream.frames or None)
-
-
-_BOX = struct.Struct(">I4s")
-_LONG = struct.Struct(">Q")
-_RIFF = struct.Struct("<4sI")
-_BOXES = {b"ftyp", b"styp", b"moov", b"moof", b"mdat", b"mfra", b"free", b"skip", b"wide", b"uuid"}
-_SYNC, _PACKET_BYTES = b"\x47", 188  # of MPEG-TS, which ends with a whole packet
-_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
 def promised_bytes(path: Path) -> int:
@@ -318,10 +314,6 @@ def _number(file: BinaryIO, place: int) -> tuple[int | None, int]:
 def _read(file: BinaryIO, place: int, size: int) -> bytes:
     file.seek(place)
     return file.read(size)
-
-
-_TOPIC = "/image_raw"
-_FRAME = "camera_optical"
 
 
 class VideoRecording:

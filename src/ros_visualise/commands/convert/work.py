@@ -21,7 +21,6 @@ from ros_visualise.core.errors import (
 )
 from ros_visualise.core.printing import counted, print_json, print_status, sized
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
-from ros_visualise.messages.recorded import TopicType
 from ros_visualise.running.interruptible import in_time, interruptible
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
@@ -87,8 +86,9 @@ def _find_unwritable(recording: Recording, part: RecordingPart, encoder: Encoder
     """Topic -> why its messages cannot be written."""
     found = {}
     for topic in part.topics:
-        info = recording.topics[topic]
-        if info.unreadable and not _passes(info.type, encoder):
+        info, definitions = recording.topics[topic], recording.topics[topic].type.definitions
+        is_copied = definitions is not None and definitions.encoding == encoder.encoding
+        if info.unreadable and not is_copied:
             found[topic] = info.unreadable
             continue
         try:
@@ -96,11 +96,6 @@ def _find_unwritable(recording: Recording, part: RecordingPart, encoder: Encoder
         except DamagedMessage as error:
             found[topic] = str(error)
     return found
-
-
-def _passes(kind: TopicType, encoder: Encoder) -> bool:
-    """True if its messages are copied as bytes."""
-    return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 
 def _watch(conversion: Conversion, request: StopRequest) -> tuple[bool, RosVisualiseError | None]:

@@ -42,7 +42,7 @@ from ros_visualise.sources.recordings.mcap_scan import scan
 from ros_visualise.sources.recordings.merging import MergedRecording, open_storages
 from ros_visualise.sources.recordings.pieces import ChunkPiece, PieceCache, Place, Records
 from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
-from ros_visualise.sources.recordings.storage import Channel, Piece, Query
+from ros_visualise.sources.recordings.storage import Channel, MessageQuery, Piece
 from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _ENCODINGS: Mapping[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
@@ -93,13 +93,13 @@ class McapFile:
         self._seen = np.zeros(len(self._rows), bool)  # pieces whose messages were counted
         self._found: Counter[int] = Counter()
 
-    def select(self, query: Query) -> npt.NDArray[np.intp]:
+    def select(self, query: MessageQuery) -> npt.NDArray[np.intp]:
         wanted = query.readable(self.channels).keys()
         holds = np.array([not wanted.isdisjoint(s) for s in self._channel_sets] + [bool(wanted)])
         is_asked = holds[self._rows["channels"]]  # a set that is UNKNOWN takes the last
         return np.flatnonzero(is_asked & query.is_within(self.starts_ns, self.ends_ns))
 
-    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+    def open_piece(self, piece: int, query: MessageQuery, cache: PieceCache) -> Piece:
         records = self._load(piece) or b""
         wanted = query.readable(self.channels)
         found, is_whole = messages(records, wanted, query.start_ns, query.stop_ns)
@@ -140,7 +140,7 @@ class McapFile:
         with self._lock:
             self._file.close()
 
-    def _is_all(self, piece: int, query: Query, wanted: Collection[int]) -> bool:
+    def _is_all(self, piece: int, query: MessageQuery, wanted: Collection[int]) -> bool:
         """True if all that a piece holds, by its index, is selected."""
         row = self._rows[piece]
         is_in_time = query.start_ns <= row["start_ns"] and row["end_ns"] < query.stop_ns

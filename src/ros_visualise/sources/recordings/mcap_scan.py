@@ -40,6 +40,31 @@ _COUNTED = (
 )
 _MESSAGE_HEAD = struct.Struct("<H4xQ")
 _CHECKSUM = struct.Struct("<I")
+_ANY = 2**63 - 1
+_LENGTHS: dict[int, tuple[int, int]] = {
+    Opcode.HEADER: (8, _ANY),
+    Opcode.FOOTER: (20, 20),
+    Opcode.SCHEMA: (14, _ANY),
+    Opcode.CHANNEL: (16, _ANY),
+    Opcode.MESSAGE: (22, _ANY),
+    Opcode.CHUNK: (40, _ANY),
+    Opcode.MESSAGE_INDEX: (6, _ANY),
+    Opcode.CHUNK_INDEX: (64, _ANY),
+    Opcode.ATTACHMENT: (36, _ANY),
+    Opcode.ATTACHMENT_INDEX: (48, _ANY),
+    Opcode.STATISTICS: (46, _ANY),
+    Opcode.METADATA: (8, _ANY),
+    Opcode.METADATA_INDEX: (20, _ANY),
+    Opcode.SUMMARY_OFFSET: (17, 17),
+    Opcode.DATA_END: (4, 4),
+}
+_LEAST, _MOST = (
+    np.array([_LENGTHS.get(kind, (_ANY, 0))[side] for kind in range(256)]) for side in (0, 1)
+)
+_CHAIN = 3  # that many whole records in a row do not come about by chance
+_SEARCH_BYTES = 1 << 20
+_SMALL_BYTES = 1 << 16
+_MESSAGE = struct.Struct("<BQHIQ")
 
 
 def scan(file: BinaryIO, size: int) -> tuple[Index, Loss]:
@@ -270,33 +295,6 @@ def _checksum(file: BinaryIO, end: int) -> int:
     for start in range(0, end, _RUN_BYTES):
         crc = zlib.crc32(file.read(min(_RUN_BYTES, end - start)), crc)
     return crc
-
-
-_ANY = 2**63 - 1
-_LENGTHS: dict[int, tuple[int, int]] = {
-    Opcode.HEADER: (8, _ANY),
-    Opcode.FOOTER: (20, 20),
-    Opcode.SCHEMA: (14, _ANY),
-    Opcode.CHANNEL: (16, _ANY),
-    Opcode.MESSAGE: (22, _ANY),
-    Opcode.CHUNK: (40, _ANY),
-    Opcode.MESSAGE_INDEX: (6, _ANY),
-    Opcode.CHUNK_INDEX: (64, _ANY),
-    Opcode.ATTACHMENT: (36, _ANY),
-    Opcode.ATTACHMENT_INDEX: (48, _ANY),
-    Opcode.STATISTICS: (46, _ANY),
-    Opcode.METADATA: (8, _ANY),
-    Opcode.METADATA_INDEX: (20, _ANY),
-    Opcode.SUMMARY_OFFSET: (17, 17),
-    Opcode.DATA_END: (4, 4),
-}
-_LEAST, _MOST = (
-    np.array([_LENGTHS.get(kind, (_ANY, 0))[side] for kind in range(256)]) for side in (0, 1)
-)
-_CHAIN = 3  # that many whole records in a row do not come about by chance
-_SEARCH_BYTES = 1 << 20
-_SMALL_BYTES = 1 << 16
-_MESSAGE = struct.Struct("<BQHIQ")
 
 
 class McapRecord(NamedTuple):

@@ -10,7 +10,7 @@ from contextlib import ExitStack, closing, suppress
 from heapq import heappop, heappush
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +22,19 @@ from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.recordings import Entry, Extra, Loss, PartialLoss, TopicInfo
 from ros_visualise.sources.recordings.pieces import PieceCache
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Piece, Query, Storage
+from ros_visualise.sources.recordings.storage import (
+    LATEST_NS,
+    Channel,
+    MessageQuery,
+    Piece,
+    Storage,
+)
 
 Read = Callable[[int | None, int | None, Collection[str] | None], Generator[Entry, None, None]]
 """Signature of `Recording.read`."""
 
 _LOOK_BACK_NS = 1_000_000_000
+S = TypeVar("S", bound=Storage)
 
 
 def calibrated(
@@ -79,9 +86,6 @@ def _nearest(read: Read, topic: str, time_ns: int | None) -> Recorded | None:
     with closing(read(None, None, [topic])) as entries:
         first = next(entries, None)
     return first.message if first and isinstance(first.message, Recorded) else None
-
-
-S = TypeVar("S", bound=Storage)
 
 
 def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
@@ -159,7 +163,7 @@ class MergedRecording:
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         found: dict[str, list[npt.NDArray[np.int64]]] = {topic: [] for topic in self.topics}
-        query = Query(chosen=self._chosen)
+        query = MessageQuery(chosen=self._chosen)
         for storage in self._storages:
             for number, stamps_ns in storage.stamps_ns():
                 channel = storage.channels.get(number)
@@ -219,7 +223,7 @@ class MergedRecording:
     def _read(
         self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
     ) -> Generator[Entry, None, None]:
-        query = Query(
+        query = MessageQuery(
             -LATEST_NS if start_ns is None else start_ns,
             LATEST_NS if stop_ns is None else stop_ns,
             None if topics is None else frozenset(topics),
@@ -231,7 +235,7 @@ class MergedRecording:
                 return
             yield entry
 
-    def _merged(self, query: Query) -> Iterator[Entry]:
+    def _merged(self, query: MessageQuery) -> Iterator[Entry]:
         chosen = [storage.select(query) for storage in self._storages]
         ends = np.cumsum([len(pieces) for pieces in chosen])
         starts_ns = [s.starts_ns[p] for s, p in zip(self._storages, chosen, strict=True)]
@@ -273,13 +277,6 @@ def open_storages(
     if not storages:
         raise failures[0]
     return storages
-
-
-def natural(file: Path) -> list[Any]:
-    """Key that orders ``bag_10`` after ``bag_9``."""
-    return [
-        (int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)
-    ]
 
 
 def missing_parts(files: Sequence[Path]) -> list[str]:

@@ -13,6 +13,10 @@ from ros_visualise.sources.recordings import Entry, Recording
 
 _LONGEST_NS = 3600 * 1_000_000_000
 _LEFT_NS = 1_000_000_000  # of a gap that is longer
+Batch = tuple[Entry, ...]
+"""Messages that pass together."""
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_LOOK_BACK_NS = (1_000_000_000, 10_000_000_000, 2**62)
 
 
 class PlayedTime:
@@ -60,13 +64,6 @@ def played_time(recording: Recording, topics: Collection[str]) -> PlayedTime:
     found = recording.stamps_ns()
     stamps_ns = np.concatenate([ends_ns, *(found[topic] for topic in topics)])
     return PlayedTime(np.sort(stamps_ns.astype(np.int64)))
-
-
-Batch = tuple[Entry, ...]
-"""Messages that pass together."""
-
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_LOOK_BACK_NS = (1_000_000_000, 10_000_000_000, 2**62)
 
 
 class PlayableRecording:

@@ -16,20 +16,19 @@ from mcap.records import Metadata as MetadataRecord
 
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_disk
-from ros_visualise.core.regular_files import open_file
+from ros_visualise.core.regular_files import natural, open_file
 from ros_visualise.sources.recordings import Entry, Loss, PartialLoss, Recording
 from ros_visualise.sources.recordings.mcap_file import McapFile
 from ros_visualise.sources.recordings.merging import (
     MergedRecording,
     missing_parts,
-    natural,
     open_storages,
 )
 from ros_visualise.sources.recordings.metadata import CUSTOM, METADATA, Metadata, read_metadata
 from ros_visualise.sources.recordings.pieces import PieceCache
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.sqlite_file import SqliteFile
-from ros_visualise.sources.recordings.storage import Piece, Query, Storage
+from ros_visualise.sources.recordings.storage import MessageQuery, Piece, Storage
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_all
 
 _PACKED = ".zstd"
@@ -196,7 +195,7 @@ class CompressedMessages:
         self.select, self.stamps_ns = storage.select, storage.stamps_ns
         self.extras, self.close = storage.extras, storage.close
 
-    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+    def open_piece(self, piece: int, query: MessageQuery, cache: PieceCache) -> Piece:
         return _DecompressedPiece(self._storage.open_piece(piece, query, cache), self._decompress)
 
     def _decompress(self, entry: Entry) -> bool:

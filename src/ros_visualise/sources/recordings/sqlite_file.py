@@ -29,7 +29,7 @@ from ros_visualise.sources.recordings.sqlite_tables import (
     left_beside,
     missing_bytes,
 )
-from ros_visualise.sources.recordings.storage import Channel, Piece, Query, StreamedPiece
+from ros_visualise.sources.recordings.storage import Channel, MessageQuery, Piece, StreamedPiece
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
 _LARGE_BYTES = 64 << 20
@@ -73,7 +73,7 @@ class SqliteFile:
         except sqlite3.Error as error:
             self.close()
             raise OpenError(f"{path}: unreadable ROS 2 bag: {error}; copy it again") from None
-        self._readable = Query().readable(self.channels)
+        self._readable = MessageQuery().readable(self.channels)
         self._declared: dict[int, int] = {}
         self.counts, spans_ns = self._believed(declared or {}) or self._survey()
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
@@ -84,13 +84,13 @@ class SqliteFile:
             why = f"never finished by its recorder, which left {left} beside it"
             loss.add(f"{why}; messages found: {sum(self.counts.values())}")
 
-    def select(self, query: Query) -> npt.NDArray[np.intp]:
+    def select(self, query: MessageQuery) -> npt.NDArray[np.intp]:
         return np.arange(int(bool(query.readable(self.channels)) and len(self.starts_ns) > 0))
 
-    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+    def open_piece(self, piece: int, query: MessageQuery, cache: PieceCache) -> Piece:
         return StreamedPiece(self._entries(query))
 
-    def _entries(self, query: Query) -> Iterator[Entry]:
+    def _entries(self, query: MessageQuery) -> Iterator[Entry]:
         last = (_EARLIEST_NS, _EARLIEST_NS)
         counts: Counter[int] = Counter()
         try:
@@ -193,7 +193,7 @@ class SqliteFile:
             raise sqlite3.DatabaseError("its index is not that of its messages")
         return counts, [(min(r[-2] for r in found), max(r[-1] for r in found))] if found else []
 
-    def _ordered(self, query: Query) -> Iterator[Any]:
+    def _ordered(self, query: MessageQuery) -> Iterator[Any]:
         """The selected rows, by SQLite's index; none if that is unusable."""
         if self._rows is not None:
             return iter(())
@@ -207,7 +207,7 @@ class SqliteFile:
             at_once=min(_MOST_AT_ONCE, 1 + _BYTES_AT_ONCE // max(1, message_bytes)),
         )
 
-    def _salvaged(self, query: Query, last: tuple[int, int]) -> Iterator[Entry]:
+    def _salvaged(self, query: MessageQuery, last: tuple[int, int]) -> Iterator[Entry]:
         """The selected messages after a stamp and row, by the rows that were found one by one."""
         if self._rows is None:
             return

@@ -22,6 +22,11 @@ from ros_visualise.sources.recordings.storage import Channel
 
 _NAMES = ("messages", "topics", "message_definitions")
 _VIRTUAL = re.compile(r"\s*CREATE\s+VIRTUAL", re.IGNORECASE)
+_PAGE_COUNT_AT = 28
+_LEAF = 13
+_OVERFLOW_LINK_BYTES = 4
+_CELLS = struct.Struct(">xxxH")
+_CELLS_START = 8
 
 
 @contextmanager
@@ -125,13 +130,6 @@ def has_index(database: sqlite3.Connection) -> bool:
         "EXPLAIN QUERY PLAN SELECT data FROM messages ORDER BY timestamp, id"
     ).fetchall()
     return not any("TEMP B-TREE" in str(step[-1]) for step in plan)
-
-
-_PAGE_COUNT_AT = 28
-_LEAF = 13
-_OVERFLOW_LINK_BYTES = 4
-_CELLS = struct.Struct(">xxxH")
-_CELLS_START = 8
 
 
 def missing_bytes(path: Path, page_bytes: int) -> int:

@@ -52,7 +52,7 @@ class Channel:
         return is_same or is_alike or self.definitions.encoding != other.definitions.encoding
 
 
-class Query(NamedTuple):
+class MessageQuery(NamedTuple):
     """Selection of messages: from a stamp until before another, of some topics or of all.
 
     ``chosen``: by topic, a channel of the type that is read of it.
@@ -142,10 +142,10 @@ class Storage(Protocol):
     def compressions(self) -> Collection[str]:
         """Those that it uses: ``none``, ``bz2``, ``lz4``, ``zstd``."""
 
-    def select(self, query: Query) -> npt.NDArray[np.intp]:
+    def select(self, query: MessageQuery) -> npt.NDArray[np.intp]:
         """The pieces that may hold selected messages, in the order of the file."""
 
-    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+    def open_piece(self, piece: int, query: MessageQuery, cache: PieceCache) -> Piece:
         """Read the selected messages of a piece; all pieces of a query share the cache."""
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:

@@ -35,7 +35,7 @@ from ros_visualise.sources.recordings.rosbag1.layout import (
     read_layout,
 )
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.storage import Channel, Piece, Query
+from ros_visualise.sources.recordings.storage import Channel, MessageQuery, Piece
 from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"  # of a type without fields
@@ -83,12 +83,12 @@ class BagFile:
             found = {self._compression(chunk) for chunk in self._chunks if not self._file.closed}
         return found - {""} or {"none"}
 
-    def select(self, query: Query) -> npt.NDArray[np.intp]:
+    def select(self, query: MessageQuery) -> npt.NDArray[np.intp]:
         wanted = query.readable(self.channels).keys()
         is_asked = np.array([not wanted.isdisjoint(c.counts) for c in self._chunks], bool)
         return np.flatnonzero(is_asked & query.is_within(self.starts_ns, self.ends_ns))
 
-    def open_piece(self, piece: int, query: Query, cache: PieceCache) -> Piece:
+    def open_piece(self, piece: int, query: MessageQuery, cache: PieceCache) -> Piece:
         chunk = self._chunks[piece]
         wanted = query.readable(self.channels)
         with self._lock:

@@ -23,6 +23,14 @@ _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _NS = 1_000_000_000
 _LOADED_BYTES = 32 << 20  # of a chunk that is not compressed; a larger one is read bit by bit
 _LARGE_BYTES = 4096  # of a message: reading each by itself then costs little
+_LENGTH = b"\x26\0\0\0"
+_FIELDS = (b"\x09\0\0\0conn=????", b"\x04\0\0\0op=\x02", b"\x0d\0\0\0time=????????")
+_HEADS = [
+    np.frombuffer(_LENGTH + b"".join(order), np.uint8) for order in itertools.permutations(_FIELDS)
+]
+"""A message's header with its fields in any order, as writers differ; its values are ``?``."""
+_HEAD_BYTES = 42
+_SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
 
 
 class Chunk(NamedTuple):
@@ -216,16 +224,6 @@ def _entries(connection: int, indexed: NDArray[Any]) -> NDArray[Any]:
     entries["connection"] = connection
     entries["offset"] = indexed["offset"]
     return entries
-
-
-_LENGTH = b"\x26\0\0\0"
-_FIELDS = (b"\x09\0\0\0conn=????", b"\x04\0\0\0op=\x02", b"\x0d\0\0\0time=????????")
-_HEADS = [
-    np.frombuffer(_LENGTH + b"".join(order), np.uint8) for order in itertools.permutations(_FIELDS)
-]
-"""A message's header with its fields in any order, as writers differ; its values are ``?``."""
-_HEAD_BYTES = 42
-_SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
 
 
 def locate(

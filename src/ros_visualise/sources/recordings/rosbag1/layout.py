@@ -17,6 +17,11 @@ from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _COUNT = struct.Struct("<II")
 _NOTES = 20  # more are not read
+_BARE_SIZE = 16 << 20  # of records outside of chunks, so many bytes are taken as one
+_CHUNK_MARK = b"op=\x05"
+_LONGEST_CHUNK_HEADER = 64
+_SEARCHED = 1 << 20
+_PROBES = 16  # chunks that are looked at before an index is believed
 
 
 class BagConnection(NamedTuple):
@@ -72,12 +77,6 @@ def parse_chunk_info(fields: Fields, data: bytes) -> Chunk:
         end_ns=records.time_ns(fields, b"end_time"),
         counts=counts,
     )
-
-
-_BARE_SIZE = 16 << 20  # of records outside of chunks, so many bytes are taken as one
-_CHUNK_MARK = b"op=\x05"
-_LONGEST_CHUNK_HEADER = 64
-_SEARCHED = 1 << 20
 
 
 class BagScan:
@@ -315,9 +314,6 @@ def _number(header: Fields, name: bytes) -> int:
     with suppress(DamagedData):
         return records.number(header, name)
     return 0
-
-
-_PROBES = 16  # chunks that are looked at before an index is believed
 
 
 def read_layout(file: BinaryIO, size: int) -> Layout:
