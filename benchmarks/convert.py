@@ -1,4 +1,4 @@
-"""How fast recordings are converted, beside rosbags-convert and beside the mcap library alone.
+"""Speed of converting recordings, compared with rosbags-convert and the mcap library alone.
 
 python benchmarks/convert.py [--messages 100000] [--images 300] [--kitti DRIVE]
 

@@ -1,8 +1,8 @@
-"""How fast KITTI becomes a bag: `python benchmarks/kitti.py DRIVE [--kitti2bag CMD]`.
+"""Speed of converting KITTI to a bag: `python benchmarks/kitti.py DRIVE [--kitti2bag CMD]`.
 
 DRIVE is a drive's folder with calibration beside it; its frames are repeated. The bound is reading
 the files, decoding the images and writing as many bytes, with a thread for each core. CMD is what
-runs kitti2bag 1.5, such as "python kitti2bag"; without it that column is left out.
+runs kitti2bag 1.5, such as "python kitti2bag"; without it that column is omitted.
 """
 
 import argparse

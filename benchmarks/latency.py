@@ -1,4 +1,4 @@
-"""How old the edges of a frame are when they come out, at 30 frames per second.
+"""Latency of the edges of a frame, at 30 frames per second.
 
     python benchmarks/latency.py [VIDEO ...]
 

@@ -1,4 +1,4 @@
-"""How much memory a long run takes: peak and growth of the resident set, from start to end.
+"""Memory of a long run: peak and growth of the resident set, from start to end.
 
 python benchmarks/memory.py [--frames 10000] [VIDEO]
 """

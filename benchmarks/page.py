@@ -1,4 +1,4 @@
-"""What a page costs the pipeline, when somebody receives it and when a browser also draws it.
+"""Cost of a page for the pipeline, with a client and with a browser that also draws it.
 
     python benchmarks/page.py [--chromium] [VIDEO]
 

@@ -1,4 +1,4 @@
-"""What a path costs as it grows: python benchmarks/path.py [--messages N] [--plot FILE.svg]
+"""Cost of a growing path: python benchmarks/path.py [--messages N] [--plot FILE.svg]
 
 Odometry at 100 Hz, 5 m/s, so that every pose is far enough to be kept. *append and publish* sends
 all poses with each one, as the seed's path.py does; *append, 5 Hz* sends them five times a second;

@@ -1,4 +1,4 @@
-"""How well a recording's messages keep to their times: `python benchmarks/playback.py RECORDING`.
+"""Delay of a recording's messages: `python benchmarks/playback.py RECORDING`.
 
 It is played at its own speed, with all nodes, while nobody looks, while a client takes all that the
 page sends and, with --chromium, while a headless browser draws it in software. Late is how long

@@ -1,4 +1,4 @@
-"""How many times faster than real time robots are simulated: `python benchmarks/simulation.py`.
+"""Speed of simulated robots relative to real time: `python benchmarks/simulation.py`.
 
 Each robot in each world on its default mission, with all sensors but images (the quadrotor with and
 without the lidar, which it leaves off by default) and with images of 640x480 at 10 per second too.

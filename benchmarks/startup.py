@@ -1,4 +1,4 @@
-"""How long the command line takes to answer: `python benchmarks/startup.py`."""
+"""Start-up time of the command line: `python benchmarks/startup.py`."""
 
 import statistics
 import subprocess

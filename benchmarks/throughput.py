@@ -1,4 +1,4 @@
-"""How fast the image pipeline goes through a video, beside what it is made of and a plain loop.
+"""Throughput of the image pipeline, compared with what it is made of and a plain loop.
 
     python benchmarks/throughput.py [VIDEO ...]
 

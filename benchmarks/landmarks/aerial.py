@@ -1,4 +1,4 @@
-"""How fast the network that comes with the package is: `python benchmarks/landmarks/aerial.py DIR`.
+"""Speed of the network of the package: `python benchmarks/landmarks/aerial.py DIR`.
 
 DIR has pictures, here or in folders below, such as those of `training/pictures.py`. Milliseconds by
 the clock, the median, from a picture to things in its pixels, and how many a second that makes.

@@ -1,4 +1,4 @@
-"""Whether detection, localization and navigation keep up with a camera of 640x480 at 30 per second.
+"""Load test of detection, localization and navigation with a camera of 640x480 at 30 per second.
 
     python benchmarks/landmarks/chain.py [--seconds 20] [--cores 2]
 

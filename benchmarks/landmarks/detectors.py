@@ -1,4 +1,4 @@
-"""What finds tags, ours and what else a user would pick, all called alike."""
+"""Tag detectors, ours and alternatives, all called alike."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How exactly the simulated quadrotor lands on its pad, by sight alone.
+"""Accuracy of visual landing of the simulated quadrotor on its pad.
 
     python benchmarks/landmarks/landing.py [--seeds 50] [--first 0] [--case line] [--projected]
 

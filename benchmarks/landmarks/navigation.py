@@ -1,4 +1,4 @@
-"""How exact, how honest and how fast the navigator is, over many computed flights of 500 m.
+"""Accuracy, consistency and speed of the navigator over many computed flights of 500 m.
 
     python benchmarks/landmarks/navigation.py [--seeds 30] [--metres 500] [--case 0]
 

@@ -1,4 +1,4 @@
-"""What a network costs before and after it: `python benchmarks/landmarks/networks.py [FILE.onnx]`.
+"""Pre- and postprocessing time of a network: `python benchmarks/landmarks/networks.py [FILE.onnx]`.
 
 Without a file, a made network in the layout of YOLOv8 with 80 classes and 8400 cells, whose some
 200 candidates are of random places. Images are noise, of 640x480 and 1920x1080. Milliseconds of
