@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from enum import Enum
 from functools import partial
 from html import escape
 from typing import Any
@@ -127,8 +126,8 @@ class ScenePanel:
             return [swatch, switch]
         choices = [coloring.value for coloring in colorings]
         color = self._gui.add_dropdown("Colour by", choices, hint=topic)
-        choose = partial(self._set_coloring, topic, colorings)
-        color.on_update(self._listener(("color", topic), choose))
+        choose = partial(self._scene.set_coloring, topic)
+        color.on_update(self._listener(("color", topic), lambda name: choose(colorings(name))))
         return [swatch, switch, color]
 
     def _listener(self, key: object, action: Callable[[Any], object]) -> Listener:
@@ -139,9 +138,6 @@ class ScenePanel:
 
     def _set_look(self, name: str, value: Any) -> None:
         self._scene.appearance = replace(self._scene.appearance, **{name: value})
-
-    def _set_coloring(self, topic: str, colorings: type[Enum], name: str) -> None:
-        self._scene.set_coloring(topic, colorings(name))
 
 
 def _swatch(kind: type, color: Color) -> str:

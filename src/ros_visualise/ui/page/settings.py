@@ -88,7 +88,7 @@ class PageSettings:
         if _VIEW in self._waiting:
             scene.look_from(None, *_places(str(self._waiting.pop(_VIEW))))
         add_channel(gui, worker, "address", self._take_address)
-        add_channel(gui, worker, _VIEW, self._take_view)
+        add_channel(gui, worker, _VIEW, lambda view, who: scene.look_from(who, *_places(view)))
         self._element = gui.add_html("")
 
     def take_in(self) -> None:
@@ -138,9 +138,6 @@ class PageSettings:
     def _take_address(self, address: str, _: int) -> None:
         self._waiting = _by_name(dict(parse_qsl(address, keep_blank_values=True)))
         self.refresh()
-
-    def _take_view(self, view: str, client: int) -> None:
-        self._scene.look_from(client, *_places(view))
 
     def _set(self, element: Any, value: Value, place: str) -> None:
         """Set an element as a person would, with all consequences.

@@ -60,14 +60,11 @@ class Links:
         """All links, by the name of the child."""
         with self._lock:
             return [
-                Link(*self._way(child), stamps[-1], self._rate(child))
+                Link(parent, child, static, stamps[-1], self._rate(child))
                 for child, stamps in sorted(self._stamps_ns.items())
+                for parent, static in [self._ways[child]]
                 if stamps
             ]
-
-    def _way(self, child: str) -> tuple[str, str, bool]:
-        parent, static = self._ways[child]
-        return parent, child, static
 
     def _rate(self, child: str) -> float | None:
         stamps = self._stamps_ns[child]
@@ -206,11 +203,8 @@ class Frames:
         roots = self.tree.roots
         if len(roots) == 1:
             return roots[0]
-        tops = Counter(self._top(name) for name in self.tree.frames())
+        tops = Counter([name, *self._above(name)][-1] for name in self.tree.frames())
         return max(tops, key=lambda top: (tops[top], top))
-
-    def _top(self, frame: str) -> str:
-        return [frame, *self._above(frame)][-1]
 
     def _above(self, frame: str) -> list[str]:
         """The chain of parents; in a loop, each once."""

@@ -71,7 +71,11 @@ class GridDrawing(Drawing):
         return self._corners
 
     def _paint(self, cells: npt.NDArray[np.int8], scheme: Scheme) -> viser.ImageHandle:
-        if self._image is not None and scheme is self._scheme and _are_same(cells, self._cells):
+        if (
+            self._image is not None
+            and scheme is self._scheme
+            and np.array_equal(cells, self._cells)
+        ):
             return self._image
         self._cells, self._scheme = cells, scheme
         picture = picture_of(cells, scheme)
@@ -139,7 +143,3 @@ def _pool(cells: npt.NDArray[np.int8], factor: int) -> npt.NDArray[np.int8]:
     rows = padded.reshape(-1, factor, padded.shape[1]).max(axis=1)
     found: npt.NDArray[np.int8] = rows.reshape(len(rows), -1, factor).max(axis=2)
     return found
-
-
-def _are_same(cells: npt.NDArray[np.int8], others: npt.NDArray[np.int8]) -> bool:
-    return cells is others or np.array_equal(cells, others)

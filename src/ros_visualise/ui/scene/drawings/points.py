@@ -46,7 +46,7 @@ class _Dots(Drawing):
             if self._handle is not None:
                 self._handle.visible = False
             return
-        precision: Precision = "float16" if _fits_half(points) else "float32"
+        precision: Precision = "float16" if np.abs(points).max() < _HALF_RANGE_M else "float32"
         if colors.ndim == 1:
             colors = np.broadcast_to(colors, points.shape)
         if self._handle is None:
@@ -121,7 +121,3 @@ def ends_of(scan: LaserScan) -> tuple[Points, npt.NDArray[np.bool_]]:
     angles = scan.angle_min + np.flatnonzero(valid) * scan.angle_increment
     x, y = ranges[valid] * np.cos(angles), ranges[valid] * np.sin(angles)
     return np.stack([x, y, np.zeros_like(x)], axis=1).astype(np.float32), valid
-
-
-def _fits_half(points: Points) -> bool:
-    return not len(points) or float(np.abs(points).max()) < _HALF_RANGE_M
