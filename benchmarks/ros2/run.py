@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ros_visualise.running.executables import command_of
-from ros_visualise.runtime.ros2.cyclone import configure
+from ros_visualise.runtime.ros2.session import configure
 
 HERE = Path(__file__).parent
 ENDS = HERE / "ends.py"

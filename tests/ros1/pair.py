@@ -9,7 +9,7 @@ from rospy.impl.tcpros_pubsub import TCPROSPub
 from sensor_msgs.msg import Image
 
 from ros_visualise.runtime.ros1.outbox import Outbox
-from ros_visualise.runtime.ros1.stream import Stream
+from ros_visualise.runtime.ros1.receiver import Stream
 from ros_visualise.runtime.ros1.wire import decode, encode
 
 SIZE = 1_000_000

@@ -12,7 +12,7 @@ from contract_of_faults import *  # noqa: F403  # the tests themselves
 from contract_of_faults import GARBAGE, GraphWorld, picture
 from ros_graph import Master, Nodes, end, wait_for
 
-from ros_visualise.runtime.ros1.raw import RawMessage
+from ros_visualise.runtime.ros1.messages import RawMessage
 from ros_visualise.runtime.ros1.topics import Ros1Publisher
 from ros_visualise.runtime.ros1.transport import Ros1Transport
 from ros_visualise.runtime.topics import Subscription

@@ -14,7 +14,7 @@ from ros_graph import Heard, Master
 from ros_visualise.data import Detection, Detections, Header, Hypothesis
 from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.runtime.ros1.messages import message_class
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 

@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from ros_graph import wait_for
 from tf2_msgs.msg import TFMessage
 
-from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.runtime.ros1.messages import message_class
 
 PAD, HEIGHT_M = 100, 5.0
 

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image
 
 from ros_visualise.data import Detections, VisionInfo
 from ros_visualise.running.executables import command_of
-from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.runtime.ros1.messages import message_class
 
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
 sys.path.insert(0, str(Path(__file__).parents[1] / "landmarks" / "networks"))

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from ros_visualise.landmarks.localization import map_file
-from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.runtime.ros1.messages import message_class
 
 
 def tag(stamp: Any) -> Any:

@@ -15,18 +15,18 @@ from peers import Peer, Peers, connect
 from ros_graph import wait_for
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1 import lending, same_host
-from ros_visualise.runtime.ros1.lending import FILLED
-from ros_visualise.runtime.ros1.stream import BrokenStream
+from ros_visualise.runtime.ros1 import same_host, shared_memory
+from ros_visualise.runtime.ros1.receiver import BrokenStream
+from ros_visualise.runtime.ros1.shared_memory import FILLED
 from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 from ros_visualise.runtime.ros1.wire import decode, encode
 
-LARGE = lending.LARGE + 1000
+LARGE = shared_memory.LARGE + 1000
 
 
 @pytest.fixture
 def pair(monkeypatch):
-    monkeypatch.setattr(lending, "LARGE", SIZE)
+    monkeypatch.setattr(shared_memory, "LARGE", SIZE)
     pair = Pair()
     yield pair
     pair.close()
@@ -152,7 +152,7 @@ def test_memory_that_was_not_lent_is_refused(pair):
 
 
 def test_nothing_is_left_of_a_connection(monkeypatch):
-    monkeypatch.setattr(lending, "LARGE", SIZE)
+    monkeypatch.setattr(shared_memory, "LARGE", SIZE)
     gc.collect()
     before = open_files()
     for _ in range(5):

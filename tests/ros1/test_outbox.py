@@ -15,7 +15,7 @@ from ros_graph import wait_for
 from rospy.impl.transport import OUTBOUND
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1 import lending
+from ros_visualise.runtime.ros1 import shared_memory
 from ros_visualise.runtime.ros1.wire import encode
 
 
@@ -23,7 +23,7 @@ from ros_visualise.runtime.ros1.wire import encode
 def pair(request, monkeypatch):
     pair = Pair()
     if request.param == "in memory":
-        monkeypatch.setattr(lending, "LARGE", SIZE)
+        monkeypatch.setattr(shared_memory, "LARGE", SIZE)
         pair.meet()
     pair.connection.stat_bytes = pair.connection.stat_num_msg = 0
     yield pair

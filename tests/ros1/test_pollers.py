@@ -6,7 +6,7 @@ import os
 import rospy
 from std_msgs.msg import String
 
-from ros_visualise.runtime.ros1.pollers import mend_pollers
+from ros_visualise.runtime.ros1.repairs import mend_pollers
 
 
 def open_files():

@@ -25,8 +25,11 @@ from ros_graph import wait_for
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.nodes import find
-from ros_visualise.runtime.ros1.description import describe
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer, starting_values
+from ros_visualise.runtime.ros1.reconfigure_server import (
+    ReconfigureServer,
+    describe,
+    starting_values,
+)
 
 pytestmark = [
     pytest.mark.usefixtures("ros_master"),

@@ -14,8 +14,7 @@ from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Header, Marker, Message, PoseStamped, Text
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.ros1.publishers import MessagePublisher, advertise
-from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.runtime.ros1.messages import MessagePublisher, advertise, message_class
 
 ORIGIN, UNTURNED = np.zeros(3), np.array([0.0, 0, 0, 1])
 BAD = {

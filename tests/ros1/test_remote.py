@@ -23,7 +23,7 @@ from ros_visualise.nodes import find
 from ros_visualise.runtime.remote.graph_snapshot import RemoteNode, in_order, snapshot
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.report import NodeReport, OutputReport, TopicReport
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer
 from ros_visualise.runtime.ros1.transport import Ros1Transport, list_graph
 from ros_visualise.sources.opening import open_recording
 
@@ -40,7 +40,7 @@ import sys, rospy
 from sensor_msgs.msg import Image
 from ros_visualise.nodes import find
 from ros_visualise.core.params import Parameters
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer
 name, takes, gives = sys.argv[1:4]
 rospy.init_node(name)
 publishers = [rospy.Publisher(gives, Image, queue_size=1) for gives in gives.split()]

@@ -20,9 +20,8 @@ from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.nodes import find
 from ros_visualise.runtime.remote.parameters import RemoteParameters
-from ros_visualise.runtime.ros1.declaration import declare
-from ros_visualise.runtime.ros1.description import describe
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.reconfigure_client import declare
+from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer, describe
 from ros_visualise.runtime.ros1.transport import Ros1Transport
 from ros_visualise.vision.edges import Method
 
@@ -38,7 +37,7 @@ SERVING = """
 import rospy
 from ros_visualise.nodes import find
 from ros_visualise.core.params import Parameters
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer
 rospy.init_node("edge_detector")
 server = ReconfigureServer(Parameters(find("edge_detector").params()))
 rospy.spin()

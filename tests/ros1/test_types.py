@@ -56,7 +56,7 @@ from ros_visualise.data import (
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.numeric_fields import numeric_fields
-from ros_visualise.runtime.ros1.types import TYPES, message_class
+from ros_visualise.runtime.ros1.messages import TYPES, message_class
 
 ROSBAGS = Definitions("ros1")
 HEADER = Header(1_700_000_000_987_654_321, "cam00_optical")

@@ -20,7 +20,7 @@ from std_msgs.msg import Empty, Header
 from ros_visualise import messages
 from ros_visualise.data import Image as OurImage
 from ros_visualise.runtime.memory import BufferPool
-from ros_visualise.runtime.ros1.stream import BrokenStream, Stream
+from ros_visualise.runtime.ros1.receiver import BrokenStream, Stream
 from ros_visualise.runtime.ros1.wire import as_bytes, decode, encode, is_large
 
 HEADER = Header(7, genpy.Time(1_700_000_000, 9), "camera_ß")

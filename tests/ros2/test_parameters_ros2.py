@@ -20,7 +20,7 @@ from waiting import wait_for
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros2 import parameters_client
-from ros_visualise.runtime.ros2.parameter_services import ParameterServices
+from ros_visualise.runtime.ros2.parameters_client import ParameterServices
 from ros_visualise.runtime.ros2.services import result_of
 from ros_visualise.runtime.ros2.session import Ros2Session
 from ros_visualise.runtime.ros2.transport import Ros2Transport

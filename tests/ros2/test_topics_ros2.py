@@ -220,7 +220,7 @@ def test_a_recorded_name_that_ros_refuses_is_changed_and_told(
 ):
     publisher = ros2.advertise("/ORB-SLAM/0 left", IMAGE)
     assert publisher.name == "/ORB_SLAM/_0_left"
-    assert "/ORB-SLAM/0 left is called /ORB_SLAM/_0_left" in caplog.text
+    assert "/ORB-SLAM/0 left renamed to /ORB_SLAM/_0_left" in caplog.text
     publisher.close()
 
 

@@ -1,4 +1,4 @@
-"""What ROS 1's libraries raise, as errors of ours: the one place where they are translated."""
+"""Errors of ROS 1's libraries as errors of ours: the one place where they are translated."""
 
 from __future__ import annotations
 

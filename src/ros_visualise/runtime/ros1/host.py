@@ -17,12 +17,11 @@ from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import forward_log
 from ros_visualise.core.signals import DONE, StopRequest, interrupt, note
 from ros_visualise.runtime.middleware import Handle, Host, Managed
-from ros_visualise.runtime.ros1.clock_watch import watch_clock
+from ros_visualise.runtime.ros1.clock import watch_clock
 from ros_visualise.runtime.ros1.errors import MASTER, translated
-from ros_visualise.runtime.ros1.handshakes import mend_handshakes
-from ros_visualise.runtime.ros1.pollers import mend_pollers
-from ros_visualise.runtime.ros1.reconfigure import starting_values
+from ros_visualise.runtime.ros1.reconfigure_server import starting_values
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
+from ros_visualise.runtime.ros1.repairs import mend_handshakes, mend_pollers
 from ros_visualise.runtime.ros1.transport import Ros1Transport
 
 _PACKAGE = "package://"
@@ -48,7 +47,7 @@ class Ros1Host(Host):
         self._stop_request = StopRequest()
 
     def begin(self, name: str) -> Ros1Transport:
-        """Register as a node, with each master that there is, and log to rosout.
+        """Register as a node, again with each new master, and log to rosout.
 
         Without its master a node goes on, unless ``~end_with_master`` is set.
         """
@@ -72,30 +71,24 @@ class Ros1Host(Host):
         return Ros1Transport()
 
     def end(self) -> None:
-        """Leave the graph."""
         rospy.signal_shutdown("done")
 
     def is_over(self) -> bool:
-        """True if this node has to end."""
         return self._stop_request.asked or bool(rospy.is_shutdown())
 
     def arguments(self) -> list[str]:
-        """The command line without remappings and private parameters."""
         return list(rospy.myargv())[1:]
 
     @translated(MASTER)
     def option(self, name: str, default: Any) -> Any:
-        """A private parameter that is read once."""
         return rospy.get_param(f"~{name}", default)
 
     def starting_values(
         self, params: type, namespace: str = "", known: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """The values that were given to declared parameters."""
         return starting_values(params, namespace, known)
 
     def find_file(self, url: str) -> str:
-        """The path of ``package://PACKAGE/FILE``; other texts as they are."""
         if not url.startswith(_PACKAGE):
             return url
         package, _, file = url.removeprefix(_PACKAGE).partition("/")
@@ -103,7 +96,6 @@ class Ros1Host(Host):
             return os.path.join(rospkg.RosPack().get_path(package), file)
 
     def manage(self, managed: Managed) -> Handle:
-        """Refuse it."""
         raise UsageError("ROS 1 has no managed nodes; run it without managed")
 
     def _end_without_master(self) -> None:

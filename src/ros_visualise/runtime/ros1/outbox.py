@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ros_visualise.core import supervision
-from ros_visualise.runtime.ros1.borrowing import Borrower
+from ros_visualise.runtime.ros1.shared_memory import Borrower
 from ros_visualise.runtime.ros1.wire import Parcel
 
 
@@ -43,7 +43,7 @@ class Outbox:
         return getattr(self._connection, name)
 
     def set_cleanup_callback(self, callback: Callable[[Outbox], None]) -> None:
-        """Tell somebody when the connection is closed."""
+        """Call a function when the connection is closed."""
         self.cleanup_cb = callback
 
     def offer(self, parcel: Parcel) -> bool:
@@ -76,7 +76,7 @@ class Outbox:
 
     @property
     def is_full(self) -> bool:
-        """Whether a message waits, which the next one would replace."""
+        """True if a message waits, which the next one would replace."""
         return self._waiting is not None
 
     def flush(self, timeout_s: float) -> bool:
@@ -109,14 +109,14 @@ class Outbox:
             self._connection.close()
 
     def _send_next(self) -> bool:
-        """Send what is there to send, and let go of it; whether there was anything."""
+        """Send the message that waits, and forget it; True if there was one."""
         buffers = self._next()
         for buffer in buffers:
             self._socket.sendall(buffer)
         return bool(buffers)
 
     def _next(self) -> list[memoryview]:
-        """What to send next; nothing when the connection is closed."""
+        """The buffers to send next; none when the connection is closed."""
         with self._changed:
             if not self._unsent and self._waiting is None:
                 self._busy = False
@@ -149,7 +149,7 @@ class Outbox:
 
 
 def _after(buffers: list[memoryview], sent: int) -> list[memoryview]:
-    """What is left of the buffers when so many bytes are sent."""
+    """The buffers without the bytes that were sent."""
     left = []
     for buffer in buffers:
         if sent < buffer.nbytes:

@@ -70,7 +70,7 @@ def keep_registered(on_gone: Callable[[], None]) -> None:
     """Register what this node has and will have with whatever master there is.
 
     Args:
-        on_gone: called when the master is gone, each time.
+        on_gone: called each time that the master is lost.
     """
     listeners = get_registration_listeners()
     with listeners.lock:
@@ -82,7 +82,7 @@ def keep_registered(on_gone: Callable[[], None]) -> None:
 
 
 class _Registrar(RegistrationListener):  # type: ignore[misc]
-    """Takes the place of rospy's own, which asks a master that is gone until it answers.
+    """Takes the place of rospy's own, which asks a lost master until it answers.
 
     It does so with a lock that the end of the process needs, too.
     """
@@ -121,7 +121,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             self._manager.cond.notify_all()
 
     def watch(self, on_gone: Callable[[], None]) -> None:
-        """Notice that the master is gone, and register with the next one; until the end."""
+        """Notice that the master is lost, and register with the next one; until the end."""
         while not rospy.is_shutdown():
             try:
                 with translated(MASTER):
@@ -180,7 +180,7 @@ def _addresses(publishers: Any) -> list[str]:
 
 
 class BoundedTransport(xmlrpc.client.Transport):
-    """Does not wait for ever for an answer, as where the machine of the other one is gone."""
+    """Does not wait for ever for an answer, as when the other machine was switched off."""
 
     _patience_s = _PATIENCE_S
 

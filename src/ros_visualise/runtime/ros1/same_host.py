@@ -38,7 +38,7 @@ def listen(connection: socket.socket) -> socket.socket | None:
 
 
 def accept(listener: socket.socket) -> socket.socket | None:
-    """The reader, once it has come; whoever belongs to another user is sent away."""
+    """The reader, once it has come; processes of other users are rejected."""
     try:
         return _of_same_user(listener.accept()[0])
     except OSError:
@@ -78,7 +78,7 @@ def receive(beside: socket.socket, size: int, wait: bool) -> tuple[bytes, int | 
     """The next record, of so many bytes, and the descriptor of the open file that came with it.
 
     Raises:
-        BlockingIOError: there is none yet, and ``wait`` is false.
+        BlockingIOError: none has come yet, and ``wait`` is false.
         OSError: there will be none.
     """
     flags = socket.MSG_CMSG_CLOEXEC | (0 if wait else socket.MSG_DONTWAIT)
@@ -90,7 +90,7 @@ def receive(beside: socket.socket, size: int, wait: bool) -> tuple[bytes, int | 
 
 
 def end(beside: socket.socket) -> None:
-    """Close it, and wake whoever waits for something from it."""
+    """Close it, and wake the threads that wait for it."""
     with contextlib.suppress(OSError):
         beside.shutdown(socket.SHUT_RDWR)
     beside.close()

@@ -4,7 +4,7 @@ rospy registers the topics, connects and keeps the connections; only what is sen
 our own topics goes another way: from the message's buffer to the sockets (see `outbox`), and from
 the socket into the buffer that the message then holds (see `stream`); large messages between our
 own nodes of one host go by memory (see `lending`). Stock rospy and roscpp at the other end see no
-difference. Whoever uses rospy's own classes on such a topic in the same process shares this way,
+difference. Users of rospy's own classes on such a topic in the same process shares this way,
 and gets numpy arrays too.
 
 Measured at 3840x2160, from one process to another through sockets: 111 fps, by stock rospy 24, in
@@ -48,7 +48,7 @@ class Ros1Publisher:
         topic: relative names and remappings are resolved as everywhere in ROS.
         message_class: of genpy; the data of an Image, CompressedImage or PointCloud2 may be any
             buffer of bytes.
-        latch: whoever subscribes gets the last message at once.
+        latch: late subscribers get the last message at once.
 
     Attributes:
         name: the topic's full name on the graph.
@@ -69,7 +69,7 @@ class Ros1Publisher:
 
     @property
     def connections(self) -> int:
-        """How many subscribers there are."""
+        """The number of subscribers."""
         impl = self._publisher.impl
         return len(impl.connections or ()) if impl is not None else 0
 
@@ -79,7 +79,7 @@ class Ros1Publisher:
         return int(getattr(self._publisher.impl, "dropped", 0))
 
     def publish(self, message: Any) -> None:
-        """Send a message to whoever is connected, waiting for nobody; after `close`, to nobody.
+        """Send a message to all that are connected, without waiting; after `close`, to nobody.
 
         Raises:
             genpy.SerializationError: a field holds what it cannot.
@@ -132,7 +132,7 @@ class Ros1Subscriber:
 
     The data of an Image, CompressedImage or PointCloud2 is a numpy array of uint8, which may be
     kept for as long as anybody likes. A publisher waits while the callback works: hand on and
-    return. ``refuse`` is told why something that came is no message.
+    return. ``refuse`` is called with the reason why bytes are no message.
 
     Attributes:
         name: the topic's full name on the graph.
@@ -168,7 +168,7 @@ class Ros1Subscriber:
 
     @property
     def connections(self) -> int:
-        """How many publishers there are."""
+        """The number of publishers."""
         impl = self._subscriber.impl
         return len(impl.connections or ()) if impl is not None else 0
 
@@ -180,7 +180,7 @@ class Ros1Subscriber:
 
 
 class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
-    """What all publishers of one topic in this process share, with an outbox per subscriber."""
+    """State of all publishers of one topic in this process, with an outbox per subscriber."""
 
     def __init__(self, topic: str, message_class: Any) -> None:
         super().__init__(topic, message_class)
@@ -224,7 +224,7 @@ class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
 
 
 class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
-    """What all subscribers of one topic in this process share."""
+    """State of all subscribers of one topic in this process."""
 
     def __init__(self, topic: str, message_class: Any) -> None:
         super().__init__(topic, message_class)
@@ -266,7 +266,7 @@ def _provide(direction: str, topic: str, message_class: Any, latch: bool = False
 
 @cache
 def _fits() -> bool:
-    """Whether this rospy is built as the ones that this was written for."""
+    """True if this rospy is built as the versions that this was written for."""
     manager = get_topic_manager()
     there = [
         *(hasattr(manager, name) for name in ("lock", "pubs", "subs", "_add")),

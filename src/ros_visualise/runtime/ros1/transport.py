@@ -18,38 +18,33 @@ from ros_visualise.core.supervision import attempt
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Listing, ParametersListener, Transport
-from ros_visualise.runtime.ros1 import clock, publishers, services
+from ros_visualise.runtime.middleware import Handle, Listing, ParametersListener, Transport
+from ros_visualise.runtime.ros1 import clock, messages, services
 from ros_visualise.runtime.ros1.errors import MASTER, translated
-from ros_visualise.runtime.ros1.parameters_client import ReconfigureClient
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.messages import message_class
+from ros_visualise.runtime.ros1.reconfigure_client import ReconfigureClient
+from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer
 from ros_visualise.runtime.ros1.registration import BoundedTransport
-from ros_visualise.runtime.ros1.services import TriggerService
-from ros_visualise.runtime.ros1.set_camera_info import SetCameraInfoService
 from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
-from ros_visualise.runtime.ros1.types import message_class
 
 _IMAGE = "sensor_msgs/Image"
 _DESCRIPTION = "dynamic_reconfigure/ConfigDescription"
 _SUFFIX = "/parameter_descriptions"
 _ONLOOKERS = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
-"""How the names of nodes begin that only look on."""
+"""Beginnings of the names of nodes that only look on."""
 
 
 class Ros1Transport(Transport):
     """The topics and services of this process's node, which has begun."""
 
     def close(self) -> None:
-        """Leave the graph."""
         rospy.signal_shutdown("done")
 
     def resolve(self, name: str) -> str:
-        """A topic's full name on the graph."""
         return str(rospy.resolve_name(name)) if name != "~" else str(rospy.get_name())
 
     def advertise(self, topic: str, type: TopicType) -> Ros1Publisher:
-        """Publish a topic."""
-        return publishers.advertise(topic, type)
+        return messages.advertise(topic, type)
 
     def subscribe(
         self,
@@ -58,8 +53,6 @@ class Ros1Transport(Transport):
         take: Callable[[Any], None],
         reject: Callable[[str], None],
     ) -> Ros1Subscriber:
-        """Subscribe to a topic."""
-
         def taken(message: Any) -> None:
             try:
                 data: Any = from_message(message, kind)
@@ -73,31 +66,23 @@ class Ros1Transport(Transport):
 
         return Ros1Subscriber(topic, message_class(kind.type_name), heard, reject)
 
-    def offer(self, action: str, act: Callable[[], str | None]) -> TriggerService:
-        """Offer a std_srvs/Trigger."""
-        return TriggerService(action, act)
+    def offer(self, action: str, act: Callable[[], str | None]) -> Handle:
+        return services.trigger(action, act)
 
-    def offer_calibration(
-        self, service: str, take: Callable[[CameraInfo], None]
-    ) -> SetCameraInfoService:
-        """Offer a sensor_msgs/SetCameraInfo."""
-        return SetCameraInfoService(service, take)
+    def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
+        return services.set_camera_info(service, take)
 
     def call(self, action: str) -> None:
-        """Call a std_srvs/Trigger."""
         services.call(action)
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> ReconfigureServer:
-        """Offer a node's parameters over dynamic_reconfigure."""
         return ReconfigureServer(parameters, namespace)
 
     def follow_parameters(self, node: str, listener: ParametersListener) -> ReconfigureClient:
-        """Follow a node's parameters over dynamic_reconfigure."""
         return ReconfigureClient(node, listener)
 
     @translated(MASTER)
     def listing(self) -> Listing:
-        """The graph as the master has it."""
         master = rosgraph.Master(rospy.get_name())
         with ServerProxy(master.master_uri, BoundedTransport()) as proxy:
             master.handle = proxy  # its own waits for ever
@@ -106,7 +91,6 @@ class Ros1Transport(Transport):
         return list_graph(publishers, subscribers, types)
 
     def clock(self) -> Clock:
-        """Simulated time where ``/use_sim_time`` is set, else the time of day."""
         return clock.ros_clock()
 
 

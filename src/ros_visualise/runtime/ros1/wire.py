@@ -34,7 +34,7 @@ class Parcel(NamedTuple):
 
 
 def is_large(message_class: Any) -> bool:
-    """Whether messages of that class have a large field ``data``."""
+    """True if messages of that class have a large field ``data``."""
     return message_class._type in _AFTER_DATA and "data" in message_class.__slots__
 
 

@@ -1,1 +1,1 @@
-"""What is ROS 2's alone: its messages, services, parameters and clock, over rclpy."""
+"""The parts that ROS 2 alone has: its messages, services, parameters and clock, over rclpy."""

@@ -24,19 +24,19 @@ def ros_clock(node: Node) -> Clock:
 
 
 def uses_sim_time(node: Node) -> bool:
-    """Whether the node's time is that of /clock."""
+    """True if the node's time is that of /clock."""
     return bool(node.get_clock().ros_time_is_active)
 
 
 def watch_clock(node: Node, is_over: Callable[[], bool]) -> None:
-    """Say it once if ``use_sim_time`` is set and nobody publishes /clock: then no time passes."""
+    """Warn once if ``use_sim_time`` is set and /clock is not published: then no time passes."""
     clock: Any = node.get_clock()
     end_s = time.monotonic() + _PATIENCE_S
     while uses_sim_time(node) and not (is_over() or clock.now().nanoseconds):
         if time.monotonic() > end_s:
             log.warning(
-                "use_sim_time is set, and nobody publishes /clock: no time passes; if nobody is"
-                " going to: start %s again with -p use_sim_time:=false",
+                "use_sim_time is set and nobody publishes /clock: simulated time is not advancing."
+                " If no clock is expected, restart %s with -p use_sim_time:=false",
                 node.get_fully_qualified_name(),
             )
             return

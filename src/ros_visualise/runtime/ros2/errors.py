@@ -1,4 +1,4 @@
-"""What rclpy raises, as errors of ours: the one place where they are translated."""
+"""Errors of rclpy as errors of ours: the one place where they are translated."""
 
 from __future__ import annotations
 

@@ -34,31 +34,26 @@ class Ros2Host(Host):
         self._transport: Ros2Transport | None = None
 
     def begin(self, name: str) -> Ros2Transport:
-        """Become a node."""
         note(self._stop_request)  # who leaves while he joins would be seen for another ten seconds
         session = Ros2Session(name, sys.argv)
         forward_log(_levels(session.node))
-        session.start(partial(watch_clock, session.node, self.is_over), "clock watch")
+        session.start("clock watch", partial(watch_clock, session.node, self.is_over))
         self._transport = Ros2Transport(session)
         return self._transport
 
     def end(self) -> None:
-        """Leave the graph."""
         if self._transport is not None:
             self._transport.close()
 
     def is_over(self) -> bool:
-        """True if this node has to end."""
         return self._stop_request.asked or (
             self._transport is not None and self._transport.session.is_over
         )
 
     def arguments(self) -> list[str]:
-        """The command line without what ROS takes from it."""
         return list(remove_ros_args(sys.argv))[1:]
 
     def option(self, name: str, default: Any) -> Any:
-        """A parameter that is read once."""
         value = self._begun.session.option(name, default)
         self._begun.desk.show(name, value)
         return value
@@ -66,13 +61,11 @@ class Ros2Host(Host):
     def starting_values(
         self, params: type, namespace: str = "", known: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """The values that were given to declared parameters."""
         self._begun.desk.expect(namespace)
         given = self._begun.session.given(namespace)
         return given_values(params, given, known, f"{namespace}.".lstrip("."))
 
     def find_file(self, url: str) -> str:
-        """The path of ``package://PACKAGE/FILE``; other texts as they are."""
         if not url.startswith(_PACKAGE):
             return url
         package, _, file = url.removeprefix(_PACKAGE).partition("/")
@@ -80,7 +73,6 @@ class Ros2Host(Host):
             return f"{get_package_share_directory(package)}/{file}"
 
     def manage(self, managed: Managed) -> Handle:
-        """Let others drive this node through the states of a managed node."""
         return self._begun.session.manage(managed)
 
     @property

@@ -1,4 +1,4 @@
-"""Which ROS 2 a process is going to use, checked before rclpy is imported."""
+"""The ROS 2 that a process is going to use, checked before rclpy is imported."""
 
 from __future__ import annotations
 

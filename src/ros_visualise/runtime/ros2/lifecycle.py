@@ -70,7 +70,7 @@ class Lifecycle(LifecycleNodeMixin):  # type: ignore[misc]
         return self._do("cleanup", self._managed.cleanup)
 
     def _do(self, name: str, work: Callable[[], None]) -> TransitionCallbackReturn:
-        """What became of a transition; rclpy says nothing of what a callback raises."""
+        """The outcome of a transition; rclpy says nothing of what a callback raises."""
         try:
             work()
         except RosVisualiseError as error:

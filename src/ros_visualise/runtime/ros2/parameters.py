@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, specs
 from ros_visualise.runtime.ros2.clock import uses_sim_time
-from ros_visualise.runtime.ros2.description import describe, to_parameters, wanted
+from ros_visualise.runtime.ros2.descriptions import describe, to_parameters, wanted
 from ros_visualise.runtime.ros2.session import Ros2Session
 
 log = logging.getLogger(__name__)
@@ -58,7 +58,7 @@ class ParameterDesk:
 
         Args:
             name: of the option.
-            value: as it was given, or what it is by itself.
+            value: given, or the default.
         """
         self._shown[name] = value
 
@@ -78,7 +78,7 @@ class ParameterDesk:
         """Answer no longer, and have them declared no longer."""
         with self.lock:
             self._served.pop(served.prefix, None)
-            for name in served.told:
+            for name in served.published:
                 self.node.undeclare_parameter(name)
 
     def declare(self, parameters: Sequence[tuple[str, Any, ParameterDescriptor]]) -> None:
@@ -106,7 +106,7 @@ class ParameterDesk:
 
     def _converted(self, asked: Parameter) -> Parameter:
         for served in self._served.values():
-            if asked.name in served.told:
+            if asked.name in served.published:
                 return served.converted(asked)
         return asked
 
@@ -122,13 +122,13 @@ class ParameterDesk:
         changes: dict[Ros2ServedParameters, dict[str, Any]] = defaultdict(dict)
         for one in asked:
             for served in self._served.values():
-                if one.name in served.told:
+                if one.name in served.published:
                     changes[served][one.name.removeprefix(served.prefix)] = one.value
         try:
             with self.lock:
                 _apply_all(changes)
                 for served, changed in changes.items():
-                    served.told |= {served.prefix + name: one for name, one in changed.items()}
+                    served.published |= {served.prefix + name: one for name, one in changed.items()}
         except ParameterError as error:
             log.warning("refused: %s", error)
             return SetParametersResult(successful=False, reason=str(error))
@@ -138,8 +138,8 @@ class ParameterDesk:
 class Ros2ServedParameters:
     """Offers a node's parameters, for as long as it is open.
 
-    What is changed elsewhere a thread of its own tells the graph: no lock is held by whoever
-    changes a parameter while ROS is talked to.
+    A thread of its own publishes what is changed elsewhere: no lock is held by a
+    thread that changes a parameter while ROS is talked to.
 
     Args:
         desk: of the process's ROS 2 node.
@@ -147,7 +147,7 @@ class Ros2ServedParameters:
         prefix: what their names begin with there.
 
     Attributes:
-        told: their values as the graph knows them, by their names there.
+        published: their values as the graph knows them, by their names there.
     """
 
     def __init__(self, desk: ParameterDesk, parameters: Parameters[Any], prefix: str) -> None:
@@ -158,7 +158,7 @@ class Ros2ServedParameters:
         self._changed = threading.Event()
         self._closed = False
         values = to_parameters(prefix, self._specs, parameters.current)
-        self.told = {one.name: one.value for one in values}
+        self.published = {one.name: one.value for one in values}
         self._desk.declare(
             [
                 (one.name, one.value, describe(spec, one.name))
@@ -168,10 +168,10 @@ class Ros2ServedParameters:
         desk.add(self)
         self._forget = parameters.on_change(lambda *_: self._changed.set())
         name = f"parameters {prefix}".rstrip(" .")
-        self._thread = desk.session.start(self._follow, name, again_s=_AGAIN_S)
+        self._thread = desk.session.start(name, self._follow, again_s=_AGAIN_S)
 
     def converted(self, asked: Parameter) -> Parameter:
-        """What is asked for in the declared type; as it is where that cannot be, to be refused."""
+        """A requested value in the declared type; unchanged where that cannot be, to be refused."""
         name = asked.name.removeprefix(self.prefix)
         spec = next(one for one in self._specs if one.name == name)
         return Parameter(asked.name, value=wanted(spec, asked.value))
@@ -197,9 +197,9 @@ class Ros2ServedParameters:
         """Tell the graph of what has changed here, and not by its own request."""
         with self._desk.lock:  # a request that is being applied is told of by ROS itself
             values = to_parameters(self.prefix, self._specs, self.parameters.current)
-            changed = [one for one in values if one.value != self.told[one.name]]
+            changed = [one for one in values if one.value != self.published[one.name]]
             if changed:
-                self.told |= {one.name: one.value for one in changed}
+                self.published |= {one.name: one.value for one in changed}
                 self._desk.push(changed)
 
 

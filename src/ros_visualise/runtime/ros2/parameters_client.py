@@ -1,28 +1,83 @@
-"""The live parameters of a node in another process, by its parameter services."""
+"""The live parameters of a node in another process, by the services that every node has."""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParametersAtomically,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
 
 from ros_visualise.core.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
-from ros_visualise.runtime.ros2.declaration import Ros2Declaration, declare, our_own
-from ros_visualise.runtime.ros2.description import values_of
+from ros_visualise.runtime.ros2.descriptions import Ros2Declaration, declare, our_own, values_of
 from ros_visualise.runtime.ros2.errors import translated
-from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.parameters import MEMBERS
 from ros_visualise.runtime.ros2.services import result_of
 from ros_visualise.runtime.ros2.session import Ros2Session
+
+_NAMES = {
+    ListParameters: "list_parameters",
+    DescribeParameters: "describe_parameters",
+    GetParameters: "get_parameters",
+    SetParametersAtomically: "set_parameters_atomically",
+}
+
+
+class ParameterServices:
+    """Calls a node's parameter services; each call gives a future with the response.
+
+    Args:
+        node: of this process.
+        name: full name of the node that has the parameters.
+        kinds: the services that are going to be called.
+    """
+
+    def __init__(self, node: Node, name: str, kinds: Iterable[Any] = _NAMES) -> None:
+        self._node = node
+        self._clients = {kind: node.create_client(kind, f"{name}/{_NAMES[kind]}") for kind in kinds}
+
+    @property
+    def are_ready(self) -> bool:
+        """True if the node offers all of them."""
+        return all(client.service_is_ready() for client in self._clients.values())
+
+    def list(self) -> Any:
+        """List the names of all parameters."""
+        return self._call(ListParameters)
+
+    def describe(self, names: Iterable[str]) -> Any:
+        """Describe parameters: type, range, help."""
+        return self._call(DescribeParameters, names=list(names))
+
+    def get(self, names: Iterable[str]) -> Any:
+        """Get the values of parameters."""
+        return self._call(GetParameters, names=list(names))
+
+    def set(self, parameters: Iterable[Parameter]) -> Any:
+        """Set all of these parameters or none."""
+        messages = [one.to_parameter_msg() for one in parameters]
+        return self._call(SetParametersAtomically, parameters=messages)
+
+    def close(self) -> None:
+        """Call them no longer."""
+        while self._clients:
+            self._node.destroy_client(self._clients.popitem()[1])
+
+    def _call(self, kind: Any, **request: Any) -> Any:
+        return self._clients[kind].call_async(kind.Request(**request))
+
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +92,7 @@ class ParameterClient:
         events: tells of changes.
         node: the full name of the ROS 2 node that has them.
         prefix: what their names begin with.
-        listener: is told of them.
+        listener: receives them.
     """
 
     def __init__(
@@ -53,7 +108,7 @@ class ParameterClient:
         self._look = threading.Event()
         self._services = ParameterServices(events.session.node, node)
         self._forget = events.on_change(node, self._changed)
-        events.session.start(self._follow, f"{node} watch", again_s=_LOOK_S)
+        events.session.start(f"{node} watch", self._follow, again_s=_LOOK_S)
 
     @property
     def connected(self) -> bool:
@@ -150,7 +205,7 @@ class ParameterEvents:
         return lambda: self._listeners.remove(entry) if entry in self._listeners else None
 
     def places(self, node: str) -> tuple[str, ...]:
-        """The names under which a node has parameters, as far as it has told; waits for nobody."""
+        """The names under which a node has parameters, as far as known; waits for nobody."""
         if node not in self._members:
             if node not in self._asked:
                 self._asked[node] = _Question(self.session.node, node)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
-from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,10 +14,17 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from ros_visualise.core.errors import UsageError
 from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.send_queue import SendQueue
 from ros_visualise.runtime.memory import Buffer
 from ros_visualise.runtime.ros2 import rcl
-from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
-from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, overridden, profile
+from ros_visualise.runtime.ros2.quality import (
+    PublisherEventCallbacks,
+    clash,
+    full_name,
+    is_named,
+    overridden,
+    profile,
+)
 from ros_visualise.runtime.ros2.session import Ros2Session, spelled
 from ros_visualise.runtime.ros2.types import message_class
 from ros_visualise.sinks.encoding import Buffer as Part
@@ -38,14 +43,14 @@ _LARGE_DEPTH = 3
 def advertise(session: Ros2Session, topic: str, type: TopicType) -> Ros2Publisher | Unsent:
     """A publisher for a topic; see `ros_visualise.runtime.middleware.Transport.advertise`.
 
-    What is recorded may be of types that are not installed here: such a topic is left out.
+    What is recorded may be of types that are not installed here: such a topic is skipped.
     """
     try:
         return Ros2Publisher(session, topic, type)
     except UsageError as error:
         if type.definitions is None:
             raise
-        log.warning("%s is not played: %s", topic, error)
+        log.warning("%s skipped: %s", topic, error)
         return Unsent(session.resolve(topic))
 
 
@@ -83,23 +88,21 @@ class Ros2Publisher:
 
     Attributes:
         name: the topic's full name on the graph.
-        dropped: messages that had to make room for newer ones, or that ROS 2 did not send.
 
     Raises:
-        UsageError: ROS 2 has no such type, or takes no such name.
+        UsageError: ROS 2 has no such type, or the name is invalid.
         DamagedMessage: it cannot hold this type, which comes from a recording.
     """
 
     def __init__(self, session: Ros2Session, topic: str, type: TopicType) -> None:
         declared = _ENCODER.declare(type)
         self.name = session.resolve(topic)
-        self.dropped = 0
         self._node = session.node
-        self._room = getattr(data_class(type.name), "waiting", _WAITING)
-        is_large = self._room < type.qos.depth
+        room = getattr(data_class(type.name), "waiting", _WAITING)
+        is_large = room < type.qos.depth
         depth = _LARGE_DEPTH if is_large else type.qos.depth
         events = PublisherEventCallbacks(
-            incompatible_qos=lambda _: session.start(self._say_why, f"{self.name} QoS"),
+            incompatible_qos=lambda _: session.start(f"{self.name} QoS", self._say_why),
             use_default_callbacks=False,
         )
         with overridden(session.node, self.name, "publisher") as overrides:
@@ -111,18 +114,21 @@ class Ros2Publisher:
                 qos_overriding_options=overrides,
             )
         self._said: set[str] = set()
-        self._waiting: deque[list[Part]] = deque()
         self._buffer: Buffer = np.empty(0, np.uint8)
-        self._is_sending = self._closed = self._has_failed = False
-        self._changed = threading.Condition()
-        session.start(self._send_all, self.name)
+        self._unsent = 0
+        self._queue = SendQueue(self.name, self._send, room, session.start)
 
     @property
     def connections(self) -> int:
-        """How many subscribers there are."""
+        """The number of subscribers."""
         with suppress(rclpy_implementation.InvalidHandle):  # it is closed meanwhile
-            return 0 if self._closed else int(self._publisher.get_subscription_count())
+            return 0 if self._queue.closed else int(self._publisher.get_subscription_count())
         return 0
+
+    @property
+    def dropped(self) -> int:
+        """Messages that had to make room for newer ones, or that ROS 2 did not send."""
+        return self._queue.dropped + self._unsent
 
     def publish(self, message: Any) -> None:
         """Have a message sent; after `close`, to nobody.
@@ -130,63 +136,36 @@ class Ros2Publisher:
         Raises:
             DamagedMessage: it cannot be sent, as one with a stamp before 1970.
         """
-        parts = _ENCODER.parts(message)
-        with self._changed:
-            if len(self._waiting) >= self._room:
-                self._waiting.popleft()
-                self.dropped += 1
-            self._waiting.append(parts)
-            self._changed.notify_all()
+        self._queue.put(_ENCODER.parts(message))
 
     def flush(self, timeout_s: float) -> None:
         """Wait until everybody who reads on has been sent the last message."""
         end_s = time.monotonic() + timeout_s
-        with self._changed:
-            self._changed.wait_for(lambda: not (self._waiting or self._is_sending), timeout_s)
+        self._queue.flush(timeout_s)
         left_s = end_s - time.monotonic()
         if left_s > 0 and self.connections:
             with suppress(rcl.RclError):  # it is closed meanwhile
                 rcl.wait_for_all_acked(self._publisher, left_s)
 
     def wait_for_room(self, timeout_s: float) -> None:
-        """Wait until there is a subscriber, or none at all, with no message waiting for it."""
-        with self._changed:
-            self._changed.wait_for(lambda: len(self._waiting) < self._room, timeout_s)
+        """Wait until another message has room."""
+        self._queue.wait_for_room(timeout_s)
 
     def close(self) -> None:
         """Leave the topic."""
-        with self._changed:
-            again, self._closed = self._closed, True
-            self._changed.notify_all()
-        if not again:
+        if self._queue.close():
             self._node.destroy_publisher(self._publisher)
 
-    def _send_all(self) -> None:
-        while (parts := self._next()) is not None:
-            try:
-                rcl.publish(self._publisher, self._joined(parts))
-            except rcl.RclError as error:
-                self._count_unsent(error)
-
-    def _count_unsent(self, error: rcl.RclError) -> None:
-        if self._closed:
-            return
-        with self._changed:
-            self.dropped += 1
-        if not self._has_failed:
-            self._has_failed = True
-            log.warning("%s: message dropped: %s (further warnings suppressed)", self.name, error)
-
-    def _next(self) -> list[Part] | None:
-        """What to send next; None when this is closed."""
-        with self._changed:
-            self._is_sending = False
-            self._changed.notify_all()
-            self._changed.wait_for(lambda: self._waiting or self._closed)
-            if self._closed:
-                return None
-            self._is_sending = True
-            return self._waiting.popleft()
+    def _send(self, parts: list[Part]) -> None:
+        try:
+            rcl.publish(self._publisher, self._joined(parts))
+        except rcl.RclError as error:
+            if self._queue.closed:
+                return
+            self._unsent += 1
+            if self._unsent == 1:
+                text = "%s: message dropped: %s (further warnings suppressed)"
+                log.warning(text, self.name, error)
 
     def _joined(self, parts: list[Part]) -> Buffer:
         """The parts one after the other, in memory that is kept for the next message."""
@@ -201,7 +180,7 @@ class Ros2Publisher:
         return self._buffer[:size]
 
     def _say_why(self) -> None:
-        """Say, once for each, which subscribers get nothing."""
+        """Warn, once for each, of subscribers that get nothing."""
         publishers, subscribers = self._named_ends()
         node = self._node.get_fully_qualified_name()
         own = next((one for one in publishers if full_name(one) == node), None)
@@ -209,7 +188,7 @@ class Ros2Publisher:
             why = clash(own, one)
             if why is not None and why not in self._said:
                 self._said.add(why)
-                log.warning("%s: no messages to one subscriber: %s", self.name, why)
+                log.warning("%s: incompatible QoS with a subscriber: %s", self.name, why)
 
     def _named_ends(self) -> tuple[list[Any], list[Any]]:
         """The topic's publishers and subscribers, whose nodes tell their names a little later."""
@@ -217,7 +196,7 @@ class Ros2Publisher:
         while True:
             publishers = self._node.get_publishers_info_by_topic(self.name)
             subscribers = self._node.get_subscriptions_info_by_topic(self.name)
-            is_late = time.monotonic() > end_s or self._closed
+            is_late = time.monotonic() > end_s or self._queue.closed
             if is_late or all(map(is_named, (*publishers, *subscribers))):
                 return publishers, subscribers
             time.sleep(_LOOK_S)

@@ -1,4 +1,4 @@
-"""Quality of service: what is offered and asked for, whether both fit, and why they do not."""
+"""Quality of service of ROS 2 topics, and events about it under the names of every rclpy."""
 
 from __future__ import annotations
 
@@ -22,6 +22,14 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.messages.qos import QoS
 
+try:
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+except ImportError:  # Humble
+    from rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
+
+__all__ = ["PublisherEventCallbacks", "SubscriptionEventCallbacks"]
+
+
 _RELIABLE = {True: ReliabilityPolicy.RELIABLE, False: ReliabilityPolicy.BEST_EFFORT}
 _LOCAL = {True: DurabilityPolicy.TRANSIENT_LOCAL, False: DurabilityPolicy.VOLATILE}
 
@@ -31,7 +39,7 @@ _OVERRIDDEN = (
 )
 
 _UNKNOWN = ("_NODE_NAME_UNKNOWN_", "_CREATED_BY_BARE_DDS_APP_")
-"""What RMWs call nodes that have not told their names yet, or are none."""
+"""Names that RMWs give to nodes whose names are unknown."""
 
 
 def profile(qos: QoS) -> QoSProfile:
@@ -46,7 +54,7 @@ def profile(qos: QoS) -> QoSProfile:
 
 @contextmanager
 def overridden(node: Node, topic: str, end: str) -> Iterator[QoSOverridingOptions | None]:
-    """What a person gives as ``qos_overrides.TOPIC.END.POLICY``, to create that end with.
+    """The options ``qos_overrides.TOPIC.END.POLICY``, to create that end with.
 
     Args:
         node: of this process.
@@ -102,17 +110,17 @@ def clash(publisher: Any, subscriber: Any) -> str | None:
 def full_name(end: Any) -> str:
     """The full name of the node that a publisher or subscriber belongs to."""
     if not is_named(end):
-        return "somebody without a name"
+        return "unnamed endpoint"
     return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
 
 
 def is_named(end: Any) -> bool:
-    """Whether it is known which node a publisher or subscriber belongs to."""
+    """True if it is known which node a publisher or subscriber belongs to."""
     return end.node_name not in _UNKNOWN
 
 
 def _is_less(offered: Any, asked: Any) -> bool:
-    """Whether a policy is weaker than another: all of them are numbered from the strongest on."""
+    """True if a policy is weaker than another: all of them are numbered from the strongest on."""
     strong = {ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL}
     return offered != asked and (asked in strong or "MANUAL" in asked.name)
 

@@ -148,5 +148,5 @@ def _check(status: int) -> None:
 
 
 def _forget_error() -> None:
-    """Else the next error of this thread is told together with this one."""
+    """Else the next error of this thread is reported together with this one."""
     _RCUTILS.rcutils_reset_error()

@@ -1,12 +1,13 @@
-"""This process as a node of the ROS 2 graph: its start, its options, its log and its end."""
+"""This process as a node of the ROS 2 graph: its start, its threads and its end."""
 
 from __future__ import annotations
 
 import logging
+import os
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from typing import Any, TypeVar
@@ -16,21 +17,68 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import UsageError
 from ros_visualise.runtime.middleware import Handle, Managed
-from ros_visualise.runtime.ros2.cyclone import configure
 from ros_visualise.runtime.ros2.errors import translated
-from ros_visualise.runtime.ros2.graph_node import GraphNode
 from ros_visualise.runtime.ros2.lifecycle import Lifecycle
+
+_VARIABLE = "CYCLONEDDS_URI"
+
+_SETTINGS = """<CycloneDDS><Domain>
+<General><MaxMessageSize>65500B</MaxMessageSize><FragmentSize>63000B</FragmentSize></General>
+<Internal>
+<NackDelay>1ms</NackDelay>
+<SocketReceiveBufferSize max="16MB"/>
+</Internal>
+</Domain></CycloneDDS>"""
+"""The largest pieces that UDP takes, and as much room for them as the system gives a socket."""
+
+
+def configure_cyclone() -> None:
+    """Let Cyclone DDS send large messages in large pieces; a person's own settings stay.
+
+    By itself it cuts them into pieces of 1344 bytes, and asks for one that was lost after a tenth
+    of a second. An image of 25 MB is 18 000 of those, and a few are lost whenever the
+    subscriber does not read for a moment: at 30 images each second most are never complete.
+
+    Source: the guide to the options of Cyclone DDS 0.10, ``General`` and ``Internal``.
+    """
+    os.environ.setdefault(_VARIABLE, "".join(_SETTINGS.splitlines()))
+
+
+Convert = Callable[[Parameter], Parameter]
+
+
+class GraphNode(Node):  # type: ignore[misc]
+    """Converts the parameters that it is asked to set, before rclpy compares their types.
+
+    ``ros2 param set`` and ``load`` take ``off`` for a bool and ``2`` for an int.
+
+    Attributes:
+        convert: gives a parameter in the type that is declared.
+    """
+
+    convert: Convert = staticmethod(lambda asked: asked)
+
+    def set_parameters(self, parameter_list: Sequence[Parameter]) -> Any:
+        """Set parameters one by one."""
+        return super().set_parameters([self.convert(one) for one in parameter_list])
+
+    def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> Any:
+        """Set all of these parameters or none."""
+        return super().set_parameters_atomically([self.convert(one) for one in parameter_list])
+
 
 _ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
 _DIGIT_FIRST = re.compile(r"(?:^|(?<=/))(?=\d)")
 _THREADS = 4
 OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-"""How the names of parameters begin that ROS 2 itself gives to nodes."""
+"""Beginnings of the names of parameters that ROS 2 itself gives to nodes."""
 _END_S = 0.5
 
 H = TypeVar("H", bound=Handle)
@@ -50,7 +98,7 @@ class Ros2Session:
     """
 
     def __init__(self, name: str, args: list[str]) -> None:
-        configure()
+        configure_cyclone()
         self._context = Context()
         with translated(name, UsageError, ""):
             rclpy.init(
@@ -62,16 +110,16 @@ class Ros2Session:
         self._open: WeakSet[Any] = WeakSet()
         self._threads: WeakSet[threading.Thread] = WeakSet()
         self._ended = False
-        self.start(self._spin, "callbacks", again_s=0)
+        self.start("callbacks", self._spin, again_s=0)
 
     @property
     def context(self) -> Context:
-        """That of the node."""
+        """The node's context."""
         return self._context
 
     @property
     def is_over(self) -> bool:
-        """Whether the node has left the graph."""
+        """True if the node has left the graph."""
         return self._ended or not self._context.ok()
 
     def keep(self, handle: H) -> H:
@@ -86,13 +134,13 @@ class Ros2Session:
         return lifecycle
 
     def start(
-        self, run: Callable[[], None], name: str, again_s: float | None = None
+        self, name: str, run: Callable[[], None], again_s: float | None = None
     ) -> threading.Thread:
         """Run something on a thread of its own, which is waited for when the node ends.
 
         Args:
-            run: returns soon after the node has left the graph.
             name: of the thread.
+            run: returns soon after the node has left the graph.
             again_s: as of `ros_visualise.core.supervision.start`.
         """
         thread = supervision.start(name, partial(self._run, run), again_s)
@@ -127,7 +175,7 @@ class Ros2Session:
         return given.get(name.replace("/", "."), default)
 
     def given(self, namespace: str = "") -> dict[str, Any]:
-        """What launch files and the command line give to parameters whose names begin so."""
+        """Values of parameters below a namespace from launch files and the command line."""
         prefix = f"{namespace}." if namespace else ""
         return {
             name.removeprefix(prefix): one.value
@@ -139,7 +187,7 @@ class Ros2Session:
         """The full name of a topic or service, remapped; that of the node itself for ``~``.
 
         Raises:
-            UsageError: ROS 2 takes no such name.
+            UsageError: the name is invalid.
         """
         if name == "~":
             return str(self.node.get_fully_qualified_name())
@@ -147,7 +195,7 @@ class Ros2Session:
             return str(self.node.resolve_topic_name(spelled(name)))
 
     def _spin(self) -> None:
-        """Answer until the node ends; after a callback that failed, the next one all the same.
+        """Answer until the node ends; after a callback that failed, the next one is called.
 
         What another thread closes as rclpy begins to wait for it is nothing to wait for any more.
         """
@@ -158,10 +206,10 @@ class Ros2Session:
 
 @cache
 def spelled(name: str) -> str:
-    """A name as ROS 2 takes it; recorded ones may have letters that it does not."""
+    """A name that ROS 2 accepts; recorded ones may have letters that it rejects."""
     if name.startswith("~"):
         name = f"~/{name[1:].lstrip('/')}"
     legal = _DIGIT_FIRST.sub("_", _ILLEGAL.sub("_", name))
     if legal != name:
-        log.warning("%s is called %s here: ROS 2 takes no such names", name, legal)
+        log.warning("%s renamed to %s: invalid ROS 2 name", name, legal)
     return legal

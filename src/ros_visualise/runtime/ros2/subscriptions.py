@@ -20,8 +20,12 @@ from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
-from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
-from ros_visualise.runtime.ros2.quality import fitting, overridden, profile
+from ros_visualise.runtime.ros2.quality import (
+    SubscriptionEventCallbacks,
+    fitting,
+    overridden,
+    profile,
+)
 from ros_visualise.runtime.ros2.session import Ros2Session, spelled
 from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
 
@@ -38,7 +42,7 @@ _NS = 1_000_000_000
 
 
 class _Asked(NamedTuple):
-    """What a subscription is for: messages of this type, as ``nav2_msgs/msg/ParticleCloud``."""
+    """Messages that a subscription asks for, of a type as ``nav2_msgs/msg/ParticleCloud``."""
 
     type: str
     qos: QoS
@@ -47,8 +51,8 @@ class _Asked(NamedTuple):
 class Ros2Subscriber:
     """Calls ``take`` with each message of a topic, on a thread of its own.
 
-    It asks for what all publishers offer: when they change, another subscription takes the place of
-    the one that there is. Of large messages that wait only the newest is taken.
+    It asks for what all publishers offer: when they change, another subscription replaces it.
+    Of large messages that wait only the newest is taken.
 
     Args:
         session: of this process.
@@ -61,7 +65,7 @@ class Ros2Subscriber:
         dropped: large messages that were skipped for newer ones.
 
     Raises:
-        UsageError: ROS 2 has no such type, or takes no such name.
+        UsageError: ROS 2 has no such type, or the name is invalid.
     """
 
     def __init__(
@@ -86,7 +90,7 @@ class Ros2Subscriber:
         self._changed_s = time.monotonic()
         self._known: frozenset[int] = frozenset()
         self._looked_s = time.monotonic()
-        session.start(self._run, self.name, again_s=_LOOK_S)
+        session.start(self.name, self._run, again_s=_LOOK_S)
 
     def close(self) -> None:
         """Leave the topic."""
@@ -128,7 +132,7 @@ class Ros2Subscriber:
             taken = newer
 
     def _came_before(self, sent_ns: int) -> bool:
-        """Whether the other subscription had it: publishers keep some for those who come late."""
+        """True if the other subscription had it: publishers keep some for those who come late."""
         both = len(self._open) > 1
         came = sent_ns in self._known or (both and sent_ns in self._sent_ns)
         self._sent_ns.append(sent_ns)
@@ -170,7 +174,7 @@ class Ros2Subscriber:
         self._open.append(opened)
 
     def _wanted(self, asked: _Asked) -> _Asked:
-        """What all publishers offer; where there are none, what the next ones will fit."""
+        """The QoS that all publishers offer; without any, one that all will fit."""
         there = [
             one
             for one in self._session.node.get_publishers_info_by_topic(self.name)

@@ -17,7 +17,7 @@ _BETWEEN = "=" * 80
 _PART = re.compile(r"(\w+)/(\w+)")
 
 DEFINITIONS = Definitions("cdr")
-"""What messages are read by: rclpy's own classes make an object of every number."""
+"""Reader of messages: rclpy's own classes make an object of every number."""
 
 
 @cache
@@ -25,7 +25,7 @@ def message_class(type_name: str) -> Any:
     """The class of the messages of a type, as ``sensor_msgs/msg/Image``.
 
     Raises:
-        UsageError: its package is not installed, or has none of that name.
+        UsageError: its package is not installed, or has no such type.
     """
     package, _, name = type_name.partition("/msg/")
     try:

@@ -1,8 +1,8 @@
-"""How connections of rospy begin: each one apart from the others, within bounds.
+"""Faults of rospy that would keep peers from a process or fill it with open files, repaired.
 
-rospy reads the first words of whoever connects on the one thread that accepts connections, without
-a limit of time or size, and for good without that thread when it cannot open another file: one peer
-that says nothing, or never ends, keeps all others away.
+rospy reads the first words of each peer on the one thread that accepts connections, without a limit
+of time or size, and for good without that thread when it cannot open another file: one peer that
+says nothing, or never ends, keeps all others away.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from socket import socket
 from typing import Any
 
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header
+from rospy import topics
 from rospy.impl import tcpros_base
 
 from ros_visualise.core import supervision
@@ -86,3 +87,25 @@ def mend_handshakes() -> None:
     """Let no peer keep others from connecting to this process, from its first topic on."""
     tcpros_base.TCPServer = _Server
     tcpros_base.read_ros_handshake_header = read_header
+
+
+class _Poller(topics.Poller):  # type: ignore[misc]
+    """Does not refer to itself: it goes with the topic that has it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for name in ("add_fd", "remove_fd", "error_iter"):
+            delattr(self, name)
+
+    add_fd = topics.Poller.add_epoll
+    remove_fd = topics.Poller.remove_epoll
+    error_iter = topics.Poller.error_epoll_iter
+
+
+def mend_pollers() -> None:
+    """Let the topics of this process that are left from now on leave no open file behind.
+
+    A poller of rospy holds its own methods, so that only Python's collector ends it. In a process
+    that has much else, as the page has, this comes hours later.
+    """
+    topics.Poller = _Poller
