@@ -197,7 +197,7 @@ def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path
     if out.exists():
         assert load_yaml(out)["landmarks"]
     else:
-        assert f"{out}: not written, as no landmark has a place in the map yet" in said
+        assert f"{out}: not written: no landmarks in the map yet" in said
 
 
 @pytest.mark.usefixtures("opengl")
@@ -257,7 +257,7 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
     [
         (["nothing.jpg"], "nothing.jpg: no such file"),
         (["{photo}", "--tags", "none.yaml"], "none.yaml: no such file"),
-        (["{photo}", "--calibration", "none.yaml"], "none.yaml: No such file"),
+        (["{photo}", "--calibration", "none.yaml"], "none.yaml: no such file"),
         (["{photo}", "--calibration", "{bad}"], "bad.yaml: no camera calibration"),
         (["{photo}", "--tags", "{bad}"], "bad.yaml"),
         (["{photo}", "--families", "tag99"], "no such tag family: 'tag99'; choose from tag36h11"),
