@@ -212,7 +212,7 @@ class PitotParams:
 def fit(fitting):
     def measure(stamp_ns, index):
         speed = fitting.robot.body.velocity()[0][0]
-        yield "pitot", FluidPressure(0.6 * speed**2, 0.0, Header(stamp_ns, "base_link"))
+        return {"pitot": FluidPressure(0.6 * speed**2, 0.0, Header(stamp_ns, "base_link"))}
     return measure
 
 SENSOR = SensorType(PitotParams, {"pitot": FluidPressure}, "pitot_rate", fit, "pitot")
