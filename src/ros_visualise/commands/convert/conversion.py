@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Collection, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
@@ -14,7 +14,8 @@ from ros_visualise.messages.latched import says
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording
 
-_BATCH_BYTES = 16 << 20
+_BATCH_BYTES = 1 << 20
+_MOST_AHEAD = 16
 
 
 @dataclass(frozen=True)
@@ -123,18 +124,20 @@ def _latched_before(recording: Recording, topics: Collection[str], start_ns: int
 
 
 def _read_ahead(entries: Generator[Entry, None, None]) -> Generator[Entry, None, None]:
-    """The entries, with their images decoded, read a batch ahead on a thread of its own."""
-    with closing(entries), ThreadPoolExecutor(1, "reader") as pool:
-        is_more = True
-        ahead = pool.submit(_read_batch, entries)
-        while is_more:
-            batch, error = ahead.result()
-            is_more = bool(batch)
-            if is_more and error is None:
-                ahead = pool.submit(_read_batch, entries)
-            yield from batch
-            if error is not None:
-                raise error
+    """The entries, with their images decoded, read some batches ahead on a thread of its own."""
+    pool = ThreadPoolExecutor(1, "reader")
+    ahead = deque(pool.submit(_read_batch, entries) for _ in range(_MOST_AHEAD))
+    with closing(entries):
+        try:
+            while ahead:
+                batch, error = ahead.popleft().result()
+                if batch and error is None:
+                    ahead.append(pool.submit(_read_batch, entries))
+                yield from batch
+                if error is not None:
+                    raise error
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _read_batch(entries: Iterator[Entry]) -> tuple[list[Entry], Exception | None]:
