@@ -1,12 +1,9 @@
 """`ros-visualise landmarks`: what is in pictures and recordings, and where it is."""
 
 import json
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
-from subprocess import PIPE
 
 import cv2
 import numpy as np
@@ -28,6 +25,23 @@ projection_matrix: {{rows: 3, cols: 4, data: [{2}, 0, {3}, 0, 0, {2}, {4}, 0, 0,
 """
 CELL_PX, LEFT, TOP = 12, 60, 40
 DETECTION = {"name", "id", "score", "box", "corners", "point", "frame_id", "pose", "other_pose"}
+
+STOPPED = """
+import os, signal, sys
+from ros_visualise.__main__ import main
+from ros_visualise.commands.landmarks import work
+
+class Runtime(work.LocalRuntime):
+    def wait(self, timeout_s):
+        ended = super().wait(timeout_s)
+        if self.report().nodes["landmark_localizer"].processed >= {images}:
+            os.kill(os.getpid(), signal.SIGINT)
+        return ended
+
+work.LocalRuntime = Runtime
+sys.argv[1:] = {arguments!r}
+sys.exit(main())
+"""
 
 
 @pytest.fixture
@@ -183,21 +197,17 @@ def test_recorded_tags_without_a_calibration_have_no_poses_and_that_is_said_once
 
 
 @pytest.mark.usefixtures("opengl")
-def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path):
+@pytest.mark.parametrize("images", [1, 30])
+def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path, images):
     out = tmp_path / "map.yaml"
-    command = ["-m", "ros_visualise", "landmarks", "husky", "--model", "none", "--map", str(out)]
-    said, wait_s = "", 5
-    while not (said or out.exists()):  # one that has not begun yet has nothing to say
-        with subprocess.Popen([sys.executable, *command], stderr=PIPE, text=True) as run:
-            time.sleep(wait_s)
-            run.send_signal(signal.SIGINT)
-            _, said = run.communicate(timeout=60)
-        assert run.returncode == 130
-        wait_s *= 2
+    arguments = ["landmarks", "husky", "--model", "none", "--map", str(out)]
+    code = STOPPED.format(images=images, arguments=arguments)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 130, done.stderr
     if out.exists():
         assert load_yaml(out)["landmarks"]
     else:
-        assert f"{out}: not written: no landmarks in the map yet" in said
+        assert f"{out}: not written: no landmarks in the map yet" in done.stderr
 
 
 @pytest.mark.usefixtures("opengl")
