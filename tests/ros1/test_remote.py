@@ -389,7 +389,7 @@ rospy.init_node("looking")
 runtime = RemoteRuntime(Ros1Transport())
 end_s = time.monotonic() + 60
 while time.monotonic() < end_s:
-    shown = [n for n in runtime.graph.nodes if n.name.startswith("tests")]
+    shown = [n for n in runtime.graph.nodes if n.name.startswith("tests/")]
     if len(shown) == 2 and all(n.outputs for n in shown):
         break
     time.sleep(0.05)
