@@ -60,7 +60,7 @@ class Publisher(Handle, Protocol):
         """Messages that a subscriber had no time for, over all subscribers."""
 
     def publish(self, message: Any) -> None:
-        """Send a message: one of `ros_visualise.data`, or a recorded one as it stands.
+        """Send a message: one of `ros_visualise.data`, or an undecoded one of a recording.
 
         Its arrays must not change any more. After `close` it goes to nobody.
 

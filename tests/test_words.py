@@ -1,0 +1,60 @@
+"""What people read is plain English, in the field's words."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import ros_visualise
+
+ROOT = Path(ros_visualise.__file__).parent
+
+FIRST = re.compile(r"(Of|That|As|Whether|What|Where|Who|Whose|Which|How|So|To)\b(?!-)")
+"""Words by which no docstring begins: its first line says what the thing is or does."""
+
+TURNS = re.compile(
+    r"""\b(
+    told | telling | left\ out | leav(e|es|ing)\ (it\ |them\ |this\ |that\ )?out
+    | there\ (is|are)\ none | is\ not\ there | has\ none | there\ is\ no\ such
+    | that\ there\ (is|are)
+    | (not|is)\ known\ here | said\ once | (is|are)\ only\ counted | how\ sure | sureness
+    | somebody | whoever | whosoever | of\ which | nothing\ but | all\ the\ same | none\ of\ that
+    | turned\ aside | turn\ rate | in\ haste | in\ use\ already | already\ there | gave\ up
+    | manieth
+    | as\ (it|they)\ (is|are)\ set | as\ it\ was | of\ its\ own\ accord | one's\ own | yours
+    | find\ out\ where | knows\ where | doubts? | second\ look | by\ sight | is\ driven
+    | before\ the\ camera | has\ no\ place | is\ for\ a\ map | or\ then | with\ nothing\ to\ hand
+    | cannot\ be\ (theirs|its|their\ own) | mend(ed|s)? | here\ is\ no | (is|are)\ gone
+    | wishes | would\ have\ it | at\ hand | to\ be\ had | is\ wanted\ of | is\ taken\ for
+    | as\ it\ (stands|comes) | as\ they\ (stand|come) | takes\ up | lets?\ go
+    )\b""",
+    re.VERBOSE | re.IGNORECASE,
+)
+"""Turns of phrase that readers had to read twice."""
+
+FILES = sorted(path for kind in ("py", "js", "html") for path in ROOT.rglob(f"*.{kind}"))
+
+
+def strings(path: Path) -> Iterator[tuple[int, str, bool]]:
+    """(Line, text, is a docstring) of each string of a Python file; another file is one string."""
+    if path.suffix != ".py":
+        yield 1, path.read_text(), False
+        return
+    tree = ast.parse(path.read_text())
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, " ".join(node.value.split()), id(node) in docstrings
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_sentences_are_read_once(path: Path):
+    for line, text, is_docstring in strings(path):
+        if is_docstring:
+            assert not FIRST.match(text), f"line {line}: {text[:80]}"
+        found = TURNS.search(text)
+        assert found is None, f"line {line}: {text[max(0, found.start() - 40) : found.end() + 40]}"
