@@ -24,15 +24,18 @@ demo: .venv/.ready
 QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,core geometry \
 	messages vision sources sinks plotting nodes lessons package)
 
+# Tests of ROS and of pages wait for other processes a third of their time: one more than 2 cores.
+PARALLEL := -n 3 --dist loadfile
+
 test: $(if $(QUICK),.venv-test/.quick,.venv-test/.ready)
 	.venv-test/bin/ruff format --check
 	.venv-test/bin/ruff check
 	.venv-test/bin/mypy
-	.venv-test/bin/pytest -n 2 --dist loadfile $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
+	.venv-test/bin/pytest $(PARALLEL) $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
 
 # Without ROS, whose packages are the distribution's, and without the newest packages.
 test-oldest: .venv-oldest/.ready
-	.venv-oldest/bin/pytest -n 2 --dist loadfile --ignore=tests/ros1 --ignore=tests/ros2 \
+	.venv-oldest/bin/pytest $(PARALLEL) --ignore=tests/ros1 --ignore=tests/ros2 \
 		--ignore=tests/test_newcomer.py $(TESTS)
 
 fuzz: .venv-test/.ready
