@@ -35,10 +35,10 @@ def test_without_a_command_it_shows_help(capsys):
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
-        (["vido", "x.mp4"], "COMMAND: no 'vido'; did you mean video?"),
+        (["vido", "x.mp4"], "COMMAND: invalid choice 'vido'; did you mean video?"),
         (["demo", "--vew", "none"], "no option --vew; did you mean --view?"),
-        (["demo", "--view", "wb"], "--view: no 'wb'; did you mean web?"),
-        (["demo", "huski"], "scene: no 'huski'; did you mean husky?"),
+        (["demo", "--view", "wb"], "--view: invalid choice 'wb'; did you mean web?"),
+        (["demo", "huski"], "scene: invalid choice 'huski'; did you mean husky?"),
         (["sim", "huskey"], "no robot 'huskey'; did you mean husky?"),
         (["demo", "landscape", "--set", "filter.gray=1"], "no node 'filter' here; did you mean"),
         (

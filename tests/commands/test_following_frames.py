@@ -75,7 +75,7 @@ PAIR = "--odom /tf:PARENT.CHILD"
 REFUSALS = [
     (["--odom", "/tf"], "--odom /tf:PARENT.CHILD of base, camera, map, odom"),
     (["--odom", "/tf:map"], "write a pair of frames as /tf:PARENT.CHILD"),
-    (["--odom", "/tf:map.mars"], "there is no frame 'mars'; known are base, camera, map, odom"),
+    (["--odom", "/tf:map.mars"], "no frame 'mars'; known frames: base, camera, map, odom"),
     (["--odom", "/tf:base.camera"], "camera does not move in base"),
     (["--odom", "/odom:map.base"], "no poses on /odom; choose from /tf"),
     (["--odom", "/tf:map.base", "--topics", "/odom"], "/tf is not played; add it to --topics"),

@@ -173,7 +173,7 @@ def test_names_that_no_line_can_show(refused: Any, tmp_path: Path, name: str) ->
         refused("trajectory", source, tmp_path / "r.tum", "--plot", tmp_path / name),
     ):
         assert line.isprintable()
-        assert "holds control characters; choose another name" in line
+        assert "contains control characters; choose another name" in line
 
 
 def test_names_that_are_too_long(refused: Any, tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ class TestFullDisk:
             done = self.run(limit, *command)
             assert done.returncode == 1
             (line,) = done.stderr.splitlines()
-            assert "File too large; nothing of it was written" in line
+            assert "File too large; nothing was written" in line
             assert tree(tmp_path) == before
 
     def test_a_conversion_keeps_the_old_one(self, tmp_path: Path) -> None:

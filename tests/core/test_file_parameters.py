@@ -52,7 +52,9 @@ def test_a_name_is_that_of_a_file_in_the_folder(folder: Path):
 def test_another_file_is_refused_and_nothing_changes(folder: Path, name: str):
     parameters = Parameters(LocalizerParams())
     for parameter in ("map", "save_to"):
-        with pytest.raises(ParameterError, match=rf"^{parameter}: .*(name alone|leads out)"):
+        with pytest.raises(
+            ParameterError, match=rf"^{parameter}: .*(plain name|leaves the folder)"
+        ):
             parameters.update({"ground": False, parameter: name})
     assert parameters.current == LocalizerParams(save_to=str(folder / "landmarks.yaml"))
 

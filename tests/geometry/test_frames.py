@@ -158,7 +158,7 @@ def test_a_jump_back_in_time_begins_anew(tree):
     tree.add(at(100, "odom", "base", (1, 0, 0)))
     tree.add(at(5, "odom", "base", (2, 0, 0)))
     assert moved(tree, "odom", "lidar", 5) == [3, 0, 0]
-    with pytest.raises(NoTransform, match="there is no frame 'map'"):
+    with pytest.raises(NoTransform, match="no frame 'map'"):
         moved(tree, "map", "base", 100)
     assert tree.frames() == ["base", "lidar", "odom"]
 
@@ -202,10 +202,10 @@ def test_quaternions_are_normalised(tree):
         (at(0, "map", "robot", quat=(0, 0, 0, 0)), "'map' -> 'robot' has a quaternion of zeros"),
         (at(0, "map", "robot", quat=(0, 0, 0, np.nan)), "holds a value that is not a number"),
         (at(0, "map", "robot", (np.inf, 0, 0)), "holds a value that is not a number"),
-        (at(0, "", "robot"), "lacks the name of a frame"),
-        (at(0, "map", "/"), "lacks the name of a frame"),
-        (at(0, "map", "/map"), "is a frame in itself"),
-        (at(0, "lidar", "base"), "would make a loop"),
+        (at(0, "", "robot"), "lacks a frame name"),
+        (at(0, "map", "/"), "lacks a frame name"),
+        (at(0, "map", "/map"), "is its own parent"),
+        (at(0, "lidar", "base"), "would close a loop of frames"),
     ],
 )
 @pytest.mark.parametrize("static", [False, True])
@@ -228,11 +228,11 @@ def test_parents_that_swapped_out_of_order_end_in_words(tree):
 
 
 def test_errors_say_what_lacks(tree):
-    with pytest.raises(NoTransform, match="from a to b: there is no frame 'a' or 'b'; none is kn"):
+    with pytest.raises(NoTransform, match="from a to b: no frame 'a' or 'b'; no frames yet"):
         tree.lookup("b", "a", 0)
     tree.add(at(0, "map", "robot"))
     tree.add(at(0, "world", "lidar"), static=True)
-    with pytest.raises(NoTransform, match="no frame 'gps'; known are lidar, map, robot, world"):
+    with pytest.raises(NoTransform, match="no frame 'gps'; known frames: lidar, map, robot, world"):
         tree.lookup("map", "gps")
     with pytest.raises(
         NoTransform, match="from lidar to robot: lidar hangs below world and robot below map"
@@ -297,7 +297,7 @@ def test_a_robots_recording_is_read_as_it_was_sent(recordings):
 
 def test_names_without_end_are_refused_and_known_ones_go_on(tree):
     tree.add(Transforms(tuple(at(1, "map", f"frame{n}") for n in range(MOST_FRAMES))), True)
-    with pytest.raises(WrongTransforms, match="one frame too many: 10000 are kept"):
+    with pytest.raises(WrongTransforms, match="exceeds the limit of 10000 frames"):
         tree.add(at(2, "map", "another"))
     tree.add(at(2, "map", "frame7", xyz=(7, 0, 0)), True)
     assert moved(tree, "map", "frame7")[0] == 7

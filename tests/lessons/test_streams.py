@@ -85,7 +85,7 @@ def test_the_tree_tells_what_tf_answers():
     assert tree.step(tf, frames.TreeParams(), known) is None  # within a second
     tree.reset()
     asked = frames.TreeParams(target="tag", source="{count}")
-    assert "there is no frame '{count}'" in tree.step(tf, asked, known)["text"].text
+    assert "no frame '{count}'" in tree.step(tf, asked, known)["text"].text
 
 
 def test_the_tree_of_a_robot_holds_its_static_frames_too():

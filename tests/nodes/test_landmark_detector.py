@@ -82,7 +82,7 @@ def test_mosaics_are_made_colours(encoding, model):
 
 
 def test_depth_is_refused(model):
-    with pytest.raises(UnsupportedImage, match="neither gray nor colours"):
+    with pytest.raises(UnsupportedImage, match="not gray or colour values"):
         run(model, Image(np.ones((96, 128), np.float32), "32FC1", HEADER))
 
 

@@ -230,9 +230,9 @@ def test_what_is_out_of_range_becomes_the_limit_as_with_other_servers(server, pa
     )
     assert (told["count"], told["free"], told["ratio"], told["open"]) == (800, 1, 0, 1e9)
     assert type(parameters.current.count) is int
-    said = [one for one in caplog.messages if "beyond its limit" in one]
+    said = [one for one in caplog.messages if "out of range" in one]
     assert len(said) == 3
-    assert "count=900 is beyond its limit: 800" in said[0]
+    assert "count=900 out of range; limited to 800" in said[0]
 
 
 def test_types_are_coerced_as_declared(server, parameters):

@@ -132,9 +132,9 @@ def test_an_absurd_length_ends_the_connection_with_one_warning(opened, caplog, l
     publisher, got = talk(opened, f"/absurd_{length}", Image)
     send(publisher, struct.pack("<I", length) + b"nonsense")
     connect(publisher, 0)
-    said = [r.getMessage() for r in caplog.records if "is announced" in r.getMessage()]
+    said = [r.getMessage() for r in caplog.records if "announces a message" in r.getMessage()]
     assert len(said) == 1
-    assert f"{publisher.name}: a message of {length} bytes is announced" in said[0]
+    assert f"{publisher.name}: the publisher announces a message of {length} bytes" in said[0]
     assert not got
 
 

@@ -34,7 +34,7 @@ def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2Transport, other
     assert done == ["landed"]
     with closing(other.offer("~fly", refuse)), pytest.raises(RosVisualiseError, match="not now"):
         ros2.call("/other/fly")
-    with pytest.raises(RosVisualiseError, match="nobody offers it"):
+    with pytest.raises(RosVisualiseError, match="no such service"):
         ros2.call("/other/swim")
 
 

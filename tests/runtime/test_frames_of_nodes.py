@@ -159,7 +159,7 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
     wait_for(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
     runtime.stop()
     assert (
-        "locator: /tf: 'map' -> 'map' is a frame in itself (further occurrences suppressed)"
+        "locator: /tf: 'map' -> 'map' is its own parent (further occurrences suppressed)"
         in caplog.text
     )
 

@@ -74,7 +74,7 @@ def test_what_waits_ends_with_the_recording(tmp_path: Path, name: str) -> None:
 def test_a_stamp_that_is_given_wins(tmp_path: Path, name: str) -> None:
     with open_recorder(f"{tmp_path}/{name}", TOPICS) as recorder:
         recorder.write("/a", image(5), 7)
-        with pytest.raises(DamagedMessage, match="ROS cannot hold a stamp of -1 ns"):
+        with pytest.raises(DamagedMessage, match="ROS cannot store a stamp of -1 ns"):
             recorder.write("/a", image(5), -1)
         recorder.write("/b", image(8))
     assert read(recorder.path) == [("/a", 7), ("/b", 8)]

@@ -75,7 +75,7 @@ def test_a_path_may_be_a_url(write, prefix):
     [
         ("missing.yaml", r"missing\.yaml: no such file.*; give a calibration as camera"),
         (".", r"\.: Is a directory"),
-        ("package://mine/cam.yaml", "only ROS finds packages; give the file's path"),
+        ("package://mine/cam.yaml", "package:// needs ROS; give the file's path"),
         ("http://host/cam.yaml", r"http://host/cam.yaml: give a path or file:///PATH"),
         ("file://host/cam.yaml", r"file://host/cam.yaml: give a path or file:///PATH"),
     ],
@@ -187,4 +187,4 @@ def test_a_file_that_is_damaged_or_goes_changes_nothing(write, caplog):
     os.unlink(path)
     found.append(calibration.add_to(images(640, 480)).camera_info)
     assert [info.K[0, 0] for info in found] == [535.92] * 4
-    assert caplog.text.count("keeping the calibration from before") == 1
+    assert caplog.text.count("keeping the previous calibration") == 1

@@ -95,7 +95,7 @@ def test_where_nothing_can_be_written_it_is_said_and_nothing_left(tmp_path):
         ({"K": np.zeros((3, 3))}, "its K has no focal lengths"),
         ({"R": TURN * np.nan}, "holds a value that is not a number"),
         ({"P": np.full((3, 4), np.inf)}, "holds a value that is not a number"),
-        ({"distortion_model": "mine"}, "distortion_model is 'mine'; known are plumb_bob"),
+        ({"distortion_model": "mine"}, "unsupported distortion_model 'mine'; use one of plumb_bob"),
         ({"D": np.zeros(3)}, "has 3 coefficients of plumb_bob"),
     ],
 )

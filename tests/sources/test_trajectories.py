@@ -180,7 +180,7 @@ def test_what_cannot_be_chosen_is_said(topic, says):
 
 
 def test_nothing_to_choose_and_nothing_to_read_are_said():
-    with pytest.raises(UsageError, match="no topic of poses"):
+    with pytest.raises(UsageError, match="no topic with poses"):
         read_trajectory(Memory())
     with pytest.raises(RosVisualiseError, match="no poses on /pose: 2 no numbers"):
         read_trajectory(Memory(pose=[pose(math.nan, 0)] * 2))
@@ -212,7 +212,9 @@ def test_the_other_way_round_and_another_topic_of_static_transforms():
 
 
 def test_frames_that_are_not_there_are_said():
-    with pytest.raises(UsageError, match=r"'nowhere'.*known are base, camera, map, odom, wheel"):
+    with pytest.raises(
+        UsageError, match=r"'nowhere'.*known frames: base, camera, map, odom, wheel"
+    ):
         read_trajectory(Memory(**TF), "/tf:map.nowhere")
     with pytest.raises(UsageError, match="camera does not move in base"):
         read_trajectory(Memory(**TF), "/tf:base.camera")
@@ -246,9 +248,9 @@ def test_transforms_that_are_none_are_counted_by_what_is_wrong_with_them():
     )
     assert x_of(found) == [1]
     assert found.left_out == {
-        "transforms: is a frame in itself": 2,
-        "transforms: would make a loop": 1,
-        "transforms: lacks the name of a frame": 1,
+        "transforms: is its own parent": 2,
+        "transforms: would close a loop of frames": 1,
+        "transforms: lacks a frame name": 1,
         "transforms: has a quaternion of zeros": 1,
         "transforms: holds a value that is not a number": 1,
     }

@@ -78,17 +78,17 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser
 @pytest.mark.parametrize(
     ("name", "size", "said"),
     [
-        ("..%2Faway.mp4", 4, "give a name alone"),
-        ("%2Ftmp%2Faway.mp4", 4, "give a name alone"),
-        (".hidden.mp4", 4, "give a name alone"),
-        ("a%00.mp4", 4, "holds control characters"),
-        ("a%E2%80%AE4pm.mp4", 4, "holds invisible characters"),
+        ("..%2Faway.mp4", 4, "give a plain name"),
+        ("%2Ftmp%2Faway.mp4", 4, "give a plain name"),
+        (".hidden.mp4", 4, "give a plain name"),
+        ("a%00.mp4", 4, "contains control characters"),
+        ("a%E2%80%AE4pm.mp4", 4, "contains invisible characters"),
         ("virus.py", 4, "give a file that ends in one of"),
         ("folder", 4, "give a file that ends in one of"),
         ("old.mp4", 4, "exists"),
         ("empty.mp4", 0, "give a file of 1 byte to 8 GiB"),
         ("large.mp4", (8 << 30) + 1, "give a file of 1 byte to 8 GiB"),
-        ("short.mp4", 2, "size differs from the announced one"),
+        ("short.mp4", 2, "size differs from the declared one"),
     ],
 )
 def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):

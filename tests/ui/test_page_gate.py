@@ -167,7 +167,7 @@ def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
     page.close()
     assert not caplog.records
     Page(ViewOptions("0.0.0.0", port, token=False)).close()
-    assert "no token: everybody who reaches 0.0.0.0 can use the page" in caplog.text
+    assert "no token: anyone who can reach 0.0.0.0 can use the page" in caplog.text
 
 
 def test_the_address_is_printed_and_never_logged(port, runtime, caplog, capfd):

@@ -32,18 +32,18 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     client = Client(port)
     client.read_until(lambda: "File" in client.values)
     refused = {
-        str(tmp_path / "away.mcap"): "give a name alone",
-        "../away.mcap": "give a name alone",
-        ".hidden.mcap": "give a name alone",
-        "a\0b.mcap": "holds control characters",
+        str(tmp_path / "away.mcap"): "give a plain name",
+        "../away.mcap": "give a plain name",
+        ".hidden.mcap": "give a plain name",
+        "a\0b.mcap": "contains control characters",
         "x" * 250 + ".mcap": "give one of at most 200",
         "r.txt": "ends in .mcap, .bag or .mp4",
-        "link.mcap": "leads out of the folder",
-        "link": "leads out of the folder",
+        "link.mcap": "leaves the folder",
+        "link": "leaves the folder",
         "old.mcap": "exists",
-        "r.mcap@/../../x": "give a name alone",
-        "a@/../../x.bag": "give a name alone",
-        "edges.mp4@/edges": "give a name alone",
+        "r.mcap@/../../x": "give a plain name",
+        "a@/../../x.bag": "give a plain name",
+        "edges.mp4@/edges": "give a plain name",
     }
     for name, said in refused.items():
         client.html.clear()
@@ -84,7 +84,7 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
         ("v.mp4", "1G"): "a video is not split",
         ("old.mcap", "1G"): "old_2.mcap exists",
         ("link.mcap", "1G"): "link_0.mcap exists",
-        ("../away.mcap", "1G"): "give a name alone",
+        ("../away.mcap", "1G"): "give a plain name",
     }
     for (name, split), said in refused.items():
         client.html.clear()
@@ -109,10 +109,10 @@ def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     client = Client(port)
     client.read_until(lambda: "Save parameters" in client.values)
     refused = {
-        "../away.yaml": "give a name alone",
+        "../away.yaml": "give a plain name",
         "p.mcap": "give a name that ends in .yaml",
-        "p.yaml@/edges": "give a name alone",
-        "a@/../../p.yaml": "give a name alone",
+        "p.yaml@/edges": "give a plain name",
+        "a@/../../p.yaml": "give a plain name",
         "old.yaml": "exists",
     }
     for name, said in refused.items():

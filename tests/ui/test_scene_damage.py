@@ -86,9 +86,9 @@ def test_odd_transforms_are_said_once_with_their_topic(scene, caplog):
     for _ in range(3):
         scene.show("/tf", tf(*odd))
     assert caplog.messages == [
-        "/tf: 'c' -> 'a' would make a loop (further occurrences suppressed)",
-        "/tf: 'self' -> '/self' is a frame in itself (further occurrences suppressed)",
-        "/tf: '' -> 'nameless' lacks the name of a frame (further occurrences suppressed)",
+        "/tf: 'c' -> 'a' would close a loop of frames (further occurrences suppressed)",
+        "/tf: 'self' -> '/self' is its own parent (further occurrences suppressed)",
+        "/tf: '' -> 'nameless' lacks a frame name (further occurrences suppressed)",
         "/tf: 'map' -> 'flat' has a quaternion of zeros (further occurrences suppressed)",
         "/tf: 'map' -> 'nowhere' holds a value that is not a number"
         " (further occurrences suppressed)",

@@ -130,7 +130,7 @@ def test_what_was_not_announced_leaves_nothing(tmp_path, caplog, sent):
             sender.send(sent)
             await taken
             assert here.names == []
-            assert "size differs from the announced one; partial file removed" in caplog.text
+            assert "size differs from the declared one; partial file removed" in caplog.text
 
     run_async(run())
 

@@ -125,7 +125,11 @@ def test_a_fisheye_without_coefficients_is_still_one():
 @pytest.mark.parametrize(
     ("model", "D", "expected"),
     [
-        ("fov", [0.9], "distortion_model is 'fov'; known are plumb_bob, rational_polynomial, equi"),
+        (
+            "fov",
+            [0.9],
+            "unsupported distortion_model 'fov'; use one of plumb_bob, rational_polynomial, equi",
+        ),
         ("plumb_bob", [0.1, 0.2], "has 2 coefficients of plumb_bob, which has 0 or 4 or 5"),
         ("equidistant", [0.1] * 5, "has 5 coefficients of equidistant, which has 4"),
     ],

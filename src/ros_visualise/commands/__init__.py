@@ -135,7 +135,8 @@ class _Parser(argparse.ArgumentParser):
             message = f"to play {path}: {self.prog} {_command_for(Path(path))} {path}"
         elif found:
             there = re.findall(r"[^', ]+", found["there"])
-            message = f"{found['what']}: no '{found['given']}'{did_you_mean(found['given'], there)}"
+            hint = did_you_mean(found["given"], there)
+            message = f"{found['what']}: invalid choice '{found['given']}'{hint}"
         print_status(f"{self.prog}: {message}; see {self.prog} --help")
         self.exit(2)
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class SimOptions(WorldOptions, SizedOptions):
     """Options of ``sim``."""
 
-    robot: str = argument(f"{OURS}, or one of another package", metavar="ROBOT")
+    robot: str = argument(f"{OURS}, or one from a plug-in", metavar="ROBOT")
 
 
 def run(options: SimOptions) -> int:
@@ -35,7 +35,7 @@ def run(options: SimOptions) -> int:
     def graph(_: object) -> Graph:
         if mission == "none" and options.view == "none" and is_endless:
             raise UsageError(
-                "without a mission the robot would stand still for ever: add --mission lawn_mower"
+                "without a mission the robot would never move: add --mission lawn_mower"
                 " or --duration 60"
             )
         size = parse_size(options.size)

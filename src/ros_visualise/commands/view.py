@@ -116,7 +116,7 @@ class _Pending:
         missing = [node for node, _, _ in self._settings]
         missing += [str(path) for path, _ in self._targets]
         if missing:
-            log.error("nodes or topics never came for %s", ", ".join(missing))
+            log.error("not found: %s", ", ".join(missing))
             self.failed = True
 
     def _record(self, path: Path, topics: Sequence[str]) -> None:
@@ -131,4 +131,4 @@ class _Pending:
             self.failed = True
 
 
-COMMAND = Command("show pipelines that run on other machines, over Zenoh", ViewerOptions, run)
+COMMAND = Command("show pipelines running on other machines, over Zenoh", ViewerOptions, run)

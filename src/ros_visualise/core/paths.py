@@ -48,14 +48,12 @@ def inside(folder: Path, name: str) -> Path:
         raise UsageError(f"a name of {size} bytes: give one of at most {_MOST_BYTES}")
     check_printable(name)
     if any(map(_is_invisible, name)):
-        raise UsageError(f"{name!a}: holds invisible characters; choose another name")
+        raise UsageError(f"{name!a}: contains invisible characters; choose another name")
     if name.startswith(".") or "\\" in name or Path(name).name != name or not name:
-        raise UsageError(
-            f"{name!r}: give a name alone, without folders and without a dot before it"
-        )
+        raise UsageError(f"{name!r}: give a plain name, without folders or a leading dot")
     path = folder / name
     if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
-        raise UsageError(f"{name!r}: a link that leads out of the folder; choose another name")
+        raise UsageError(f"{name!r}: a symbolic link that leaves the folder; choose another name")
     return path
 
 
@@ -63,10 +61,10 @@ def check_printable(path: str | Path) -> None:
     """Refuse a name that cannot be shown on a line.
 
     Raises:
-        UsageError: it holds control characters, or bytes that are not UTF-8.
+        UsageError: it contains control characters, or bytes that are not UTF-8.
     """
     if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in str(path)):
-        raise UsageError(f"{str(path)!r}: holds control characters; choose another name")
+        raise UsageError(f"{str(path)!r}: contains control characters; choose another name")
 
 
 def _is_invisible(letter: str) -> bool:

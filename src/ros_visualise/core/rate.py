@@ -82,7 +82,7 @@ class SimulatedClock:
             self._has_jumped |= is_new
         if is_new:
             log.warning(
-                "simulated time jumped back by %.1f s; going on from there"
+                "simulated time jumped back by %.1f s; continuing from there"
                 " (further warnings suppressed)",
                 -step_ns / 1e9,
             )

@@ -124,7 +124,7 @@ def _read_layout(message: Any, is_empty: bool) -> np.dtype[np.void]:
 
 def _read_format(one: Any, order: str) -> Any:
     if one.datatype not in _FORMATS:
-        raise ValueError(f"field {one.name!r} is of type {one.datatype}; known are 1 to 8")
+        raise ValueError(f"field {one.name!r} is of type {one.datatype}; supported: 1 to 8")
     kind = order + _FORMATS[one.datatype]
     return (kind, (int(one.count),)) if one.count > 1 else kind  # old drivers write 0 for 1
 

@@ -185,4 +185,6 @@ def _read_value(parameter: Any) -> Value:
         if parameter.value.type == number:
             value: Value = cls(getattr(parameter.value, name))
             return value
-    raise ValueError(f"parameter {parameter.name}: only bool, integer, double and string are read")
+    raise ValueError(
+        f"parameter {parameter.name}: only bool, integer, double and string are supported"
+    )

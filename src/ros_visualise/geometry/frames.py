@@ -133,18 +133,18 @@ class FrameTree:
     def _add(self, one: TransformStamped, static: bool) -> None:
         parent, child = _name(one.header.frame_id), _name(one.child_frame_id)
         if not parent or not child:
-            raise ValueError("lacks the name of a frame")
+            raise ValueError("lacks a frame name")
         if parent == child:
-            raise ValueError("is a frame in itself")
+            raise ValueError("is its own parent")
         sample = FrameSample(parent, rigid.pose(one.translation_xyz, one.quat_xyzw))
         history = self._histories.get(child)
         if history is None and len(self._histories) >= MOST_FRAMES:
-            raise ValueError(f"is one frame too many: {MOST_FRAMES} are kept")
+            raise ValueError(f"exceeds the limit of {MOST_FRAMES} frames")
         if history and history.is_before(one.header.stamp_ns):
             self._forget()
             history = None
         if child in self._ancestors(parent):
-            raise ValueError("would make a loop")
+            raise ValueError("would close a loop of frames")
         if history is None or history.static != static:
             history = self._histories[child] = FrameHistory(static, self._length_ns)
         history.insert(one.header.stamp_ns, sample)
@@ -220,8 +220,8 @@ class FrameTree:
         names = self._names()
         absent = [repr(name) for name in (source, target) if name not in names]
         if absent:
-            known = f"known are {', '.join(sorted(names))}" if names else "none is known yet"
-            why = f"there is no frame {' or '.join(absent)}; {known}"
+            known = f"known frames: {', '.join(sorted(names))}" if names else "no frames yet"
+            why = f"no frame {' or '.join(absent)}; {known}"
         else:
             tops = [list(self._ancestors(name))[-1] for name in (source, target)]
             why = f"{source} hangs below {tops[0]} and {target} below {tops[1]}"

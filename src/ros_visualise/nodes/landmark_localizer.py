@@ -42,7 +42,7 @@ _STALE_S = 1.0  # an odometry further from an image is not used for it
 class LocalizerParams(MapParams):
     """Parameters of `LandmarkLocalizer`."""
 
-    fixed_frame: str = param(_MAP, "frame of the landmarks; odom if there is no frame map")
+    fixed_frame: str = param(_MAP, "frame of the landmarks; odom if frame map is missing")
     min_sightings: int = param(
         3, "number of sightings that make a landmark", min=1, max=1000, slider=(1, 20)
     )

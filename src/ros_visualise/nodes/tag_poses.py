@@ -35,7 +35,7 @@ class TagPoses:
         rest = tuple(one for one in corners.detections if _tag(one) is None)
         info = corners.camera_info
         if info is None and tags:
-            self._remarks.say("no poses: no calibration of the camera comes with the tags")
+            self._remarks.say("no poses: the tags come without a camera calibration")
         found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
         return replace(corners, detections=found + rest)
 

@@ -213,8 +213,8 @@ def _configured(graph: Graph, settings: dict[str, dict[str, Any]], is_recording:
     has_path = any(node.name == _PATH for node in graph.nodes)
     if _PATH in settings and not has_path and is_recording:
         raise UsageError(
-            "no node 'path' here: name what it is to follow by --odom TOPIC, or two frames by"
-            " --odom /tf:PARENT.CHILD"
+            "no node 'path': this recording has no odometry; add --odom TOPIC, or"
+            " --odom /tf:PARENT.CHILD for two frames"
         )
     return graph.configured(settings)
 
@@ -226,7 +226,7 @@ def _check_path(graph: Graph) -> None:
             continue
         if node.params.tf_parent or node.params.tf_child:
             raise UsageError(
-                f"{node.name}: gets no tf, so leave tf_parent and tf_child empty; two frames of a"
+                f"{node.name}: no tf here: leave tf_parent and tf_child empty; to follow two frames"
                 " recording are followed by --odom /tf:PARENT.CHILD"
             )
 

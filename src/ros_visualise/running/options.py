@@ -46,7 +46,7 @@ def mission_option(otherwise: str) -> Any:
 class WorldOptions:
     """A simulated robot's world and mission."""
 
-    world: str | None = option(None, f"{OURS}, or one of another package (default: field)")
+    world: str | None = option(None, f"{OURS}, or one from a plug-in (default: field)")
     seed: int | None = option(None, "seed of all random errors (default: 0)", type=seed)
     mission: str | None = mission_option("wait for commands")
 
@@ -71,18 +71,18 @@ class ViewingOptions:
     host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
     port: int = option(8080, "port of the page (default: %(default)s)", type=port)
     token: bool = option(
-        True, "let everyone who reaches the page use it (default: its address holds a token)"
+        True, "let anyone who can reach the page use it (default: its address holds a token)"
     )
     open: bool | None = option(
         None, "open the page in a browser (default: from a terminal on a desktop)"
     )
     layout: Path | None = option(
         None,
-        "arrange the page as this file says; 'save layout' on the page writes one",
+        "layout of the page, as 'Save layout' on the page writes it",
         metavar="FILE.yaml",
     )
     urdf: Path | None = option(
-        None, "draw this robot in place of the one on /robot_description", metavar="FILE"
+        None, "URDF file of the robot to draw, instead of /robot_description", metavar="FILE"
     )
     allow_origin: Sequence[str] = option(
         [],
@@ -131,7 +131,7 @@ class SettingOptions:
     )
     params: Path | None = option(
         None,
-        "set parameters from a file; 'save parameters' on the page writes one",
+        "set parameters from a file, as 'Save parameters' on the page writes it",
         metavar="FILE.yaml",
     )
 
@@ -189,7 +189,7 @@ class OutputOptions:
     )
     split: str | None = option(
         None,
-        "begin another file of a recording after so much, such as 1G or 10m",
+        "start a new file after this size or time, such as 1G or 10m",
         metavar="SIZE|TIME",
     )
     record_dir: Path = option(

@@ -57,7 +57,7 @@ class RobotParams(
 class ScenarioParams:
     """World, mission and seed of a simulation."""
 
-    world: str = setting("field", f"world: {OURS}, or one of another package")
+    world: str = setting("field", f"world: {OURS}, or one from a plug-in")
     mission: str = setting(
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",

@@ -107,7 +107,7 @@ class ChunkedRecorder(Recorder):
         if stamp_ns is None:
             stamp_ns = recorded_ns(message)
         if not 0 <= stamp_ns < END_NS:
-            raise DamagedMessage(f"ROS cannot hold a stamp of {stamp_ns} ns")
+            raise DamagedMessage(f"ROS cannot store a stamp of {stamp_ns} ns")
         size = len(data) + _RECORD_BYTES
         self._unchecked_bytes += size
         if self._unchecked_bytes >= _CHECK_BYTES:

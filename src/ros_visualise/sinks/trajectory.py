@@ -29,7 +29,7 @@ def save(files: Mapping[File, bytes], overwrite: bool) -> None:
             pending[file].close()
             del pending[file]
     except OSError as error:
-        raise RecordingError(f"{file}: {error.strerror}; nothing of it was written") from None
+        raise RecordingError(f"{file}: {error.strerror}; nothing was written") from None
     finally:
         for target in pending.values():
             target.remove()

@@ -92,7 +92,7 @@ class Calibration:
         try:
             self._info = read_calibration(self._url)
         except OpenError as error:
-            log.error("%s; keeping the calibration from before", error)
+            log.error("%s; keeping the previous calibration", error)
         else:
             log.info("%s: using the new calibration", self._url)
             self._fitted.clear()
@@ -121,7 +121,7 @@ def path_of(url: str) -> Path:
         return Path(url)
     parts = urlsplit(url)
     if parts.scheme == "package":
-        raise OpenError(f"{url}: only ROS finds packages; give the file's path")
+        raise OpenError(f"{url}: package:// needs ROS; give the file's path")
     if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
         raise OpenError(f"{url}: give a path or file:///PATH")
     return Path(unquote(parts.path))

@@ -143,7 +143,9 @@ def _open_folder(path: Path) -> Recording:
         return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
     names = ", ".join(item.name for item in found[:_LISTED])
     more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-    raise OpenError(f"{path}: a folder with {names}{more} in it; choose, for instance {found[0]}")
+    raise OpenError(
+        f"{path}: a folder that contains {names}{more}; choose, for instance {found[0]}"
+    )
 
 
 def _format_of_folder(path: Path) -> Format | None:

@@ -142,7 +142,7 @@ class PlayedPart:
     def set(self, begin_ns: int, end_ns: int | None) -> None:
         """Choose another part; raises ParameterError unless its end comes after its beginning."""
         if begin_ns < 0 or (end_ns is not None and end_ns <= begin_ns):
-            raise ParameterError("the end of the part to be played has to come after its beginning")
+            raise ParameterError("the end of the playback range must be after its start")
         self.begin_ns, self.end_ns = begin_ns, end_ns
 
     def has(self, time_ns: int) -> bool:

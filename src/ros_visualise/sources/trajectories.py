@@ -278,7 +278,7 @@ def _choose(recording: Recording, but: str | None) -> str:
             raise UsageError(
                 f"{recording.path}: several topics have poses; choose one by --topic: {listed}"
             )
-    raise UsageError(f"{recording.path}: no topic of poses in it; see ros-visualise info")
+    raise UsageError(f"{recording.path}: no topic with poses; see ros-visualise info")
 
 
 def _find_topic(recording: Recording, wanted: str, kinds: Collection[type]) -> str:

@@ -70,7 +70,7 @@ def read_trajectory_file(path: Path) -> Trajectory:
             stamps_ns.append(stamp_ns)
             rows.append(row)
     if wrong:
-        log.warning("%s: line %d is no pose (further occurrences suppressed)", path, wrong[0])
+        log.warning("%s: line %d is not a pose (further occurrences suppressed)", path, wrong[0])
     left_out = {"damaged": len(wrong)} if wrong else {}
     found = ordered(str(path), np.array(stamps_ns, np.int64), np.array(rows), "", left_out)
     found.stamped = width == _TUM

@@ -81,12 +81,11 @@ def refuse_measurements(encoding: str) -> None:
     """Refuse depth and other measurements.
 
     Raises:
-        UnsupportedImage: images of this encoding hold numbers that are neither gray nor colours.
+        UnsupportedImage: images of this encoding hold measurements, not gray or colour values.
     """
     if encoding in MEASUREMENTS:
         raise UnsupportedImage(
-            f"{encoding} holds numbers that are neither gray nor colours, such as depth:"
-            " look at the topic itself"
+            f"{encoding} holds measurements, not gray or colour values: show the topic itself"
         )
 
 

@@ -43,7 +43,7 @@ def compress(image: Image, quality: int = JPEG_QUALITY) -> CompressedImage:
         ValueError: the image has no pixels, or too many, or other measurements.
     """
     if image.encoding in MEASUREMENTS and image.encoding != _DEPTH:
-        raise ValueError(f"{image.encoding} holds measurements, which no JPEG and no PNG can")
+        raise ValueError(f"{image.encoding} holds measurements, which JPEG and PNG cannot store")
     pixels, stored = image.pixels, ""
     if image.is_color:
         pixels = to_bgr(pixels, order_of(image.encoding))
@@ -86,7 +86,7 @@ def _decompress_depth(compressed: CompressedImage, encoding: str, how: str) -> I
     """
     if encoding not in (_DEPTH, "32FC1") or "rvl" in how:
         raise ValueError(
-            f"compressed depth {compressed.format!r} is not read; known are 16UC1 and 32FC1 as png"
+            f"unsupported compressed depth {compressed.format!r}; use 16UC1 or 32FC1 as png"
         )
     if compressed.data.size <= _DEPTH_HEADER.size:
         raise ValueError(_broken(compressed.format, compressed.data.size))

@@ -38,7 +38,7 @@ def project(
     Source: sensor_msgs/CameraInfo; OpenCV's pinhole and fisheye models.
     """
     if info.distortion_model not in MODELS:
-        raise ValueError(f"distortion model {info.distortion_model!r} is not supported")
+        raise ValueError(f"unsupported distortion model {info.distortion_model!r}")
     use_P = rectified and info.P is not None
     P = info.P if use_P else np.hstack([info.K, np.zeros((3, 1))])
     assert P is not None

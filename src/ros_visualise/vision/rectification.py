@@ -132,7 +132,7 @@ def distortion_of(info: CameraInfo) -> tuple[bool, Floats]:
     allowed = _COEFFICIENTS.get(name)
     if allowed is None:
         known = ", ".join(_COEFFICIENTS)
-        raise UnsupportedImage(f"the calibration's distortion_model is {name!r}; known are {known}")
+        raise UnsupportedImage(f"unsupported distortion_model {name!r}; use one of {known}")
     if len(info.D) not in allowed:
         counts = " or ".join(map(str, allowed))
         raise UnsupportedImage(

@@ -19,13 +19,13 @@ class BoardOptions:
 
     pattern: str = option(
         "chessboard",
-        "what is on the board (default: %(default)s)",
+        "pattern on the board (default: %(default)s)",
         choices=("chessboard", "charuco", "aprilgrid"),
     )
     size: str = option(
         "9x6",
         "inner corners of a chessboard, squares of ChArUco, tags of an AprilGrid"
-        " (default: %(default)s); other readings are tried too",
+        " (default: %(default)s); other interpretations are tried too",
         metavar="COLUMNSxROWS",
     )
     square: float | None = option(

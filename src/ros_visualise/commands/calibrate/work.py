@@ -152,7 +152,7 @@ def _follow(
     clock = WallClock()
     start_ns = clock.monotonic_ns()
     advice = ""
-    print_status(f"{source}: show the board to the camera; Ctrl-C ends this and calibrates")
+    print_status(f"{source}: show the board to the camera; Ctrl-C stops and calibrates")
     with closing(LiveCamera(source)) as camera:
         for newest in camera.images():
             gone_s = (clock.monotonic_ns() - start_ns) / 1e9

@@ -59,11 +59,13 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, str
         raise no_pictures(options.input) from None
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
     if options.scenario and not is_robot:
-        raise UsageError(f"--{next(iter(options.scenario))}: only for a simulated robot; omit it")
+        raise UsageError(
+            f"--{next(iter(options.scenario))}: only valid with a simulated robot; omit it"
+        )
     if not isinstance(source, SourceNode):
         return _recorded(source, options)
     if options.topic:
-        raise UsageError(f"--topic {options.topic}: only for a recording; omit it")
+        raise UsageError(f"--topic {options.topic}: only valid with a recording; omit it")
     if options.calibration and is_robot:
         raise UsageError("--calibration: a simulated camera knows its own; omit it")
     if options.calibration:

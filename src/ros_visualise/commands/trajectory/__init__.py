@@ -30,7 +30,7 @@ class ComparisonOptions:
 
     truth: str | None = option(
         None,
-        "the true trajectory: print the errors ATE and RPE, as evo does",
+        "the true trajectory; reports ATE and RPE as evo does",
         metavar="TOPIC|FILE[@TOPIC]",
     )
     align: str = option(

@@ -69,7 +69,7 @@ def _expected_s() -> float:
             return math.inf
         return _LAUNCH_S if None in answers or _launched() - nodes else 0.0
     except UNANSWERED as error:
-        log.debug("the graph cannot be looked at: %s", error)
+        log.debug("cannot read the graph: %s", error)
         return math.inf
 
 

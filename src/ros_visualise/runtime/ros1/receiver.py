@@ -56,7 +56,7 @@ class Stream:
                 return body
             size = self._read(LENGTH)  # of the message for which the block was too small
         if size > _LARGEST:
-            raise BrokenStream(f"a message of {size} bytes is announced")
+            raise BrokenStream(f"the publisher announces a message of {size} bytes")
         self._large = size if size >= shared_memory.LARGE else self._large
         try:
             body = self._pool.take(size)
@@ -86,7 +86,7 @@ class Stream:
         try:
             return lender.take(number, size)
         except KeyError:
-            raise BrokenStream(f"a message is announced in memory number {number}") from None
+            raise BrokenStream(f"the publisher refers to unknown shared memory {number}") from None
 
     def _read(self, format: struct.Struct) -> int:
         buffer = bytearray(format.size)
@@ -144,7 +144,7 @@ class Receiver:
             )
             raise TransportTerminated(str(error)) from error
         except (EOFError, OSError) as error:
-            raise TransportTerminated("the publisher has gone") from error
+            raise TransportTerminated("the publisher closed the connection") from error
         message._connection_header = connection.header
         connection.stat_bytes += body.nbytes + 4
         connection.stat_num_msg += 1

@@ -178,7 +178,7 @@ class ReconfigureClient:
         """
         declaration = self._declaration
         if declaration is None:
-            raise Unreachable("its parameters are not known yet")
+            raise Unreachable("its parameters have not been received yet")
         config = declaration.encode(specs(declaration.params), values)
         try:
             with translated(self._node):

@@ -190,7 +190,7 @@ class ReconfigureServer:
             if value < limit or value > limit:  # as NaN is not
                 values[name] = limit
                 where = self._namespace.removeprefix("/")
-                log.warning("%s: %s=%s is beyond its limit: %s", where, name, value, limit)
+                log.warning("%s: %s=%s out of range; limited to %s", where, name, value, limit)
         return values
 
     def _follow(self) -> None:

@@ -99,7 +99,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             with translated(MASTER):
                 self._register(name, kind, direction)
         except Unreachable as error:
-            log.debug("%s is registered when the master is back: %s", name, error)
+            log.debug("%s will be registered when the master is back: %s", name, error)
 
     def reg_removed(self, name: str, kind: str, direction: str) -> None:
         """A topic or service is there no longer."""
@@ -113,7 +113,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             with translated(MASTER):
                 getattr(self._master, method)(self._name, name, address)
         except Unreachable as error:
-            log.debug("%s is not unregistered: %s", name, error)
+            log.debug("cannot unregister %s: %s", name, error)
 
     def wake(self) -> None:
         """Wake the manager, which else looks after half a second, as the process ends."""
@@ -161,7 +161,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             answer = self._master.registerService(self._name, name, kind, own)
         code, message, publishers = answer
         if code != 1:
-            log.error("the ROS master refuses %s: %s", name, message)
+            log.error("the ROS master rejects %s: %s", name, message)
         elif direction == Registration.SUB:
             self._manager.publisher_update(name, _addresses(publishers))
 

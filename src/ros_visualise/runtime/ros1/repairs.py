@@ -62,7 +62,7 @@ def read_header(connection: socket, left: BytesIO, _: int) -> Any:
         length = _read(connection, _LENGTH.size, end_s)
         (size,) = _LENGTH.unpack(length)
         if size > _LONGEST:
-            raise ROSHandshakeException(f"a header of {size} bytes is announced")
+            raise ROSHandshakeException(f"the peer announces a header of {size} bytes")
         return decode_ros_handshake_header(length + _read(connection, size, end_s))
     finally:
         connection.settimeout(None)
@@ -76,9 +76,9 @@ def _read(connection: socket, size: int, end_s: float) -> bytes:
         try:
             piece = connection.recv(size - len(found))
         except TimeoutError:
-            raise ROSHandshakeException("no header in time") from None
+            raise ROSHandshakeException("timed out waiting for the header") from None
         if not piece:
-            raise ROSHandshakeException("the peer ended before its header")
+            raise ROSHandshakeException("the peer closed the connection before its header")
         found += piece
     return bytes(found)
 

@@ -85,7 +85,7 @@ def receive(beside: socket.socket, size: int, wait: bool) -> tuple[bytes, int | 
     room = socket.CMSG_SPACE(_DESCRIPTOR.size)
     record, beside_it, *_ = beside.recvmsg(size, room, flags)
     if len(record) != size:
-        raise ConnectionError("the other side has gone")
+        raise ConnectionError("the other side closed the connection")
     return record, next((_DESCRIPTOR.unpack(data)[0] for *_, data in beside_it), None)
 
 

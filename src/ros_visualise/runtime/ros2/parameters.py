@@ -130,7 +130,7 @@ class ParameterDesk:
                 for served, changed in changes.items():
                     served.published |= {served.prefix + name: one for name, one in changed.items()}
         except ParameterError as error:
-            log.warning("refused: %s", error)
+            log.warning("rejected: %s", error)
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

@@ -124,7 +124,7 @@ class ParameterClient:
         """
         declaration = self._declaration
         if declaration is None:
-            raise Unreachable("its parameters are not known yet")
+            raise Unreachable("its parameters have not been received yet")
         sent = declaration.encode(values)
         asked = [Parameter(name, value=value) for name, value in sent.items()]
         with translated("the node"):

@@ -144,7 +144,7 @@ def _used(entity: Any) -> Iterator[ctypes.c_void_p]:
 def _check(status: int) -> None:
     if status != _OK:
         _forget_error()
-        raise RclError(f"ROS 2 answers with error {status}")
+        raise RclError(f"ROS 2 returned error {status}")
 
 
 def _forget_error() -> None:

@@ -73,13 +73,13 @@ def call(node: Node, service: str) -> None:
     """Ask a node elsewhere on the graph to do something.
 
     Raises:
-        Unreachable: nobody offers it, or no answer comes.
+        Unreachable: no such service, or no answer comes.
         RosVisualiseError: it has answered that it did not.
     """
     client = node.create_client(Trigger, service)
     try:
         if not client.wait_for_service(_FIND_S):
-            raise Unreachable(f"{service}: nobody offers it")
+            raise Unreachable(f"{service}: no such service")
         told = result_of(client.call_async(Trigger.Request()), _ANSWER_S)
     finally:
         node.destroy_client(client)

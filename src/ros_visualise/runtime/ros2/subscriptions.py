@@ -214,4 +214,4 @@ class _Apart(CallbackGroup):  # type: ignore[misc]
 
 
 def _is_taken_here(_: Any) -> None:
-    raise AssertionError("the executor has nothing to take")
+    raise AssertionError("the executor has no message to take")

@@ -34,7 +34,7 @@ def message_class(type_name: str) -> Any:
         found = None
     if not hasattr(found, "get_fields_and_field_types"):  # ROS 1 may have a package of this name
         advice = f"apt install ros-$ROS_DISTRO-{package.replace('_', '-')}"
-        raise UsageError(f"{type_name}: no such messages here; {advice}, or source where they are")
+        raise UsageError(f"{type_name}: unknown message type; {advice}, or source its workspace")
     if not DEFINITIONS.knows(type_name):
         texts = _installed(type_name)
         own = texts.pop(type_name)

@@ -229,11 +229,11 @@ def _declaration(told: tuple[Parameter, ...]) -> tuple[type, NodeType | SourceTy
         return _our_own()[told]
     names = {one.name for one in told}
     if len(names) < len(told) or len(told) > _MOST or not all(map(_NAME.fullmatch, names)):
-        raise DamagedMessage("parameters without a valid name of their own")
+        raise DamagedMessage("parameters without a valid name")
     try:
         return declared(map(_told, told)), None
     except (TypeError, ValueError) as error:
-        raise DamagedMessage(f"contradicting parameters: {error}") from error
+        raise DamagedMessage(f"inconsistent parameters: {error}") from error
 
 
 def _told(one: Parameter) -> ParameterDescription:

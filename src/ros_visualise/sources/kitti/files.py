@@ -111,7 +111,7 @@ def find_folder(path: Path) -> Path:
     found = find_folders(path)
     if not found:
         raise OpenError(
-            f"{path}: no KITTI drive in it; give a folder that holds oxts, velodyne_points or"
+            f"{path}: not a KITTI drive; give a folder that holds oxts, velodyne_points or"
             " image_00, or a sequence of the odometry benchmark"
         )
     if len(found) > 1:

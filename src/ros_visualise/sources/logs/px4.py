@@ -72,7 +72,7 @@ def open_ulog(path: Path) -> SeriesRecording:
     clock = "time since start" if utc_us is None else "UTC"
     made = _FlightTopics(tables, gps, utc_us or 0)
     if not made.series:
-        raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
+        raise OpenError(f"{path}: contains no attitude, position or fix; log the default topics")
     series = made.series + _as_logged(log, made.series, utc_us or 0)
     size = path.stat().st_size
     return SeriesRecording(path, f"PX4 ULog ({clock})", size, series, made.notes, loss=log.loss)

@@ -140,7 +140,7 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
     try:
         index, statistics, chunks = _parse_summary(summary)
     except struct.error:
-        raise DamagedData("a record in it is too short") from None
+        raise DamagedData("one of its records is too short") from None
     if statistics is None or not chunks or not index.is_described:
         return None
     index.counts = dict(statistics.channel_message_counts)
@@ -159,12 +159,12 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
     """Check an index against itself and, at its ends, against the file."""
     rows = index.rows
     if statistics.chunk_count != chunks:
-        raise DamagedData(f"it counts {statistics.chunk_count} chunks, and names {chunks}")
+        raise DamagedData(f"it counts {statistics.chunk_count} chunks, but lists {chunks}")
     if index.counts and statistics.message_count != sum(index.counts.values()):
-        raise DamagedData("its counts of messages contradict each other")
+        raise DamagedData("its message counts are inconsistent")
     is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])
     if not is_within.all() or not index.counts.keys() <= index.channels.keys():
-        raise DamagedData("it names places outside of the file")
+        raise DamagedData("it refers to places outside the file")
     if not all(_is_there(file, rows[i]) for i in {0, chunks - 1}):
         raise DamagedData("its chunks are not at their declared places")
     if not all(_is_extra(file, min(offset, size), n) for offset, n in index.extras):
@@ -186,7 +186,7 @@ def _hides(file: BinaryIO, size: int, index: Index) -> bool:
             if kind == Opcode.MESSAGE:
                 return True
             if kind in (0, Opcode.CHUNK, Opcode.MESSAGE_INDEX) or position > (start or position):
-                raise DamagedData("the file holds more than it names")
+                raise DamagedData("the file contains records that it does not list")
             position += HEAD_BYTES + length
         position = end
     return False

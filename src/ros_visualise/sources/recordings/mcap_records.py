@@ -68,11 +68,11 @@ def chunk_head(record: bytes) -> ChunkHead:
         after = HEAD_BYTES + _CHUNK.size + letters
         (data_length,) = _DATA_LENGTH.unpack_from(record, after)
     except struct.error:
-        raise DamagedData("its head is damaged") from None
+        raise DamagedData("its header is damaged") from None
     compression = record[after - letters : after].decode("ascii", "replace")
     data_offset = after + _DATA_LENGTH.size
     if kind != Opcode.CHUNK or data_offset - HEAD_BYTES + data_length != length:
-        raise DamagedData("its head is damaged")
+        raise DamagedData("its header is damaged")
     return ChunkHead(start_ns, end_ns, size, crc, compression, data_offset, HEAD_BYTES + length)
 
 
@@ -146,7 +146,7 @@ def parse(kind: type[R], body: Records) -> R:
     try:
         found: R = kind.read(ReadDataStream(io.BytesIO(body)))  # type: ignore[attr-defined]
     except (McapError, struct.error, UnicodeDecodeError, OverflowError):
-        raise DamagedData("it contradicts itself") from None
+        raise DamagedData("it is inconsistent") from None
     return found
 
 
@@ -182,7 +182,7 @@ def parse_extra(record: bytes) -> Extra:
     if record[0] == Opcode.METADATA:
         return parse(Metadata, body)
     if record[0] != Opcode.ATTACHMENT:
-        raise DamagedData("it is something else")
+        raise DamagedData("neither an attachment nor metadata")
     crc = int.from_bytes(body[-_CRC_BYTES:], "little")
     if len(body) < _CRC_BYTES or (crc and zlib.crc32(body[:-_CRC_BYTES]) != crc):
         raise DamagedData("checksum mismatch")

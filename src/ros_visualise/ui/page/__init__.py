@@ -46,7 +46,7 @@ class Page:
         host, port = options.host, options.port
         rules = access_rules(host, options.origins, options.token)
         if rules.addresses and not options.token:
-            log.warning("no token: everybody who reaches %s can use the page", host)
+            log.warning("no token: anyone who can reach %s can use the page", host)
         self._urdf = "" if options.urdf is None else read_urdf(options.urdf)
         self._files = PageFiles(options.record_dir, options.chooser)
         self._memory = SettingsMemory(options.arrangement)

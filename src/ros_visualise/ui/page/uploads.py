@@ -144,7 +144,7 @@ class UploadedFile:
     def write(self, data: str | bytes) -> None:
         """Append a piece; raises OSError if it cannot be written or exceeds the announced size."""
         if not data or isinstance(data, str) or len(data) > self.missing:
-            raise OSError("size differs from the announced one")
+            raise OSError("size differs from the declared one")
         rest = memoryview(data)
         while rest:
             rest = rest[self._file.write(rest) :]

@@ -310,7 +310,7 @@ def _any(content: Content, connection: int, offset: int) -> tuple[int, int]:
     while record.op == Op.CONNECTION:  # some indexes point to the one before the message
         record = records.read_record(file, record.end, end)
     if record.op != Op.MESSAGE or records.number(record.fields, b"conn") != connection:
-        raise DamagedData("another message than indexed")
+        raise DamagedData("not the indexed message")
     if record.end > end:
         raise DamagedData("a message that is longer than its chunk")
     return record.data_position - start, record.data_size

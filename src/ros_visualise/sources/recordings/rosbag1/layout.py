@@ -350,11 +350,11 @@ def _read_index(file: BinaryIO, size: int, header: BagRecord) -> Layout:
         layout.chunks.append(parse_chunk_info(record.fields, records.read_data(file, record)))
         position = record.end
     if position != size:
-        raise DamagedData("an index that is not the end of its bag")
+        raise DamagedData("the index does not end at the end of the bag")
     layout.chunks.sort()
     first = layout.chunks[0].position if layout.chunks else layout.index_position
     if first != header.end:
-        raise DamagedData("an index that does not name all of its bag")
+        raise DamagedData("the index does not cover the whole bag")
     _check(layout, ChunkReader(file, size))
     return layout
 
@@ -362,7 +362,7 @@ def _read_index(file: BinaryIO, size: int, header: BagRecord) -> Layout:
 def _expect(op: Op, file: BinaryIO, position: int, size: int) -> BagRecord:
     record = records.read_record(file, position, size)
     if record.op != op:
-        raise DamagedData(f"no {op.name} where one should be")
+        raise DamagedData(f"no {op.name} record where expected")
     return record
 
 
@@ -371,15 +371,15 @@ def _check(layout: Layout, reader: ChunkReader) -> None:
     chunks = layout.chunks
     known = layout.connections.keys()
     if any(chunk.start_ns > chunk.end_ns or not chunk.counts.keys() <= known for chunk in chunks):
-        raise DamagedData("an index that contradicts itself")
+        raise DamagedData("the index is inconsistent")
     if len({chunk.position for chunk in chunks}) < len(chunks):
-        raise DamagedData("an index that names a chunk twice")
+        raise DamagedData("the index lists a chunk twice")
     if any(len(reader.walk(reader.content(one)).entries) for one in chunks if not one.counts):
-        raise DamagedData("an index without some of its messages")
+        raise DamagedData("the index lacks messages")
     step = max(1, len(chunks) // _PROBES)
     found = [_is_there(reader, chunk) for chunk in [*chunks[::step], *chunks[-1:]]]
     if sum(found) * 2 < len(found):  # less is damage to the chunks
-        raise DamagedData("an index of another bag")
+        raise DamagedData("the index belongs to another bag")
 
 
 def _is_there(reader: ChunkReader, chunk: Chunk) -> bool:
