@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
     ),
     "video, page": ("video {video} --loop --duration 2", NOTHING),
     "video, windows": ("video {video} --view windows --frames 3", NOTHING),
+    "view": ("view --view none --listen tcp/127.0.0.1:0 --duration 1", NOTHING),
     "camera": ("camera test --view none --frames 3", NOTHING),
     "bag": ("bag {data}/bags/evo_tf_example.bag --view none --rate 0", NOTHING),
     "bag, compressed": ("bag {packed} --view none --rate 0", NOTHING),

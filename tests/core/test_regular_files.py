@@ -16,7 +16,7 @@ OWN = {
     "core/regular_files.py",  # the place itself
     "runtime/ros2/types.py",  # definitions of ROS 2
     "simulation/model.py",  # and what is in this package
-    "ui/look/looker.py",
+    "ui/look/inspector.py",
     "ui/page/scripts/__init__.py",
 }
 """Files that open nothing but what is installed."""

@@ -395,7 +395,7 @@ def test_a_film_that_has_ended_is_reported_and_can_be_played_again(
             wait_for(lambda b=before: len(images) - b >= 24, "the images")
             wait_for(lambda n=lap: sum(END in line for line in caplog.messages) == n, "its end")
         wait_for(lambda: viewer.report().nodes["streamer"].ended, "its figures")
-        assert "streamer: has ended; to play it again" in end_lines(viewer.report())
+        assert "streamer: ended; to play it again" in end_lines(viewer.report())
 
 
 def _is_paused(viewer: RemoteRuntime, node: str) -> bool:
