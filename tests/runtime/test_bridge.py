@@ -374,7 +374,7 @@ def test_a_video_is_played_for_whoever_subscribes(hub: Hub, peer: Peer, tmp_path
     assert {(image.height, image.width, image.encoding) for image in heard} == {(48, 64, "bgr8")}
 
 
-END = "streamer has ended; to play it again, set its parameter paused to false"
+END = "streamer ended; to play it again, set its parameter paused to false"
 
 
 def test_a_film_that_has_ended_is_reported_and_can_be_played_again(

@@ -247,7 +247,7 @@ class Process:
         was_at_end, self._is_at_end = self._is_at_end, playback.holds and playback.state.ended
         if self._is_at_end and not was_at_end:
             self.runtime.report_lost()
-            what = "%s has ended; to play it again, set its parameter paused to false"
+            what = "%s ended; to play it again, set its parameter paused to false"
             log.info(what, source.name)
 
     def _reports(self) -> dict[str, NodeReport]:
