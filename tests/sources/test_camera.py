@@ -176,7 +176,7 @@ def test_what_cannot_be_opened_is_told_in_one_line(
 
 def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_module, "glob", lambda pattern: ["/dev/video2", "/dev/video0"])
-    with pytest.raises(OpenError, match=r"devices: /dev/video0, /dev/video2;.*called test"):
+    with pytest.raises(OpenError, match=r"devices: /dev/video0, /dev/video2;.*camera test"):
         LiveCamera("7")
 
 
