@@ -129,5 +129,5 @@ def test_after_a_jump_the_latest_is_what_is_older_than_the_new_time():
 
 @pytest.mark.parametrize("slop_s", [-1, float("nan"), float("inf"), "0.1", None])
 def test_a_slop_is_a_time_that_is_no_less_than_nothing(slop_s):
-    with pytest.raises(ValueError, match=r"Approximate\(.*\): give the seconds as 0 or more"):
+    with pytest.raises(ValueError, match=r"Approximate\(.*\): give 0 or more seconds"):
         Approximate(slop_s)

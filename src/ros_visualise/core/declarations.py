@@ -38,21 +38,21 @@ class NodeType:
     """A declared node.
 
     Attributes:
-        make: makes the node from its parameters.
-        on_demand: outputs that are made only while they are subscribed to.
+        make: creates the node from its parameters.
+        on_demand: outputs that are computed only while they have subscribers.
         latched: outputs whose last message is kept for late subscribers.
-        drops: reason under which a result of None is counted, if that means a dropped message.
-        timed: its step takes the arrival time of the message.
-        stateless: the same message and parameters always give the same result.
-        doc: first line of its docstring.
+        drops: reason under which a result of None counts as a dropped message, such as ``rate``;
+            None: it is no drop.
+        timed: True if ``step`` takes the arrival time of the message.
+        stateless: True if the result depends only on the message and the parameters.
+        doc: first line of the docstring.
         actions: name and help of each action.
-        stepped: inputs whose messages its step takes.
-        sync: how the messages of its inputs are matched.
-        frames: its step takes a frame tree, fed by the inputs `TRANSFORMS`.
-        calibrated: its images come with their calibration, also on a graph that publishes it on a
-            topic of its own.
-        topics: output -> topic, where that does not follow from the names of node and output
-            (`ros_visualise.graph.place`).
+        stepped: inputs whose messages ``step`` takes: all but `TRANSFORMS`.
+        sync: policy by which the messages of the inputs are matched.
+        frames: True if ``step`` takes a frame tree, built from the inputs `TRANSFORMS`.
+        calibrated: True if images come with their calibration, even where it is a separate topic.
+        topics: output -> topic, if not derived from the names of node and output
+            (see `ros_visualise.graph.place`).
     """
 
     name: str
@@ -75,7 +75,7 @@ class NodeType:
 
 
 class _OptionalMethods:
-    """Methods that a node need not define."""
+    """Defaults of a node's optional methods."""
 
     def reset(self) -> None:
         pass
@@ -116,8 +116,8 @@ def node(
     ``join`` is the former name of ``sync``.
 
     Raises:
-        UsageError: invalid name, an input or output that is not a message, an unknown output, no
-            inputs to match, or a class or step that does not take its arguments.
+        UsageError: an invalid name, an input or output that is not a message, an unknown output, a
+            policy without inputs to match, or a class or step with the wrong arguments.
     """
     if join is not None:
         log.warning("node %s: join= is deprecated; use sync=", name)
@@ -180,7 +180,7 @@ def action(help: str) -> Callable[[T], T]:
 
 
 def completed(cls: type, optional: type) -> type:
-    """Class with the methods of ``optional`` that it does not define itself."""
+    """Subclass with defaults from ``optional`` for the methods that ``cls`` lacks."""
     return type(cls.__name__, (cls, optional), {})
 
 

@@ -4,7 +4,7 @@
     class EdgeParams:
         low: int = param(200, "hysteresis low threshold", min=0, max=800)
 
-Sliders, command line, YAML keys, ROS parameters and documentation are all made from `specs`.
+Sliders, command-line options, YAML keys, ROS parameters and help all follow from `specs`.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ def param(
     """Declare one parameter of type int, float, bool, str or Enum.
 
     Args:
-        default: the value that it starts with.
-        help: one line for people.
-        min, max: the hard limits of a number, both included.
-        slider: a smaller range for the slider than the hard limits.
-        restart: a change reopens the source.
-        group: its folder on the page; empty: always in view.
-        saved: saved with the others; what is played, and how, is not.
-        used: returns False if it has no effect beside these other values; see `when`. Its slider
-            is disabled then.
-        file: returns True if a value names a file. While the node runs, it may only be set to one
-            in the folder of `ros_visualise.core.paths`, where the default is, or to an earlier one.
-        step: from one value to the next; None: any value.
-        label: its name for people, if that is not a valid name in Python.
+        default: initial value.
+        help: one line: a noun phrase, with the unit and the meaning of special values.
+        min, max: limits of a number, inclusive.
+        slider: range of the slider, if narrower than the limits.
+        restart: True if a change reopens the source.
+        group: folder on the page; empty: always visible.
+        saved: False for what is played and how, which *Save parameters* skips.
+        used: returns False if the parameter has no effect with the given values of all parameters,
+            so that its slider is disabled; see `when` and `unless`.
+        file: returns True if a value names a file. While the node runs, it may only be set to a
+            file in the folder of `ros_visualise.core.paths`, or back to an earlier value.
+        step: distance between values; None: any value.
+        label: displayed name, if it is not a valid Python identifier.
     """
     metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
     metadata |= {"restart": restart, "group": group, "saved": saved, "used": used, "file": file}
@@ -64,12 +64,12 @@ def param(
 
 
 def when(name: str, *values: Value) -> Callable[[Any], bool]:
-    """For ``used``: another parameter has one of these values."""
+    """A condition for ``used``: another parameter has one of these values."""
     return lambda params: getattr(params, name) in values
 
 
 def unless(name: str, *values: Value) -> Callable[[Any], bool]:
-    """For ``used``: another parameter has a value other than these."""
+    """A condition for ``used``: another parameter has a value other than these."""
     return lambda params: getattr(params, name) not in values
 
 
@@ -94,7 +94,7 @@ class Spec:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The values of an Enum as text, else empty."""
+        """Values of an Enum, as text; empty for other types."""
         return tuple(str(c.value) for c in self.type) if issubclass(self.type, Enum) else ()
 
     @property
@@ -105,10 +105,10 @@ class Spec:
         return None if self.min is None or self.max is None else (self.min, self.max)
 
     def coerce(self, value: Any) -> Value:
-        """The value in this parameter's own type, from that type or from text.
+        """Convert a value or its text to this parameter's type.
 
         Raises:
-            ParameterError: not of this type or out of range; the message names what is allowed.
+            ParameterError: wrong type or out of range; the message names the allowed values.
         """
         if value is None:
             raise ParameterError(f"{self.name}: needs a value")
@@ -121,7 +121,7 @@ class Spec:
         return self._number(value)
 
     def clamp(self, number: float) -> float:
-        """The number, or the limit that it is beyond."""
+        """The number, limited to the range from ``min`` to ``max``."""
         low = number if self.min is None else max(number, self.min)
         return low if self.max is None else min(low, self.max)
 
@@ -165,7 +165,7 @@ class Spec:
 
 
 def specs(params: Any) -> tuple[Spec, ...]:
-    """The declared parameters of a params class (or of an instance of it), in order."""
+    """The declared parameters of a params class or its instance, in order."""
     cls = params if isinstance(params, type) else type(params)
     types = typing.get_type_hints(cls)
     fields = dataclasses.fields(cls)
@@ -173,11 +173,10 @@ def specs(params: Any) -> tuple[Spec, ...]:
 
 
 def update(params: P, changes: Mapping[str, Any]) -> P:
-    """A copy of ``params`` with the changes, checked as one whole.
+    """A copy of ``params`` with all changes applied.
 
     Raises:
-        ParameterError: an unknown name (the known ones are listed) or a refused value; then nothing
-            is changed.
+        ParameterError: an unknown name (the known ones are listed) or an invalid value.
     """
     known = {spec.name: spec for spec in specs(params)}
     for name in changes:
@@ -188,10 +187,10 @@ def update(params: P, changes: Mapping[str, Any]) -> P:
 
 
 class Parameters(Generic[P]):
-    """A node's live parameters: a frozen object that is swapped as a whole, never changed.
+    """A node's live parameters: an immutable object, replaced as a whole.
 
-    ``current`` may be read from any thread without a lock. ``accept`` is asked before each change,
-    and raises ParameterError where it cannot be made.
+    ``current`` may be read from any thread without a lock. ``accept`` is called before each change,
+    and raises ParameterError to reject it.
     """
 
     def __init__(self, initial: P) -> None:
@@ -202,21 +201,21 @@ class Parameters(Generic[P]):
         self._listeners: list[Callable[[P, Mapping[str, Value]], None]] = []
 
     def update(self, changes: Mapping[str, Any]) -> P:
-        """Apply all changes or none, as a page or a graph asks for them; see `take`.
+        """Apply all changes or none, as requested by a page or a graph.
 
-        Files that they name stay in one folder, as `param` says.
+        Like `take`, but new file names are confined to one folder; see ``file`` of `param`.
 
         Raises:
-            ParameterError: as `update`, a file elsewhere, or ``accept`` refuses it.
+            ParameterError: as `take`, or for a file outside the folder.
         """
         with self._lock:
             return self.take(self._confined(changes))
 
     def take(self, changes: Mapping[str, Any]) -> P:
-        """Apply all changes or none; listeners get the actual changes.
+        """Apply all changes or none; listeners get the values that differ.
 
         Raises:
-            ParameterError: as `update`, or ``accept`` refuses it.
+            ParameterError: an unknown name, an invalid value, or ``accept`` rejects the change.
         """
         with self._lock:
             before = self.current
@@ -232,7 +231,7 @@ class Parameters(Generic[P]):
             return self.current
 
     def on_change(self, listener: Callable[[P, Mapping[str, Value]], None]) -> Callable[[], None]:
-        """Call ``listener(current, changed)`` after each change; returns the call that ends it."""
+        """Call ``listener(current, changed)`` after each change; the result unregisters it."""
         with self._lock:
             self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)

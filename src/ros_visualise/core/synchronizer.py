@@ -1,4 +1,4 @@
-"""Synchronizers: sets of messages of a node's several inputs, matched by their stamps."""
+"""Synchronizers: match the messages of a node's inputs by their stamps."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ _KEPT_BYTES = 256 * 2**20
 
 @dataclass(frozen=True)
 class Each:
-    """Every message by itself, as it arrives."""
+    """Policy: every message alone, as it arrives."""
 
 
 @dataclass(frozen=True)
 class Exact:
-    """One message of every input, all with the same stamp."""
+    """Policy: one message of every input, all with the same stamp."""
 
 
 @dataclass(frozen=True)
 class Approximate:
-    """One message of every input, with stamps at most ``slop_s`` apart: those nearest in time."""
+    """Policy: one message of every input, the nearest in time, at most ``slop_s`` apart."""
 
     slop_s: float
 
     def __post_init__(self) -> None:
         if not (isinstance(self.slop_s, int | float) and 0 <= self.slop_s < inf):
-            raise ValueError(f"Approximate({self.slop_s}): give the seconds as 0 or more")
+            raise ValueError(f"Approximate({self.slop_s}): give 0 or more seconds")
 
 
 @dataclass(frozen=True)
 class Latest:
-    """Every message of the input ``trigger``, with the latest of each other input."""
+    """Policy: every message of the input ``trigger`` with the latest of every other input."""
 
     trigger: str
 
@@ -58,22 +58,22 @@ class Waiting(NamedTuple):
 class Synchronizer(Protocol):
     """Matches messages; the same messages in the same order always give the same sets.
 
-    ``dropped`` counts the messages that are in no set, by input and reason.
+    ``dropped`` counts the messages that joined no set, by input and reason.
     """
 
     dropped: Counter[tuple[str, str]]
 
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
-        """Take a message of an input; return the sets that it completes: input -> item."""
+        """Take a message of an input; return the sets (input -> item) that it completes."""
 
     def end(self, port: str) -> None:
-        """An input has ended; drop what can no longer be matched."""
+        """Note that an input has ended; drop what can no longer be matched."""
 
     def finish(self) -> list[dict[str, Any]]:
-        """All inputs have ended; return the sets that only waited for a nearer match."""
+        """Note that all inputs have ended; return the sets that waited for a nearer match."""
 
     def reset(self, stamp_ns: int) -> None:
-        """Time has jumped to ``stamp_ns``."""
+        """Start over: time has jumped to ``stamp_ns``."""
 
 
 def synchronizer(policy: SyncPolicy, ports: Collection[str]) -> Synchronizer:

@@ -15,40 +15,50 @@
 A node is a function or, if it keeps state, a class with
 
 - ``__init__(params)``,
-- ``step(<an input by name>, params)``, called for each message; declared ``timed``, it also takes
-  ``arrival_ns``, the arrival time by the clock of the recording or by the wall clock,
-and where needed
-- ``reset()``, when time has jumped: after a seek, after the source was reopened, or when stamps on
-  a topic went back by more than a second,
-- ``finish()``, at the end of the stream,
-- ``tick(params)``, called now and then on a graph, where the next message may never come: what is
-  due by now,
+- ``step(<inputs by name>, params)``, called for each message; if declared ``timed``, it also takes
+  ``arrival_ns``, the arrival time by the recording's clock or the wall clock,
+
+and, as needed,
+
+- ``reset()``, called when time jumps: after a seek, after the source is reopened, or when the
+  stamps of a topic go back by more than a second,
+- ``finish()``, called at the end of the stream,
+- ``tick(params)``, called periodically on a ROS graph, where the next message may never come;
+  returns what is due,
 - ``report()``, figures for the run report; ``lost`` and ``unplayed`` count data that could not be
-  read or played, and make the exit status 1,
+  read or played, and set the exit status to 1,
 - methods decorated with `action`: buttons on the page, services on a ROS graph.
 
-A node of several inputs declares how their messages are matched by stamp:
+A node with several inputs declares how their messages are matched by stamp:
 
     @node("locator", inputs={"image": Image, "boxes": PoseArray}, sync=Exact(), frames=True, ...)
     def locator(image, boxes, params, frames): ...
 
-``sync`` is ``Exact()``, the same stamp; ``Approximate(slop_s)``, the nearest; or
-``Latest("image")``, each image with the latest of the others. Without it each message comes alone,
-so that ``step`` has a default for each of them. Unmatched messages are counted. With ``frames`` the
-step also takes a `ros_visualise.geometry.frames.FrameTree` of ``/tf`` and ``/tf_static`` at that
-time; a message waits at most half a second for its transforms. A step that raises NoTransform
-drops that message. Declared ``calibrated``, a node gets images with their ``camera_info``, wherever
-that travels; it is None for an uncalibrated camera.
+``sync`` is ``Exact()``: equal stamps; ``Approximate(slop_s)``: the nearest stamps; or
+``Latest("image")``: each image with the latest message of every other input. Without ``sync`` each
+message arrives alone, so ``step`` needs a default for every input. Unmatched messages are dropped
+and counted.
 
-``step``, ``tick``, ``finish`` and actions return the message of the only output, a dict of output
-name to message, or None: no result for this message.
+With ``frames=True`` the step also takes ``frames``, a `ros_visualise.geometry.frames.FrameTree` of
+``/tf`` and ``/tf_static`` at the message's stamp; a message waits up to half a second for its
+transforms. A step that raises NoTransform drops its message. With ``calibrated=True`` every image
+comes with its ``camera_info``, even where that is a topic of its own; it is None if the camera is
+not calibrated.
 
-A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
-``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
-closed; ``close()``; and the optional methods of `ros_visualise.sources.declarations.Source`.
-``messages`` has a thread of its own; the others are called from other threads.
-``extend=("device", FUNCTION)`` names a parameter that decides which others there are: the function
-takes the parameters and returns those with more.
+``step``, ``tick``, ``finish`` and actions return a message (if the node has one output), a dict of
+output name -> message, or None for no result.
+
+A source is a class with
+
+- ``__init__(params, playback)``, which opens it or raises OpenError,
+- ``messages()``, an iterator of (output name, message) that ends with the source or when
+  ``playback`` is closed,
+- ``close()``,
+- any of the optional methods of `ros_visualise.sources.declarations.Source`.
+
+``messages`` runs on its own thread; the other methods are called from other threads.
+``extend=("device", FUNCTION)`` names a parameter that brings further parameters, such as a camera's
+controls: FUNCTION takes the parameters and returns an extended copy.
 """
 
 from __future__ import annotations
@@ -149,11 +159,11 @@ def find_all() -> list[NodeType | SourceType]:
 
 
 def load(path: str, name: str) -> NodeType | SourceType:
-    """A node or source in a file; ``name`` is that of the function, the class or the node.
+    """The node or source in a file, by the name of its function, its class or its declaration.
 
     Raises:
         OpenError: no such file, or it does not run.
-        UsageError: nothing of that name; the declared ones are listed.
+        UsageError: the file declares no such node; the declared ones are listed.
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:

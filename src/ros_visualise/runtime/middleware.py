@@ -1,28 +1,28 @@
-"""The seam between our nodes and a middleware, such as a ROS graph: all that is asked of one.
+"""The interface between our nodes and a middleware, such as a ROS graph.
 
-A middleware is two things, each in a class of its own:
+A middleware implements two classes:
 
-- `Host`       how a process begins on it: its name, arguments, options, files, log and end
-- `Transport`  what joins processes: topics, actions, live parameters, time, and who is there
+- `Host`       life of a process: its name, arguments, options, files, log and end
+- `Transport`  communication: topics, actions, live parameters, time, and the nodes of the graph
 
-``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
-shows nodes elsewhere, by the transport alone. Where the command line starts a process there is no
-host: a new middleware is a transport. It has a folder of its own beside this file, which alone
-imports its library.
+``runtime/bridge`` connects the graph of this process to topics of the middleware;
+``runtime/remote`` shows remote nodes. Both use only the transport. A process that is started from
+the command line needs no host, so a middleware may consist of a transport alone. Each middleware
+has a folder beside this file, and only that folder imports its library.
 
-What the library raises stays in that folder: its ``errors.py`` has one context manager,
-``translated``, within which the library is called, and which raises instead
+The library's exceptions stay in that folder, too: ``errors.py`` has a context manager,
+``translated``, around each call of the library, which raises instead
 
-- UsageError         a name or a type that the middleware cannot have
-- OpenError          a file or a package that is missing, an address that cannot be used
-- DamagedMessage     a message, or the type of a recording, that it cannot hold
-- ParameterError     a value that the node refuses
-- Unreachable        no answer at the moment, or this process has left; asking again may help
-- RosVisualiseError  the answer is an error; the base of all these
+- UsageError         the middleware does not allow this name or type
+- OpenError          a missing file or package, or an unusable address
+- DamagedMessage     a message, or the type of a recording, that it cannot represent
+- ParameterError     a value that the node rejects
+- Unreachable        no answer, or this process has left the graph; a retry may help
+- RosVisualiseError  the answer is an error; base class of all the above
 
-Methods name those that they raise; any other error is a bug. What is called from here, as ``take``,
-may raise anything: that is noted (see `ros_visualise.core.supervision`) and costs that one message
-or call. ``tests/contract_of_faults.py`` holds every transport to this.
+Each method lists the errors that it raises; any other error is a bug. Callbacks such as ``take``
+may raise anything: the error is logged (see `ros_visualise.core.supervision`) and costs only that
+message or call. ``tests/contract_of_faults.py`` checks every transport against this.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Handle(Protocol):
     """Something that is offered or subscribed to until it is closed."""
 
     def close(self) -> None:
-        """End it; more than once does no harm."""
+        """Stop it; further calls have no effect."""
 
 
 class Publisher(Handle, Protocol):
@@ -57,22 +57,22 @@ class Publisher(Handle, Protocol):
 
     @property
     def dropped(self) -> int:
-        """Messages that a subscriber had no time for, over all subscribers."""
+        """Messages dropped because a subscriber was too slow, over all subscribers."""
 
     def publish(self, message: Any) -> None:
         """Send a message: one of `ros_visualise.data`, or an undecoded one of a recording.
 
-        Its arrays must not change any more. After `close` it goes to nobody.
+        Its arrays must not be modified afterwards. After `close` the message is discarded.
 
         Raises:
-            DamagedMessage: it cannot be sent, as one with a stamp before 1970.
+            DamagedMessage: it cannot be sent, for instance with a stamp before 1970.
         """
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until everybody who reads on has been sent the last message."""
+        """Wait until the last message was sent to every subscriber that still reads."""
 
     def wait_for_room(self, timeout_s: float) -> None:
-        """Wait until there is a subscriber, or none at all, with no message waiting for it."""
+        """Wait until a subscriber has no message pending, or there are no subscribers."""
 
 
 class Subscriber(Handle, Protocol):
@@ -80,19 +80,19 @@ class Subscriber(Handle, Protocol):
 
     @property
     def dropped(self) -> int:
-        """Messages that were skipped for newer ones before they were taken."""
+        """Messages dropped for newer ones before they were taken."""
 
 
 class Listing(NamedTuple):
     """The nodes and topics of a graph at one moment, by full names.
 
     Attributes:
-        publishers: topic and the nodes that publish it.
-        subscribers: topic and the nodes that subscribe to it.
+        publishers: pairs of a topic and the nodes that publish it.
+        subscribers: pairs of a topic and the nodes that subscribe to it.
         types: topic -> its type, such as ``sensor_msgs/msg/Image``.
         parameters: node -> the names under which it has live parameters: its own, ``/pipeline``,
             and those of the nodes that share its process, such as ``/pipeline/filters``.
-        onlookers: nodes that only look on, such as rviz.
+        onlookers: nodes that only observe, such as rviz.
     """
 
     publishers: Sequence[tuple[str, Sequence[str]]]
@@ -103,118 +103,119 @@ class Listing(NamedTuple):
 
 
 class ParametersListener(Protocol):
-    """Receives the live parameters of a node elsewhere."""
+    """Receives the live parameters of a remote node."""
 
     def declared(self, params: type, node: NodeType | SourceType | None) -> None:
-        """The node has these parameters.
+        """Learn which parameters the node has.
 
         Args:
-            params: a dataclass of them: our own node's, or one that was made for the node.
-            node: our own node, if it is one: see `ros_visualise.runtime.playing.offered`.
+            params: their dataclass: that of our own node, or one generated for the remote node.
+            node: our own node, if it is one; see `ros_visualise.runtime.playing.offered`.
         """
 
     def updated(self, values: Mapping[str, Any]) -> None:
-        """The node has these values now; comes after `declared`."""
+        """Learn the current values; called after `declared`."""
 
 
 class ParametersClient(Handle, Protocol):
-    """The live parameters of a node elsewhere on the graph."""
+    """The live parameters of a remote node."""
 
     @property
     def connected(self) -> bool:
         """True while the node is on the graph."""
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Have the node take over all values or none; its values after that.
+        """Set all values or none on the node; return its values afterwards.
 
         Raises:
-            ParameterError: the node refuses.
+            ParameterError: the node rejects a value.
             Unreachable: it does not answer.
         """
 
 
 class Managed(Protocol):
-    """A node whose states another one drives: unconfigured, inactive, active.
+    """A managed node, whose state another node controls: unconfigured, inactive or active.
 
-    The calls come one at a time, in the order that the states allow. Each returns when it is done.
+    The methods are called one at a time, in the order that the states allow, and return when the
+    transition is complete.
 
     Raises:
-        RosVisualiseError: it cannot be done; the node stays in the state that it was in.
+        RosVisualiseError: the transition failed; the node keeps its state.
     """
 
     def configure(self) -> None:
-        """Open all that is needed, and process nothing yet."""
+        """Open all resources, without processing anything yet."""
 
     def activate(self) -> None:
-        """Process messages from now on."""
+        """Start to process messages."""
 
     def deactivate(self) -> None:
-        """Process none, and keep what is known."""
+        """Stop processing, and keep the nodes' state."""
 
     def cleanup(self) -> None:
-        """Close all that `configure` has opened, if anything is open; called at the end, too."""
+        """Close everything that `configure` opened, if it is open; also called at the end."""
 
 
 class Host(Protocol):
-    """Start and end of a process that is a node of a graph. Safe to call from any thread.
+    """Life of a process that is a node of a graph; all methods may be called from any thread.
 
     Attributes:
-        flag: how a person gives an option: its name and its value go in.
+        flag: format of an option on the command line, with places for its name and its value.
     """
 
     flag: str
 
     def begin(self, name: str) -> Transport:
-        """Become a node of the graph, and send what this package logs to the graph's log.
+        """Join the graph as a node, and forward this package's log to the graph's log.
 
-        From then on Ctrl-C and SIGTERM interrupt nothing: they are noted for `is_over`, see
+        From then on Ctrl-C and SIGTERM raise no exception; `is_over` reports them, see
         `ros_visualise.core.signals.note`.
 
         Args:
-            name: of the node, unless the command line gives it another one.
+            name: name of the node, unless the command line gives another one.
 
         Raises:
-            UsageError: the command line or the name is wrong.
+            UsageError: invalid command line or name.
         """
 
     def end(self) -> None:
-        """Leave the graph and close the transport; more than once does no harm."""
+        """Leave the graph and close the transport; further calls have no effect."""
 
     def is_over(self) -> bool:
-        """True if this node has to end: it was asked to, or the graph wants it to."""
+        """True if this node has to end, by a stop request or because the graph shuts down."""
 
     def arguments(self) -> list[str]:
-        """The command line without remappings and parameters; before `begin`, too."""
+        """The command line without remappings and parameters; also valid before `begin`."""
 
     def option(self, name: str, default: Any) -> Any:
-        """A parameter of this process that is read once, of the type that it was written as.
+        """A parameter that is read once, at the start.
 
-        Text may come as a number: ``8080`` may be an int or a str.
+        Its type is the one it was written in, so a text such as ``8080`` may be an int.
         """
 
     def starting_values(
         self, params: type, namespace: str = "", known: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """The values that launch files and the command line gave to declared parameters.
+        """Values of declared parameters from launch files and the command line.
 
         Args:
             params: the dataclass that declares them.
-            namespace: below the node's private one.
-            known: other names that may stand there; any more are worth a warning.
+            namespace: namespace below the node's private one.
+            known: other accepted names; any further name is logged as a warning.
 
         Raises:
-            ParameterError: a value is of the wrong type or out of its range.
+            ParameterError: a value of the wrong type or out of range.
         """
 
     def find_file(self, url: str) -> str:
-        """The path of ``package://PACKAGE/FILE``; other texts as they are.
+        """The path of a ``package://PACKAGE/FILE`` URL; any other text is returned unchanged.
 
         Raises:
             OpenError: no such package.
         """
 
     def manage(self, managed: Managed) -> Handle:
-        """Let others drive this node through its states, from the unconfigured one on.
+        """Let other nodes control the state of this node, which begins unconfigured.
 
         Raises:
             UsageError: the middleware has no managed nodes.
@@ -222,15 +223,15 @@ class Host(Protocol):
 
 
 class Transport(Handle, Protocol):
-    """Topics, actions, parameters and time, between this node and others.
+    """Topics, actions, parameters and time, shared with other nodes.
 
-    Names may be relative to the node's namespace, ``odom``, or to its own name, ``~clear``; they
-    are remapped as the host was started. All methods may be called from any thread. After `close`,
-    which ends all that is offered and subscribed to, they do nothing or raise Unreachable.
+    Names may be relative to the node's namespace (``odom``) or to its own name (``~clear``), and
+    are remapped by the host's command line. All methods may be called from any thread. `close` ends
+    all publishers, subscribers and services; afterwards methods do nothing or raise Unreachable.
     """
 
     def resolve(self, name: str) -> str:
-        """The full name of a topic or an action; for ``~`` that of the node itself.
+        """The full name of a topic or an action; ``~`` gives the name of the node.
 
         Raises:
             UsageError: the middleware cannot have this name.
@@ -241,13 +242,12 @@ class Transport(Handle, Protocol):
 
         Args:
             topic: its name.
-            type: of what is published: messages of `ros_visualise.data`, or, where it has
-                ``definitions``, recorded ones. `ros_visualise.sinks.encoding.Encoder` makes bytes
-                of both.
+            type: type of the messages: of `ros_visualise.data`, or recorded ones if it has
+                ``definitions``. `ros_visualise.sinks.encoding.Encoder` encodes both.
 
         Raises:
             UsageError: the middleware cannot have this name, or has no such type.
-            DamagedMessage: it cannot hold this type, which comes from a recording.
+            DamagedMessage: it cannot represent this type of a recording.
         """
 
     def subscribe(
@@ -259,68 +259,68 @@ class Transport(Handle, Protocol):
     ) -> Subscriber:
         """Subscribe to a topic, whatever quality of service its publishers offer.
 
-        Latched messages come first. ``take`` and ``reject`` are called one after the other on a
-        thread that this subscription has for itself. They may wait there, also for a message of
-        another subscription; the publisher may have to wait meanwhile, or the middleware drops the
-        oldest messages.
+        Latched messages come first. ``take`` and ``reject`` are called one at a time, on the
+        subscription's own thread. They may block, even for a message of another subscription;
+        meanwhile the publisher waits or the middleware drops the oldest messages.
 
         Args:
-            topic: its name; its publishers may come later.
-            kind: the class of ours that its messages become, by
+            topic: its name; publishers may come later.
+            kind: our class to which messages are converted, by
                 `ros_visualise.messages.from_message`.
-            take: gets each message.
-            reject: gets the reason for each message that is dropped as it contradicts itself.
+            take: receives each message.
+            reject: receives the reason for each inconsistent message, which is dropped.
 
         Raises:
             UsageError: the middleware cannot have this name, or has no such type.
         """
 
     def offer(self, action: str, act: Callable[[], str | None]) -> Handle:
-        """Offer an action, which others `call`.
+        """Offer an action, for other nodes to `call`.
 
         Args:
             action: its name.
-            act: is run, which may take long, and by several threads at once. What it returns is the
-                answer's text; `ros_visualise.runtime.bridge.services.answer` runs it.
+            act: runs the action and returns the text of the answer. It may take long, and may be
+                called by several threads at once; `ros_visualise.runtime.bridge.services.answer`
+                calls it.
         """
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
-        """Offer to store a camera's calibration, as `offer`; ``take`` gets the calibration."""
+        """Offer a service that sets a camera's calibration; ``take`` receives it."""
 
     def call(self, action: str) -> None:
-        """Call an action, by its full name, and wait for the answer.
+        """Call an action by its full name, and wait for the answer.
 
         Raises:
-            Unreachable: it is not offered, or no answer comes.
-            RosVisualiseError: the answer is that it failed, and why.
+            Unreachable: it is not offered, or does not answer.
+            RosVisualiseError: it failed; the message is the answer's reason.
         """
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Handle:
         """Offer a node's live parameters to the graph.
 
         They are declared by ``ros_visualise.core.params.specs(parameters.current)``. A request is
-        applied by ``parameters.update``, and refused if that raises; changes made here are
-        published, see ``parameters.on_change``, whose listeners must not wait.
+        applied by ``parameters.update``, and rejected if that raises. Local changes are published
+        through ``parameters.on_change``, whose listeners must not block.
 
         Args:
-            parameters: what is offered.
-            namespace: below the node's private one, for several nodes in one process.
+            parameters: the live parameters.
+            namespace: namespace below the node's private one, for several nodes in one process.
         """
 
     def follow_parameters(self, node: str, listener: ParametersListener) -> ParametersClient:
-        """Follow the live parameters of a node elsewhere, also when it ends and comes back.
+        """Follow the live parameters of a remote node, across its restarts.
 
         Args:
-            node: the name under which it has them, of `Listing.parameters`.
-            listener: is called on threads of the middleware's.
+            node: a name from `Listing.parameters`.
+            listener: called on the middleware's threads.
         """
 
     def listing(self) -> Listing:
-        """The graph as it is now; asked twice a second, so it should not wait for other nodes.
+        """The current graph; called twice a second, so it should not wait for other nodes.
 
         Raises:
-            Unreachable: the graph cannot be asked at the moment.
+            Unreachable: the graph cannot be read at the moment.
         """
 
     def clock(self) -> Clock:
-        """The graph's time: simulated where that is used, else the time of day."""
+        """The graph's clock: simulated time if the graph uses it, else the wall clock."""

@@ -17,7 +17,7 @@ from ros_visualise.sources.series import Series
 T = TypeVar("T")
 
 VELOCITY_AXES = ("linear.x", "linear.y", "linear.z", "angular.z")
-"""Components of a Twist along and about which a robot may be driven."""
+"""Components of a Twist that a robot may follow."""
 
 
 @dataclass(frozen=True)
@@ -25,21 +25,20 @@ class SourceType:
     """A declared source.
 
     Attributes:
-        make: opens the source, from its parameters and the `Playback`.
-        live: cannot wait for slow consumers, as a camera.
-        on_demand: outputs that are made only while they are subscribed to.
+        make: opens the source, given its parameters and the `Playback`.
+        live: True if it cannot wait for slow consumers, like a camera.
+        on_demand: outputs that are computed only while they have subscribers.
         latched: outputs whose last message is kept for late subscribers.
         actions: name and help of each action.
-        ros: types of outputs that do not follow from their class, as in a recording.
-        makes_time: its messages set the clock, as those of a recording or a simulation; else they
-            are stamped with the wall time.
-        velocity_axes: those of `VELOCITY_AXES` along which it follows a Twist; robots only.
-        seamless: its end leads back to its start, so that it is looped while it is watched.
-        extend: name of a parameter that brings further ones, and what makes the parameters with
-            these.
-        recording: file or folder that it plays, which can be opened once more; its outputs are the
+        ros: ROS types of outputs that do not follow from their class, as in a recording.
+        makes_time: True if its messages set the clock, as in a recording or a simulation; otherwise
+            they are stamped with the wall time.
+        velocity_axes: the `VELOCITY_AXES` that it follows; for robots only.
+        seamless: True if its end leads back to its start, so that it is looped while watched.
+        extend: name of a parameter that brings further ones, and the function that adds them.
+        recording: file or folder that it plays, which can be opened again; its outputs are the
             topics.
-        series: outputs that are known as a whole, by the times at which they are played.
+        series: outputs that are known in advance, with their playback times.
     """
 
     name: str
@@ -62,35 +61,35 @@ class SourceType:
 
 
 class Source(Protocol):
-    """A declared source, as a runtime uses it."""
+    """An open source; all methods but `messages` and `close` are optional."""
 
     def messages(self) -> Iterator[tuple[str, Any]]:
-        """(Output name, message) until the end."""
+        """Iterate over (output name, message) until the end."""
 
     def close(self) -> None:
-        """Release what is open; may be called from any thread."""
+        """Release all resources; may be called from any thread."""
 
     def receive(self, port: str, message: Any) -> None:
         """Take a message of an input; may be called from any thread."""
 
     def awaits(self, port: str) -> bool:
-        """True if an input answers its messages, and decides what it gives next.
+        """True if the source needs the answers on this input to produce its next message.
 
-        It is then given the answer before its next message is asked for.
+        Each answer is then passed to `receive` before the next message is requested.
         """
 
     def configure(self, params: Any, changed: Collection[str]) -> None:
         """Apply changed parameters, or raise ParameterError; may be called from any thread."""
 
     def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
-        """Make costly messages only while ``is_wanted(output)`` is true."""
+        """Provide a test for outputs on demand: produce them only while it is true."""
 
     def report(self) -> dict[str, Any]:
         """Figures for the run report."""
 
 
 class _SourceDefaults:
-    """Optional methods of a source."""
+    """Defaults of a source's optional methods."""
 
     def receive(self, port: str, message: Any) -> None:
         pass
