@@ -41,7 +41,16 @@ def test_what_is_called_or_written_otherwise_here_is_not_saved():
     assert saved == {"gain": True, "lambda_": False, "on": True, "mode": False, "level": False}
 
 
-@pytest.mark.parametrize("name", ["gain", "lambda", "class", "gain_"])
+@pytest.mark.parametrize(
+    "name", ["gain", "lambda", "class", "gain_", "__class__", "__init__", "___"]
+)
 def test_names_come_back(name):
     assert name_here(name).isidentifier()
     assert name_there(name_here(name)) == name
+
+
+@pytest.mark.parametrize("name", ["__class__", "__init__", "__dict__", "__eq__", "__slots__"])
+def test_a_name_that_python_uses_is_a_parameter_like_any_other(name):
+    params = declared([ParameterDescription(name, int, 3)])()
+    assert [getattr(params, spec.name) for spec in specs(type(params))] == [3]
+    assert vars(update(params, {name_here(name): 4})) == {name_here(name): 4}

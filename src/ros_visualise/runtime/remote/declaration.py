@@ -54,12 +54,17 @@ def declared(parameters: Iterable[ParameterDescription]) -> type:
 
 def name_here(name: str) -> str:
     """A parameter's name as a valid name of a field."""
-    return f"{name}_" if keyword.iskeyword(name) else name
+    return f"{name}_" if _is_reserved(name) else name
 
 
 def name_there(name: str) -> str:
     """A field's name as its node knows it."""
-    return name[:-1] if keyword.iskeyword(name[:-1]) else name
+    return name[:-1] if _is_reserved(name[:-1]) else name
+
+
+def _is_reserved(name: str) -> bool:
+    """True for a word of Python, or a name such as ``__class__`` that means something to it."""
+    return keyword.iskeyword(name) or (name.startswith("__") and name.endswith("__"))
 
 
 def _field(described: ParameterDescription) -> tuple[str, type, Any]:
