@@ -11,11 +11,11 @@ from ros_visualise.nodes import node, param
 
 @dataclass(frozen=True)
 class PosterizeParams:
-    levels: int = param(4, "how many levels of brightness are left", min=2, max=32)
+    levels: int = param(4, "number of brightness levels", min=2, max=32)
 
 
 @node("posterize", params=PosterizeParams, inputs={"image": Image}, outputs={"image": Image})
 def posterize(image: Image, params: PosterizeParams) -> Image:
-    """Leaves a few levels of brightness."""
+    """Reduces the image to a few brightness levels."""
     step = 256 // params.levels
     return replace(image, data=image.pixels // step * step)

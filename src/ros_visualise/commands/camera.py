@@ -27,7 +27,7 @@ class CameraOptions(SizedOptions):
 
 
 def run(options: CameraOptions) -> int:
-    """Show the camera until it is stopped."""
+    """Show the camera until stopped."""
     from ros_visualise.graph.pipelines import image_pipeline
     from ros_visualise.running.graphs import Selection, sized_to
     from ros_visualise.running.play import play

@@ -18,7 +18,7 @@ class CompletionOptions:
 
 
 def run(options: CompletionOptions) -> int:
-    """Print the code; 0."""
+    """Print the code; the exit status is 0."""
     print_result(shell_code(options.shell).splitlines())
     return 0
 

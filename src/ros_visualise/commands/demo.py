@@ -27,7 +27,7 @@ class DemoOptions(SizedOptions):
 
 
 def run(options: DemoOptions) -> int:
-    """Play the scene until it is stopped."""
+    """Play the scene until stopped."""
     from ros_visualise.graph.pipelines import demo_pipeline
     from ros_visualise.running.graphs import Selection
     from ros_visualise.running.play import play

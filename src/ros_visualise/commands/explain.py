@@ -41,7 +41,7 @@ class ExplainOptions(PlayingOptions):
 
 
 def run(options: ExplainOptions) -> int:
-    """List the lessons, or play one; 1 if data was lost."""
+    """List the lessons, or play one; the exit status is 1 if data was lost."""
     from ros_visualise.lessons import LESSONS
     from ros_visualise.lessons.handout import PAGE
     from ros_visualise.running.play import play

@@ -20,7 +20,7 @@ class PluginsOptions:
 
 
 def run(options: PluginsOptions) -> int:
-    """List the plug-ins; 1 if one of them cannot be used."""
+    """List the plug-ins; the exit status is 1 if one cannot be used."""
     from ros_visualise.lessons import LESSONS
     from ros_visualise.nodes import NODES
     from ros_visualise.simulation.robots import ROBOTS

@@ -23,7 +23,7 @@ class SimOptions(WorldOptions, SizedOptions):
 
 
 def run(options: SimOptions) -> int:
-    """Run the robot until it is stopped."""
+    """Run the robot until stopped."""
     from ros_visualise.graph.pipelines import simulation_pipeline
     from ros_visualise.running.graphs import Selection
     from ros_visualise.running.play import play

@@ -40,7 +40,7 @@ class ViewerOptions(NetworkOptions, ViewingOptions, OutputOptions, MemoryOptions
 
 
 def run(options: ViewerOptions) -> int:
-    """Show the topics of other machines until it is stopped."""
+    """Show the topics of other machines until stopped."""
     import time
     from contextlib import closing
 

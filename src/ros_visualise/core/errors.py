@@ -52,7 +52,7 @@ class NoTransform(RosVisualiseError):
 
 
 class TooLarge(RosVisualiseError, ValueError):
-    """A part of an input would take more memory than it may."""
+    """Part of an input would exceed the memory limit."""
 
 
 class Unreachable(RosVisualiseError, ConnectionError):
@@ -74,7 +74,7 @@ class OpenError(UsageError):
 
     @classmethod
     def missing(cls, path: str | Path, advice: str = "check the path") -> OpenError:
-        """An error for a missing file, with a similar name or the folder that was searched."""
+        """An error for a missing file; suggests a similar name or names the folder."""
         folder = "" if os.path.isabs(path) else f" in {os.getcwd()}"
         meant = _near_file(Path(path))
         return cls(f"{path}: no such file{folder}{meant or f'; {advice}'}")

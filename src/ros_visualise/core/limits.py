@@ -106,7 +106,7 @@ def object_limit() -> int:
 
 
 def max_memory() -> int:
-    """The bytes that this process may take."""
+    """Memory limit of this process, bytes."""
     return _max_memory
 
 

@@ -42,7 +42,7 @@ class WallClock:
         return time.time_ns()
 
     def monotonic_ns(self) -> int:
-        """Nanoseconds that only ever grow."""
+        """Monotonic time, nanoseconds."""
         return time.monotonic_ns()
 
     def wait(self, condition: threading.Condition, until_ns: int | None) -> None:

@@ -107,7 +107,7 @@ class Registry(Generic[T]):
             yield Plugin(self.kind, entry.name, entry.value, package, version)
 
     def failure(self, plugin: Plugin) -> str:
-        """Why a plug-in cannot be used; empty if it can."""
+        """Reason why a plug-in cannot be used; empty if it can."""
         if plugin.name in self.builtin:
             return f"{plugin.name} is a name of ros_visualise itself"
         if self._entry_points[plugin.name].value != plugin.value:

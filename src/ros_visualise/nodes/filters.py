@@ -1,4 +1,4 @@
-"""Image filters that switch on and off, applied in the order of their parameters."""
+"""Image filters, each switched on or off, applied in the order of their parameters."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ class FiltersParams:
     topics={"image": "/processed_image"},
 )
 def filters(image: Image, params: FiltersParams) -> Image:
-    """Image filters that switch on and off, applied in the order of their parameters."""
+    """Image filters, each switched on or off, applied in the order of their parameters."""
     color.refuse_measurements(image.encoding)
     image = _demosaic(image, params)
     order = color.order_of(image.encoding)

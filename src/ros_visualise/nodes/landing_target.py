@@ -124,7 +124,7 @@ class LandingTarget:
         self._answers = self._losses = 0
 
     def reset(self) -> None:
-        """Begin anew: time jumped."""
+        """Start over: time jumped."""
         self._tracker.forget()
         self._published_ns = 0
 

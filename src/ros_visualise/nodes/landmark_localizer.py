@@ -113,7 +113,7 @@ class LandmarkLocalizer:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew with the landmarks of the map: time jumped."""
+        """Start over with the landmarks of the map: time jumped."""
         self._localizer = Localizer(copy.deepcopy(self._known))
         self._shown, self._anew = LandmarkMessages(), True
         self._odom = None

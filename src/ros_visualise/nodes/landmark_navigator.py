@@ -101,7 +101,7 @@ class LandmarkNavigator:
         self._settings = _on(self._settings, self._common)
 
     def reset(self) -> None:
-        """Begin anew: time jumped."""
+        """Start over: time jumped."""
         self._navigator: Navigator | None = None
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None

@@ -23,7 +23,7 @@ class LandscapeParams:
 
 @source("landscape", params=LandscapeParams, outputs={"image": Image}, seamless=True)
 class Landscape:
-    """Fly over a drawn landscape; nothing else is needed."""
+    """Fly over a drawn landscape; needs no files."""
 
     def __init__(self, params: LandscapeParams, playback: Playback) -> None:
         self._params, self._playback = params, playback

@@ -116,7 +116,7 @@ class PathNode:
         *,
         frames: FrameTree,
     ) -> Path | None:
-        """The path so far, when it has grown and it is time for it."""
+        """The path so far, if it has grown and is due."""
         self._arrival_ns = arrival_ns
         self._choose_pair(params)
         for name, one in (("odom", odom), ("pose", pose), ("pose_cov", pose_cov), ("fix", fix)):

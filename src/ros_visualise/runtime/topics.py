@@ -28,7 +28,7 @@ class Listener(Protocol):
         """Take a packet."""
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Note the end of the stream."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class Topic:
                 note(self._who, error)
 
     def finish(self) -> None:
-        """Nothing more comes."""
+        """Note the end of the stream."""
         with self._lock:
             self._finished = True
         for listener in self.listeners:

@@ -20,7 +20,7 @@ _LISTED = 3  # of the recordings in a folder, or of losses, so many are named
 
 
 class NoRecording(OpenError):
-    """A folder has no recording in it."""
+    """A folder contains no recording."""
 
 
 def open_source(path: Path) -> Recording:

@@ -148,7 +148,7 @@ class Playback:
             self._line.change(running=False)
 
     def toggle(self) -> None:
-        """Pause or go on."""
+        """Pause or resume."""
         with self._changed:
             self.pause() if self.state.playing else self.play()
 
@@ -170,7 +170,7 @@ class Playback:
             self._line.change(rate=rate)
 
     def set_loop(self, loop: bool) -> None:
-        """Start again at the end, or not."""
+        """Set whether playback loops."""
         with self._changing():
             self._loop = loop
 

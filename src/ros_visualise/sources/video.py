@@ -181,7 +181,7 @@ class Video:
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Summary of a video file, its images counted but not decoded."""
+    """Summary of a video file; its images are counted, not decoded."""
     video = Video(path)
     shown, images = video.info, video.count()
     duration_s = (shown.duration_ns or 0) / 1e9

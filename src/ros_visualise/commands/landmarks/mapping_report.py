@@ -18,7 +18,7 @@ _WORST = 3  # views, and tags, that are named
 
 
 def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
-    """Report for people."""
+    """The report as text."""
     found = made.smoothed
     refused = int((~found.inliers).sum())
     seen = len({one.view for one in found.problem.sightings})

@@ -105,7 +105,7 @@ class MessageListener:
             return
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Note the end of the stream."""
 
 
 def image_json(image: ImageDetections, path: str | None) -> dict[str, Any]:

@@ -34,7 +34,7 @@ MAP_FRAME = "map"
 
 
 def find_landmarks(options: LandmarksOptions) -> int:
-    """Find landmarks until the source ends; 1 if something was lost."""
+    """Find landmarks until the source ends; the exit status is 1 if data was lost."""
     _check(options)
     graph = interruptible(lambda: landmark_graph(options))
     playback = Playback(

@@ -48,7 +48,7 @@ def figures(found: Trajectory) -> dict[str, Any]:
 
 
 def summary(found: Trajectory) -> list[str]:
-    """Lines on a trajectory and its oddities."""
+    """Lines on a trajectory and its anomalies."""
     values, frame = figures(found), found.path.header.frame_id
     where = f" in the frame {frame}" if frame else ""
     lines = [

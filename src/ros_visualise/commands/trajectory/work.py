@@ -35,7 +35,7 @@ Compared = list[tuple[Trajectory, Comparison | None]]
 
 
 def assess(options: TrajectoryOptions) -> int:
-    """Read trajectories, compare them, write and draw them, and print what they are."""
+    """Read, compare, write and draw trajectories, and print a summary."""
     _check(options)
     inputs, compared = interruptible(lambda: _read_and_compare(options))
     drawn = _drawn(inputs, compared)

@@ -58,7 +58,7 @@ def publish_time(
     process: Process,
     now_ns: Callable[[Playback], int] = Playback.stamp_ns,
 ) -> Iterator[None]:
-    """Publish the time of a source that sets it, unless ``~clock`` is false."""
+    """Publish the time of a source that sets the clock, unless ``~clock`` is false."""
     playback = process.runtime.playback
     makes_time = process.runtime.graph.makes_time and host.option("clock", True)
     if playback is None or not makes_time:

@@ -70,7 +70,7 @@ class Relay:
                 raise
 
     def disconnect(self, listener: Listener) -> None:
-        """Remove a listener; more than once does no harm."""
+        """Remove a listener; further calls have no effect."""
         with self._lock:
             self._topic.disconnect(listener)
             if not self._topic.listeners and self._input is not None:
