@@ -172,8 +172,16 @@ def test_compressed_depth_in_metres_is_read():
 @pytest.mark.parametrize(
     ("data", "format", "why"),
     [
-        (depth_file(file_of(".png", GRAY_16)), "16UC1; compressedDepth rvl", "unsupported compressed depth"),
-        (depth_file(file_of(".png", GRAY_16)), "bgr8; compressedDepth png", "unsupported compressed depth"),
+        (
+            depth_file(file_of(".png", GRAY_16)),
+            "16UC1; compressedDepth rvl",
+            "unsupported compressed",
+        ),
+        (
+            depth_file(file_of(".png", GRAY_16)),
+            "bgr8; compressedDepth png",
+            "unsupported compressed",
+        ),
         (depth_file(file_of(".png", GRAY)), "16UC1; compressedDepth png", "no 16-bit gray picture"),
         (depth_file(file_of(".png", BGR)), "32FC1; compressedDepth png", "no 16-bit gray picture"),
         (np.zeros(12, np.uint8), "16UC1; compressedDepth png", "its 12 bytes are broken"),
