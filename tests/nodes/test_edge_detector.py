@@ -159,5 +159,5 @@ def test_the_declaration():
 def test_measurements_are_refused_by_name(encoding):
     dtype, channels = MEASUREMENTS[encoding]
     pixels = np.ones((3, 5) if channels == 1 else (3, 5, channels), dtype)
-    with pytest.raises(UnsupportedImage, match=f"{encoding} holds numbers"):
+    with pytest.raises(UnsupportedImage, match=f"{encoding} holds measurements"):
         run(Image(pixels, encoding))

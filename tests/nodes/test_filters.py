@@ -211,7 +211,7 @@ def test_measurements_are_refused_by_name(encoding):
     dtype, channels = MEASUREMENTS[encoding]
     pixels = np.ones((3, 5) if channels == 1 else (3, 5, channels), dtype)
     for params in (FiltersParams(), OFF):
-        with pytest.raises(UnsupportedImage, match=f"{encoding} holds numbers"):
+        with pytest.raises(UnsupportedImage, match=f"{encoding} holds measurements"):
             filters(Image(pixels, encoding), params)
 
 

@@ -155,7 +155,7 @@ def test_images_of_all_kinds_show_the_same_tags(encoding):
 
 
 def test_depth_is_refused():
-    with pytest.raises(UnsupportedImage, match="32FC1 holds numbers"):
+    with pytest.raises(UnsupportedImage, match="32FC1 holds measurements"):
         detect(Image(np.ones(SIZE[::-1], np.float32), "32FC1"))
 
 

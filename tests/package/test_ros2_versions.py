@@ -53,9 +53,9 @@ def test_events_are_found_where_each_release_has_them(there, monkeypatch):
     for name in ("event_handler", "qos_event"):
         found = callbacks if name == there else None  # None: cannot be imported
         monkeypatch.setitem(sys.modules, f"rclpy.{name}", found)
-    monkeypatch.delitem(sys.modules, "ros_visualise.runtime.ros2.quality", raising=False)
-    events = importlib.import_module("ros_visualise.runtime.ros2.quality")
-    monkeypatch.delitem(sys.modules, "ros_visualise.runtime.ros2.quality")
+    monkeypatch.delitem(sys.modules, "ros_visualise.runtime.ros2.qos_events", raising=False)
+    events = importlib.import_module("ros_visualise.runtime.ros2.qos_events")
+    monkeypatch.delitem(sys.modules, "ros_visualise.runtime.ros2.qos_events")
     assert events.PublisherEventCallbacks is callbacks.PublisherEventCallbacks
     assert events.SubscriptionEventCallbacks is callbacks.SubscriptionEventCallbacks
 

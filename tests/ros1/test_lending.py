@@ -147,7 +147,7 @@ def test_without_memory_to_lend_messages_come_all_the_same(pair, monkeypatch, wh
 def test_memory_that_was_not_lent_is_refused(pair):
     pair.meet()
     pair.connection.socket.sendall(struct.pack("<IQ", FILLED + SIZE, 99))
-    with pytest.raises(BrokenStream, match="memory number 99"):
+    with pytest.raises(BrokenStream, match="unknown shared memory 99"):
         pair.stream.receive()
 
 

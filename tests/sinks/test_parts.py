@@ -170,7 +170,7 @@ def test_times_that_no_file_holds_begin_no_part(tmp_path: Path) -> None:
     with open_recorder(tmp_path / "run.mcap", TOPICS, split=TEN_SECONDS) as recorder:
         recorder.write("/image", image(100))
         for _ in range(3):
-            with pytest.raises(Exception, match="cannot hold a stamp"):
+            with pytest.raises(Exception, match="cannot store a stamp"):
                 recorder.write("/image", image(100), -5 * SECOND)
             recorder.write("/image", image(101))
     assert len(files(tmp_path / "run.mcap")) == 1

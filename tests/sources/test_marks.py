@@ -87,6 +87,6 @@ def test_a_part_without_messages_is_not_gone_through_for_ever(clock):
 @pytest.mark.parametrize("part", [(1, 1), (2, 1), (-1, 1), (0, 0)])
 def test_parts_that_are_none(part):
     playback = Playback()
-    with pytest.raises(ParameterError, match="after its beginning"):
+    with pytest.raises(ParameterError, match="after its start"):
         playback.set_part(*part)
     assert playback.state.part_s == (0, None)

@@ -55,7 +55,7 @@ def test_a_damaged_line_is_counted_and_said(write, caplog, line):
     found = read_trajectory_file(write(f"1 0 0 0 0 0 0 1\n{line}\n9 0 0 0 0 0 0 1\n"))
     assert found.path.stamps_ns.tolist() == [10**9, 9 * 10**9]
     assert found.left_out == {"damaged": 1}
-    assert "line 2 is no pose" in caplog.text
+    assert "line 2 is not a pose" in caplog.text
 
 
 def test_a_matrix_that_is_no_rotation_is_damaged(write):

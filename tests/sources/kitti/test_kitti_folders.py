@@ -31,7 +31,7 @@ def test_other_folders_are_not_kittis(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing here")
     for path in (tmp_path, tmp_path / "notes.txt", tmp_path / "absent"):
         assert not is_kitti(path)
-        with pytest.raises(OpenError, match="no KITTI drive"):
+        with pytest.raises(OpenError, match="not a KITTI drive"):
             open_kitti(path)
 
 

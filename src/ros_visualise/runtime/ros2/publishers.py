@@ -17,8 +17,8 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.send_queue import SendQueue
 from ros_visualise.runtime.memory import Buffer
 from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
 from ros_visualise.runtime.ros2.quality import (
-    PublisherEventCallbacks,
     clash,
     full_name,
     is_named,

@@ -1,4 +1,4 @@
-"""Quality of service of ROS 2 topics, and events about it under the names of every rclpy."""
+"""Quality of service of ROS 2 topics."""
 
 from __future__ import annotations
 
@@ -21,14 +21,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.messages.qos import QoS
-
-try:
-    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-except ImportError:  # Humble
-    from rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
-
-__all__ = ["PublisherEventCallbacks", "SubscriptionEventCallbacks"]
-
 
 _RELIABLE = {True: ReliabilityPolicy.RELIABLE, False: ReliabilityPolicy.BEST_EFFORT}
 _LOCAL = {True: DurabilityPolicy.TRANSIENT_LOCAL, False: DurabilityPolicy.VOLATILE}

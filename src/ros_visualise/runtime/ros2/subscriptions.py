@@ -20,8 +20,8 @@ from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
 from ros_visualise.runtime.ros2.quality import (
-    SubscriptionEventCallbacks,
     fitting,
     overridden,
     profile,
