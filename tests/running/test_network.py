@@ -89,13 +89,20 @@ def test_a_peer_that_is_lost_is_reported_once_and_comes_back(
     there = "--connect", f"tcp/{robot.address}:7447"
     viewer = laptop.start("view", "--view", "none", *there, *record)
     wait_for(path.exists, "the recording")
-    size = path.stat().st_size
     first.kill()
     first.wait()
     second = robot.start(*PLAYED, *listening)
+    assert viewer.stderr
+    said = ""
+    while "connected to" not in said:
+        line = viewer.stderr.readline()
+        assert line, said
+        said += line
+    size = path.stat().st_size
     wait_for(lambda: path.stat().st_size > size + 200_000, "images again")
-    status, said = end(viewer)
-    assert status == 130
+    viewer.send_signal(signal.SIGINT)
+    said += viewer.stderr.read()
+    assert viewer.wait(LIMIT_S) == 130
     assert said.count("lost the connection") == said.count("connected to") == 1, said
     assert end(second)[0] == 130
     assert images(path, "/edges")
