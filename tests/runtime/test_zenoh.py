@@ -17,7 +17,13 @@ from hosts import GivenHost, running
 from waiting import wait_for
 from zenoh_net import ZenohNet, zenoh_net
 
-from ros_visualise.core.errors import OpenError, ParameterError, RosVisualiseError, UsageError
+from ros_visualise.core.errors import (
+    OpenError,
+    ParameterError,
+    RosVisualiseError,
+    Unreachable,
+    UsageError,
+)
 from ros_visualise.core.params import Parameters, param
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Header, Image, Path, Text
@@ -232,6 +238,11 @@ def test_an_address_that_cannot_be_used_is_an_error_of_ours(net: ZenohNet) -> No
     ):
         with pytest.raises(UsageError):
             ZenohTransport("other", endpoints)
+
+
+def test_a_peer_is_not_waited_for_any_longer_than_asked() -> None:
+    with pytest.raises(Unreachable, match=r"no peer at tcp/127\.0\.0\.1:1 for 0\.1 s"):
+        ZenohTransport("viewer", Endpoints(connect=["tcp/127.0.0.1:1"], wait_s=0.1))
 
 
 def test_who_has_left_raises_errors_of_ours(net: ZenohNet) -> None:

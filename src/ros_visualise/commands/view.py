@@ -41,6 +41,7 @@ class ViewerOptions(NetworkOptions, ViewingOptions, OutputOptions, MemoryOptions
 
 def run(options: ViewerOptions) -> int:
     """Show the topics of other machines until stopped."""
+    import math
     import time
     from contextlib import closing
 
@@ -55,7 +56,8 @@ def run(options: ViewerOptions) -> int:
 
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     viewed = view_options(options, options.record_dir, "view")
-    transport = interruptible(lambda: join(options, "viewer"))
+    wait_s = options.duration or math.inf
+    transport = interruptible(lambda: join(options, "viewer", wait_s))
     if transport is None:
         raise UsageError("give the address of a peer: --connect tcp/HOST:7447, or --listen")
     end_s = time.monotonic() + options.duration if options.duration else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol
@@ -20,14 +21,16 @@ if TYPE_CHECKING:
 _INSTALL = "pip install 'ros_visualise[zenoh]', in a clone '.[zenoh]'"
 
 
-def join(options: NetworkOptions, name: str) -> Transport | None:
+def join(options: NetworkOptions, name: str, wait_s: float = math.inf) -> Transport | None:
     """The transport that options ask for; None without one. Waits for the peer.
 
     Args:
         options: addresses, and the node's name.
         name: the node's default name.
+        wait_s: how long to wait for a peer.
 
     Raises:
+        Unreachable: no peer by then.
         UsageError: an address is invalid.
         OpenError: it cannot be listened on, or Zenoh is not installed.
     """
@@ -38,7 +41,7 @@ def join(options: NetworkOptions, name: str) -> Transport | None:
         transport = import_module("ros_visualise.runtime.zenoh.transport")
     except ImportError as error:
         raise OpenError(f"--connect and --listen need Zenoh: {_INSTALL} ({error})") from None
-    endpoints = session.Endpoints(tuple(options.connect), tuple(options.listen))
+    endpoints = session.Endpoints(tuple(options.connect), tuple(options.listen), wait_s)
     made: Transport = transport.ZenohTransport(options.node_name or name, endpoints)
     return made
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import threading
 import time
 from collections import Counter
@@ -38,10 +39,14 @@ _MOST_TOKENS = 20_000
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Addresses as ``tcp/192.168.1.10:7447``: those to connect to, or those to listen on."""
+    """Addresses as ``tcp/192.168.1.10:7447``: those to connect to, or those to listen on.
+
+    ``wait_s`` is how long a peer is waited for before `Unreachable` is raised.
+    """
 
     connect: Sequence[str] = ()
     listen: Sequence[str] = ()
+    wait_s: float = math.inf
 
     def __str__(self) -> str:
         return " or ".join((*self.listen, *self.connect))
@@ -164,11 +169,14 @@ def _opened(endpoints: Endpoints) -> zenoh.Session:
         with translated(f"cannot listen on {endpoints}", OpenError):
             return zenoh.open(config)
     is_reported = False
+    end_s = time.monotonic() + endpoints.wait_s
     while True:
         try:
             with translated(f"no peer at {endpoints} yet"):
                 return zenoh.open(config)
         except Unreachable as error:
+            if time.monotonic() > end_s:
+                raise Unreachable(f"no peer at {endpoints} for {endpoints.wait_s:g} s") from error
             if not is_reported:
                 log.warning("no peer at %s yet; waiting for it", endpoints)
                 log.debug("%s", error)

@@ -126,6 +126,7 @@ def soon(gui: viser.GuiApi, action: Callable[[], object]) -> None:
 
 
 def set_value(element: viser.GuiInputHandle[Any], value: Any) -> None:
+    """Show a value in an element of the page."""
     element.value = value  # type: ignore[misc]  # mypy does not see the setter
 
 
