@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "landmarks" / "navi
 from flights import GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
 from ros_visualise.data import Floats, Imu, NavSatFix
-from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.navigation.camera_view import view_of
 from ros_visualise.landmarks.navigation.gps import GpsNoise
 from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise

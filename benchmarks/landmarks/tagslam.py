@@ -34,7 +34,7 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
-from ros_visualise.geometry.transforms import from_pose, inverse
+from ros_visualise.geometry.se3 import from_pose, inverse
 from ros_visualise.landmarks.localization.seen import cross, sighting_of
 from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps

@@ -11,7 +11,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse
 from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
 FOUND = "apriltag_msgs/msg/ApriltagArrayStamped"

@@ -12,7 +12,7 @@ from ros_visualise.commands import main
 from ros_visualise.commands.landmarks import mapping
 from ros_visualise.core import signals
 from ros_visualise.core.yaml_files import load_yaml
-from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.se3 import from_parts
 
 
 @pytest.fixture

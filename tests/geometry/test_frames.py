@@ -10,7 +10,7 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Header, Transforms, TransformStamped
 from ros_visualise.geometry.frames import MOST_FRAMES, FrameTree, WrongTransforms
 from ros_visualise.geometry.rotations import from_rpy
-from ros_visualise.geometry.transforms import from_pose, interpolate, inverse
+from ros_visualise.geometry.se3 import from_pose, interpolate, inverse
 
 S = 1_000_000_000
 LEVEL = (0, 0, 0, 1)

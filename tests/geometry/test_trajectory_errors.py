@@ -6,7 +6,7 @@ from evo.core import metrics, sync
 from evo.core.units import Unit
 from evo.tools import file_interface
 
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.trajectory_errors import (
     Delta,
     absolute_errors,
@@ -40,7 +40,7 @@ def pair(freiburg, most_s=0.01):
     (truth, truth_ns), (estimate, estimate_ns) = freiburg
     of_truth, of_estimate = associate(truth_ns, estimate_ns, round(most_s * S))
     T_truth, T_estimate = (
-        transforms.from_pose(one.positions_xyz, np.roll(one.orientations_quat_wxyz, -1, axis=1))
+        se3.from_pose(one.positions_xyz, np.roll(one.orientations_quat_wxyz, -1, axis=1))
         for one in (truth, estimate)
     )
     evos = sync.associate_trajectories(truth, estimate, max_diff=most_s)
@@ -97,7 +97,7 @@ def test_rpe_is_evos(freiburg, amount, unit):
 def random_poses(count, seed=0):
     rng = np.random.default_rng(seed)
     quats = rotations.normalise(rng.normal(size=(count, 4)))
-    return transforms.from_pose(rng.normal(size=(count, 3)) * 10, quats)
+    return se3.from_pose(rng.normal(size=(count, 3)) * 10, quats)
 
 
 def test_an_alignment_undoes_what_was_done_to_the_truth():
@@ -151,7 +151,7 @@ def test_equally_near_is_the_earlier_and_none_is_none():
 
 
 def test_a_rotation_error_is_the_angle_between():
-    turned = transforms.from_pose(np.zeros((3, 3)), rotations.from_rpy(np.deg2rad(np.eye(3) * 30)))
+    turned = se3.from_pose(np.zeros((3, 3)), rotations.from_rpy(np.deg2rad(np.eye(3) * 30)))
     errors = absolute_errors(np.eye(4)[None].repeat(3, 0), turned)
     np.testing.assert_allclose(errors.rotation_deg, 30)
     np.testing.assert_allclose(errors.translation_m, 0)

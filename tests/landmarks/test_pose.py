@@ -6,7 +6,7 @@ import pytest
 
 from ros_visualise.core.errors import UncalibratedCamera
 from ros_visualise.data import CameraInfo
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.landmarks.pose import rig_poses, square_poses, squares_poses
 from ros_visualise.landmarks.pose.refinement import turn
 from ros_visualise.vision.projection import project
@@ -116,5 +116,5 @@ def test_a_body_that_is_not_flat_has_one_pose():
 def test_a_pose_puts_the_tag_where_transforms_say():
     info, R, t = camera(), tilted(40), np.array([0.2, 0.1, 1.5])
     best = square_poses(seen(R, t, info), SIZE, info)[0]
-    T = transforms.from_pose(best.position_xyz, best.quat_xyzw)
-    assert np.allclose(project(transforms.apply(T, SQUARE), info)[0], seen(R, t, info), atol=1e-3)
+    T = se3.from_pose(best.position_xyz, best.quat_xyzw)
+    assert np.allclose(project(se3.apply(T, SQUARE), info)[0], seen(R, t, info), atol=1e-3)

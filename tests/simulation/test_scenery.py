@@ -7,7 +7,7 @@ import pytest
 from simulated_runs import BLIND_QUADROTOR, collect
 
 from ros_visualise.data import MarkerArray, MarkerType
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.simulation.frames import prefixed
@@ -35,8 +35,8 @@ def first(simulation, count):
 
 def placed(marker):
     """Its cells (N, 3) in the map."""
-    T = transforms.from_pose(marker.position_xyz, marker.quat_xyzw)
-    return transforms.apply(T, marker.points_xyz)
+    T = se3.from_pose(marker.position_xyz, marker.quat_xyzw)
+    return se3.apply(T, marker.points_xyz)
 
 
 def test_a_tag_has_its_cells_where_they_are(simulation, markers):

@@ -10,7 +10,7 @@ from simulated_runs import collect
 from ros_visualise.data import Detection, Detections, Hypothesis
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import to_matrix
-from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.pose import square_poses
 from ros_visualise.landmarks.tags import TagFinder, parse_families
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams

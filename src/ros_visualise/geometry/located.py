@@ -19,7 +19,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.geometry.transforms import to_pose
+from ros_visualise.geometry.se3 import to_pose
 
 Located = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped | NavSatFix
 

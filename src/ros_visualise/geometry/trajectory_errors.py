@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 
 Indices = npt.NDArray[np.intp]
 Stamps = npt.NDArray[np.int64]
@@ -58,7 +58,7 @@ def associate(stamps_ns: Stamps, others_ns: Stamps, most_ns: int) -> tuple[Indic
 
 def absolute_errors(T_truth: Floats, T_estimate: Floats) -> PoseErrors:
     """The ATE of pairs of poses (N, 4, 4)."""
-    return _size(transforms.inverse(T_truth) @ T_estimate)
+    return _size(se3.inverse(T_truth) @ T_estimate)
 
 
 def relative_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> PoseErrors:
@@ -72,9 +72,9 @@ def relative_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> Pos
         The errors of P pairs.
     """
     first, last = begins[:-1], begins[1:]
-    true = transforms.inverse(T_truth[first]) @ T_truth[last]
-    estimated = transforms.inverse(T_estimate[first]) @ T_estimate[last]
-    return _size(transforms.inverse(true) @ estimated)
+    true = se3.inverse(T_truth[first]) @ T_truth[last]
+    estimated = se3.inverse(T_estimate[first]) @ T_estimate[last]
+    return _size(se3.inverse(true) @ estimated)
 
 
 def chain(stamps_ns: Stamps, T: Floats, delta: Delta) -> Indices:
@@ -116,7 +116,7 @@ def _nearest(few_ns: Stamps, many_ns: Stamps, most_ns: int) -> tuple[Indices, In
 def _steps(stamps_ns: Stamps, T: Floats, unit: str) -> Floats:
     if unit == "s":
         return np.diff(stamps_ns) / 1e9
-    moved = _size(transforms.inverse(T[:-1]) @ T[1:])
+    moved = _size(se3.inverse(T[:-1]) @ T[1:])
     return moved.translation_m if unit == "m" else moved.rotation_deg
 
 
@@ -148,7 +148,7 @@ class Similarity:
         """Poses T (N, 4, 4) in the other frame; they are scaled, their rotations are not."""
         turned = self.rotation @ T[:, :3, :3]
         moved = self.scale * T[:, :3, 3] @ self.rotation.T + self.translation_xyz
-        return transforms.from_parts(turned, moved)
+        return se3.from_parts(turned, moved)
 
 
 def align(T_truth: Floats, T_estimate: Floats, how: str) -> Similarity:
@@ -164,7 +164,7 @@ def align(T_truth: Floats, T_estimate: Floats, how: str) -> Similarity:
     if how == "none":
         return Similarity(np.eye(3), np.zeros(3))
     if how == "origin":
-        T = T_truth[0] @ transforms.inverse(T_estimate[0])
+        T = T_truth[0] @ se3.inverse(T_estimate[0])
         return Similarity(T[:3, :3], T[:3, 3])
     return fit_similarity(T_estimate[:, :3, 3], T_truth[:, :3, 3], with_scale=how == "sim3")
 

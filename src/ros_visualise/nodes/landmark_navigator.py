@@ -26,7 +26,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.geometry import rigid, transforms
+from ros_visualise.geometry import rigid, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.track import LandmarkTrack
@@ -211,13 +211,13 @@ class LandmarkNavigator:
         if now is None:
             return {}
         self._now = now
-        place, quat = transforms.to_pose(now.T_map_odom)
+        place, quat = se3.to_pose(now.T_map_odom)
         at = Header(header.stamp_ns, self._frame)
         answer: dict[str, Any] = {
             "tf": Transforms((TransformStamped(self._odom_frame, place, quat, at),))
         }
         if now.is_located:
-            place, quat = transforms.to_pose(now.T_map_base)
+            place, quat = se3.to_pose(now.T_map_base)
             answer["pose"] = PoseWithCovarianceStamped(place, quat, now.covariance, at)
         return answer
 
@@ -230,7 +230,7 @@ class LandmarkNavigator:
         for frame in (f"{header.frame_id}_start", header.frame_id):
             with suppress(NoTransform):
                 T = frames.lookup(self._frame, frame, header.stamp_ns)
-                self._begun = rigid.pose(*transforms.to_pose(T))
+                self._begun = rigid.pose(*se3.to_pose(T))
                 if frame == header.frame_id:
                     log.warning("%s", _TWO_PUBLISH.format(self._frame, frame))
                 break

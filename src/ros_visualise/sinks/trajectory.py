@@ -7,7 +7,7 @@ from pathlib import Path as File
 
 from ros_visualise.core.errors import RecordingError
 from ros_visualise.data import Path
-from ros_visualise.geometry.transforms import from_pose
+from ros_visualise.geometry.se3 import from_pose
 from ros_visualise.sinks.files import TargetFile
 
 _NS = 1_000_000_000

@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Detection, Detections, Header, Hypothesis
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.se3 import from_parts
 
 SECOND = 1_000_000_000
 DOWN = np.diag([1.0, -1.0, -1.0])  # R_fixed_camera of a camera that looks straight down

@@ -15,9 +15,10 @@ from made_passes import (
     turn,
 )
 
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
 from ros_visualise.landmarks.localization.robot_error import ErrorModel
-from ros_visualise.landmarks.localization.seen import Ground, turn_between
+from ros_visualise.landmarks.localization.seen import Ground
 
 RUNS = 60
 FOREVER = 1e9

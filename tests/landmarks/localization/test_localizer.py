@@ -9,7 +9,7 @@ from made_passes import DOWN, detections, direction_seen, looking, tag_noise, ta
 
 from ros_visualise.data import Header
 from ros_visualise.data.markers import MarkerAction
-from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
 from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError, at_camera

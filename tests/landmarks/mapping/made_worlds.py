@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Hypothesis
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse
 from ros_visualise.landmarks.mapping.problem import CameraPath, Problem, TagSighting
 from ros_visualise.landmarks.pose import squares_poses
 

@@ -4,7 +4,7 @@ import numpy as np
 from made_passes import mean_band
 from made_worlds import drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.priors import FIRST
 from ros_visualise.landmarks.mapping.smoothing import smooth

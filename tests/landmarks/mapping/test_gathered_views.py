@@ -12,7 +12,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.landmarks.mapping.mapping_data import MappingData
 from ros_visualise.landmarks.pose import squares_poses
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_worlds import drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse
 from ros_visualise.landmarks.mapping.mapping import map_of
 from ros_visualise.landmarks.mapping.motions import logarithms, relative
 from ros_visualise.landmarks.mapping.mounting import Gyro, camera_mounting, imu_mounting

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_worlds import SIZE, drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse
 from ros_visualise.landmarks.mapping.mapping import map_of
 from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.outliers import outliers

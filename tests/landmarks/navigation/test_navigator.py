@@ -9,9 +9,8 @@ import pytest
 from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 from made_passes import mean_band
 
-from ros_visualise.geometry import rigid
-from ros_visualise.landmarks.localization.seen import turn_between
-from ros_visualise.landmarks.navigation import twists
+from ros_visualise.geometry import rigid, se3
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.navigation.camera_view import view_of
 from ros_visualise.landmarks.navigation.landmark import KnownLandmark
 from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
@@ -72,7 +71,7 @@ def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda out
 
 
 def off_by(tag, twist):
-    R, p = twists.moved(twist, tag.R, tag.p)
+    R, p = se3.moved(twist, tag.R, tag.p)
     return replace(tag, R=R, p=p)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.sources.recordings.series import SeriesRecording
 
 
@@ -29,6 +29,6 @@ def fixed_transform(recording: SeriesRecording, target: str, source: str) -> np.
     T = np.eye(4)
     while source != target:
         one = above[source]
-        T = transforms.from_pose(one.translation_xyz, one.quat_xyzw) @ T
+        T = se3.from_pose(one.translation_xyz, one.quat_xyzw) @ T
         source = one.header.frame_id
     return T

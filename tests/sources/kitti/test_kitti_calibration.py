@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from kitti_reading import fixed_transform, messages
 
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.sources.kitti.calibration import CalibrationFile, read_matrices, rigid
 
 
@@ -32,12 +32,12 @@ def test_points_land_where_the_development_kit_puts_them(opened, drive_0009, cam
     recording = opened(drive_0009)
     xyz = in_front(messages(recording, "/velodyne_points")[0].xyz.astype(float))
     info = messages(recording, f"/cam{camera:02d}/camera_info")[0]
-    T = transforms.inverse(fixed_transform(recording, "velodyne", info.header.frame_id))
+    T = se3.inverse(fixed_transform(recording, "velodyne", info.header.frame_id))
     numbers, T_cam0_velodyne = of_date(drive_0009)
-    R_rect = transforms.from_parts(numbers["R_rect_00"].reshape(3, 3), np.zeros(3))
+    R_rect = se3.from_parts(numbers["R_rect_00"].reshape(3, 3), np.zeros(3))
     P_rect = numbers[f"P_rect_{camera:02d}"].reshape(3, 4)
     there = np.column_stack([xyz, np.ones(len(xyz))]) @ (P_rect @ R_rect @ T_cam0_velodyne).T
-    found = pixels_of(transforms.apply(T, xyz), info)
+    found = pixels_of(se3.apply(T, xyz), info)
     assert np.abs(found - there[:, :2] / there[:, 2:]).max() < 0.01
 
 
@@ -46,7 +46,7 @@ def test_the_baselines_that_p_leaves_out_are_between_the_frames(opened, drive_00
     for left, right in (0, 1), (2, 3):
         frames = f"cam{left:02d}_optical", f"cam{right:02d}_optical"
         first, second = (fixed_transform(recording, "velodyne", frame) for frame in frames)
-        T = transforms.inverse(first) @ second
+        T = se3.inverse(first) @ second
         fx = numbers[f"P_rect_{left:02d}"][0]
         offsets = numbers[f"P_rect_{right:02d}"][3] - numbers[f"P_rect_{left:02d}"][3]
         assert T[0, 3] == pytest.approx(-offsets / fx, abs=1e-4)
@@ -80,11 +80,11 @@ def test_points_land_in_raw_images_through_the_raw_calibration(opened, changeabl
     numbers, T_cam0_velodyne = of_date(drive)
     xyz = in_front(messages(recording, "/velodyne_points")[0].xyz.astype(float))
     T = fixed_transform(recording, "velodyne", info.header.frame_id)
-    rectified = transforms.apply(transforms.inverse(T), xyz)
+    rectified = se3.apply(se3.inverse(T), xyz)
     of = f"{camera:02d}"
     R, K, T_i = (numbers[f"{name}_{of}"] for name in ("R", "K", "T"))
-    in_cam0 = transforms.apply(T_cam0_velodyne, xyz)
-    there = transforms.apply(transforms.from_parts(R.reshape(3, 3), T_i), in_cam0)
+    in_cam0 = se3.apply(T_cam0_velodyne, xyz)
+    there = se3.apply(se3.from_parts(R.reshape(3, 3), T_i), in_cam0)
     expected, _ = cv2.projectPoints(
         there, np.zeros(3), np.zeros(3), K.reshape(3, 3), numbers[f"D_{of}"]
     )
@@ -143,10 +143,10 @@ def nearness_of_edges(image):
 
 def fit(views, rpy):
     """The mean nearness to edges of points, with the cameras turned about their own axes."""
-    T_turned = transforms.from_pose(np.zeros(3), rotations.from_rpy(rpy))
+    T_turned = se3.from_pose(np.zeros(3), rotations.from_rpy(rpy))
     found = []
     for points, nearness, image, T_velodyne_camera in views:
-        seen = transforms.apply(T_turned @ transforms.inverse(T_velodyne_camera), points)
+        seen = se3.apply(T_turned @ se3.inverse(T_velodyne_camera), points)
         at = np.rint(pixels_of(seen[seen[:, 2] > 1], image.camera_info)).astype(int)
         u, v = at[((at >= 0) & (at < [image.width, image.height])).all(axis=1)].T
         found.append(nearness[v, u].mean())

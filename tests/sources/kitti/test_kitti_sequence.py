@@ -7,7 +7,7 @@ import pytest
 from kitti_reading import fixed_transform, messages
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.sources.kitti import is_kitti, open_kitti
 from ros_visualise.sources.kitti.calibration import read_matrices
 
@@ -84,10 +84,10 @@ def test_truth_is_the_way_of_camera_0(opened, sequence):
     T_base_cam0 = fixed_transform(recording, "base_link", "cam00_optical")
     truth = np.loadtxt(sequence.parents[1] / "poses/04.txt").reshape(-1, 3, 4)
     poses = [one.transforms[0] for one in messages(recording, "/tf")]
-    T_odom_base = [transforms.from_pose(one.translation_xyz, one.quat_xyzw) for one in poses]
+    T_odom_base = [se3.from_pose(one.translation_xyz, one.quat_xyzw) for one in poses]
     T_odom_first = T_odom_base[0] @ T_base_cam0
     for T, expected in zip(T_odom_base, truth, strict=True):
-        moved = transforms.inverse(T_odom_first) @ T @ T_base_cam0
+        moved = se3.inverse(T_odom_first) @ T @ T_base_cam0
         assert moved[:3] == pytest.approx(expected, abs=1e-5)
     assert T_odom_base[0] == pytest.approx(np.eye(4), abs=1e-5)
     assert T_odom_base[-1][:3, 3] == pytest.approx([5.2, 0, 0], abs=0.3)  # ahead, on the road

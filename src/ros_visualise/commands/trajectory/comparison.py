@@ -10,7 +10,7 @@ import numpy as np
 from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Path
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import (
     Delta,
     Indices,
@@ -114,10 +114,10 @@ def _why_none(found: Trajectory, truth: Trajectory, most_ns: int) -> str:
 
 
 def _poses(path: Path) -> Floats:
-    return transforms.from_pose(path.positions_xyz, path.quats_xyzw)
+    return se3.from_pose(path.positions_xyz, path.quats_xyzw)
 
 
 def _moved(found: Trajectory, T: Floats) -> Trajectory:
     path: Any = found.path
-    positions_xyz, quats_xyzw = transforms.to_pose(T)
+    positions_xyz, quats_xyzw = se3.to_pose(T)
     return replace(found, path=replace(path, positions_xyz=positions_xyz, quats_xyzw=quats_xyzw))

@@ -8,8 +8,8 @@ from typing import Any
 from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.commands.trajectory.comparison import Comparison
 from ros_visualise.core.printing import counted
+from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.geometry.trajectory_errors import DELTA_UNITS, PoseErrors, statistics
-from ros_visualise.geometry.transforms import from_parts
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.sources.trajectories import Trajectory
 

@@ -3,7 +3,7 @@
 A map that starts slightly rotated is rotated everywhere: each landmark is uncertain then, but their
 relative positions are well known. Treating the common error as independent errors would make the
 mean of many landmarks look far too certain. Errors are twists of the map here
-(`ros_visualise.landmarks.navigation.twists`), so a common one is the same for all of them.
+(`ros_visualise.geometry.se3`), so a common one is the same for all of them.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from ros_visualise.data import Floats, Hypothesis
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.se3 import turn_between
 
 UNKNOWN = 1e5
 """Variance, m^2 or rad^2, above which a direction counts as unknown."""
@@ -125,11 +125,6 @@ def cross(vector: Floats) -> Floats:
     """(3, 3) cross-product matrix of ``vector``."""
     x, y, z = vector
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
-def turn_between(R_to: Floats, R_from: Floats) -> Floats:
-    """(3,) rotation vector from one rotation to the other, in their common axes."""
-    return np.asarray(cv2.Rodrigues(R_to @ R_from.T)[0], np.float64)[:, 0]
 
 
 def _pose(seen: Floats, turn: Floats, noise: Floats, camera: Floats) -> Expect:

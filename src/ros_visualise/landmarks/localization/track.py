@@ -14,13 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.localization.estimate import (
     CandidateUpdate,
     LandmarkEstimate,
     fit,
     vague,
 )
-from ros_visualise.landmarks.localization.seen import Ground, PoseReading, turn_between
+from ros_visualise.landmarks.localization.seen import Ground, PoseReading
 
 DECIDED = 6.0
 """Log-likelihood ratio of all views at which the less likely branch is dropped."""

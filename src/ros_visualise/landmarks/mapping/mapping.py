@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import about_itself, about_origin, from_parts, inverse
 from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
@@ -34,7 +34,6 @@ from ros_visualise.landmarks.mapping.outliers import (
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
 from ros_visualise.landmarks.mapping.unknowns import SharedPrior
-from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 _ROUNDS = 6
 _PRINTED = 0.01  # prior of the common scale error of tag sizes, with a survey

@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 
 Node = tuple[str, int]

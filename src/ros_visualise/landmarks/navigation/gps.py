@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry import rotations
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.landmarks.navigation import twists
 from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import CORE, DATUM, POSE, SLOW, YAW
 from ros_visualise.landmarks.navigation.state import FilterState
@@ -103,7 +102,7 @@ class GpsBuffer:
         yaw = np.arctan2(dy, dx) - np.arctan2(north, east)
         R = rotations.to_matrix(rotations.from_rpy([0.0, 0.0, yaw]))
         state.robot = replace(state.robot, datum_R=R, datum_p=at - R @ fix.enu)
-        change = twists.about_origin(at)[np.ix_(YAW, YAW)]
+        change = se3.about_origin(at)[np.ix_(YAW, YAW)]
         vague = np.diag([_VAGUE_M**2] * 3 + [_VAGUE_RAD**2])
         state.covariance[DATUM, DATUM] = change @ vague @ change.T
         self._is_placed = True
@@ -133,7 +132,7 @@ def correct(propagation: Propagation, fix: GpsFix, stamp_ns: int, model: GpsNois
     back = robot.datum_R.T
     slow = np.linalg.cholesky(model.slow * fix.covariance + 1e-12 * np.eye(3))
     H = np.zeros((3, CORE))
-    H[:, POSE] = np.hstack([back, -back @ twists.cross(at)])
+    H[:, POSE] = np.hstack([back, -back @ se3.cross(at)])
     H[:, DATUM] = -H[:, YAW]
     H[:, SLOW] = slow
     residual = fix.enu - back @ (at - robot.datum_p) - slow @ robot.slow

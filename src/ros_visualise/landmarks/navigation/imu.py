@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.navigation import twists
+from ros_visualise.geometry import se3
 from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import (
     ACCEL,
@@ -89,11 +89,11 @@ class ImuBuffer:
         if not is_number or (self._stamps_ns and stamp_ns <= self._stamps_ns[-1]):
             return
         w, f = mounting.R @ rates, mounting.R @ force
-        spin = twists.cross(w)
+        spin = se3.cross(w)
         f = f - spin @ spin @ mounting.p
         if self._stamps_ns:
             seconds = (stamp_ns - self._stamps_ns[-1]) / 1e9
-            f = f - twists.cross((w - self._rates[-1]) / seconds) @ mounting.p
+            f = f - se3.cross((w - self._rates[-1]) / seconds) @ mounting.p
         self._stamps_ns.append(stamp_ns)
         self._rates.append(w)
         self._forces.append(f)
@@ -142,7 +142,7 @@ def propagate_by_imu(propagation: Propagation, parts: ImuIntervals, model: ImuNo
     v = robot.v + pushes.cumsum(axis=0)
     p = robot.p + ((v - pushes / 2) * seconds).cumsum(axis=0)
     left = seconds.sum() - seconds.cumsum(axis=0)
-    fall = twists.cross(robot.gravity)
+    fall = se3.cross(robot.gravity)
     turned = _turned(p, v, left[..., None], fall)
     J = _motion(float(seconds.sum()), fall)
     lasting = middles * seconds[..., None]
@@ -171,9 +171,9 @@ def _turned(p: Floats, v: Floats, left: Floats, fall: Floats) -> Floats:
         left: (K, 1, 1) seconds until the end of all.
         fall: (3, 3) cross-product matrix of gravity.
     """
-    swing = twists.cross(v)
+    swing = se3.cross(v)
     turned = np.zeros((len(p), _MOVED, 3))
-    turned[:, :3] = twists.cross(p) + swing * left + fall * (left**2 / 2)
+    turned[:, :3] = se3.cross(p) + swing * left + fall * (left**2 / 2)
     turned[:, 3:6] = _EYE
     turned[:, VELOCITY] = swing + fall * left
     return turned

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry.se3 import about_itself, about_origin, adjoint
 from ros_visualise.landmarks.localization.common_error import beside
 from ros_visualise.landmarks.localization.track import DECIDED, log_score
 from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
 from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
 from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.twists import about_itself, about_origin, adjoint
 from ros_visualise.landmarks.navigation.updating import Innovation, fits, update
 
 _SAME = 1.0  # squared distance below which two readings are merged

@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.geometry.se3 import cross, turn_between
 from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
 from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.twists import cross
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _NEAR = 1e-3  # least depth of a corner, as a fraction of its distance
@@ -112,7 +111,7 @@ def _pose(
         H[:3, :3] = H[3:, 3:] = back
         H[:3, 3:] = -back @ cross(p)
         return LinearizedPair(np.concatenate([pose.t - away, turn]), H, -H, pose.covariance)
-    # without rotation: a position, by the Jacobian at the first estimate (`twists`)
+    # without rotation: a position, by the Jacobian at the first estimate
     of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
     of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)
     noise, residual = pose.covariance[:3, :3], pose.t - away

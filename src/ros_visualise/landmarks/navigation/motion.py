@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import Pose, compose, inverse, to_matrix
-from ros_visualise.landmarks.localization.seen import turn_between
-from ros_visualise.landmarks.navigation import twists
+from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import BEFORE, CORE, POSE, SCALES, VELOCITY
 from ros_visualise.landmarks.navigation.state import FilterState
@@ -109,7 +109,7 @@ def propagate_by_odometry(
     R = cv2.Rodrigues(turns * axis)[0] @ robot.R
     p = robot.p + ways * way
     v = ways * way / step.seconds if step.seconds > 0 else robot.v
-    arm = twists.cross(p)
+    arm = se3.cross(p)
     J = np.eye(CORE)
     J[:3, 6] = way
     J[:3, 7], J[3:6, 7] = arm @ axis, axis
@@ -141,7 +141,7 @@ def check_odometry(propagation: Propagation, step: OdometryStep, model: Odometry
     way = back @ (robot.p - robot.before_p)
     residual = np.concatenate([ways * T[:3, 3] - way, turn_between(told, between)])
     H = np.zeros((6, CORE))
-    H[:3, :3], H[:3, 3:6] = back, -back @ twists.cross(robot.p)
+    H[:3, :3], H[:3, 3:6] = back, -back @ se3.cross(robot.p)
     H[3:, 3:6] = back
     H[:, BEFORE] = -H[:, POSE]
     # as expected, not as measured: noise in both would look like a scale error

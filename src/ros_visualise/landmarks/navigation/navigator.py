@@ -16,7 +16,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
-from ros_visualise.geometry.transforms import inverse
+from ros_visualise.geometry.se3 import about_itself, about_origin, inverse
 from ros_visualise.landmarks.navigation.camera_view import CameraView
 from ros_visualise.landmarks.navigation.imu import ImuMounting
 from ros_visualise.landmarks.navigation.landmark import KnownLandmark
@@ -28,7 +28,6 @@ from ros_visualise.landmarks.navigation.robot import POSE, SCALES
 from ros_visualise.landmarks.navigation.sensor_buffer import SensorBuffer
 from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 from ros_visualise.landmarks.navigation.trail import PropagationTrail
-from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 log = logging.getLogger(__name__)
 

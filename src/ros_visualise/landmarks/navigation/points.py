@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry.se3 import cross
 from ros_visualise.landmarks.localization.estimate import GATES
 from ros_visualise.landmarks.navigation.camera_view import CameraView, Sighting
 from ros_visualise.landmarks.navigation.landmark import KnownLandmark, Landmark
 from ros_visualise.landmarks.navigation.measuring import CameraPose, Pair, camera_of
 from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.twists import cross
 from ros_visualise.landmarks.navigation.updating import Innovation, fits, stand_on
 
 _FLAT = 0.09  # sine of the smallest angle between a ray and the ground

@@ -1,7 +1,7 @@
 """The robot's own part of the state: pose, motion, and sensor errors, by name.
 
 Its pose, velocity and previous pose change with the map as a whole, all by one twist
-(`ros_visualise.landmarks.navigation.twists`); so does the GPS origin. Parts that no sensor measures
+(`ros_visualise.geometry.se3`); so does the GPS origin. Parts that no sensor measures
 stay zero with zero covariance: velocity and biases without an IMU, its errors without GPS.
 
 Source: A. Barrau, S. Bonnabel, The invariant extended Kalman filter as a stable observer, 2017 (the
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.navigation import twists
+from ros_visualise.geometry import se3
 
 POSE = slice(0, 6)
 SCALES = slice(6, 8)
@@ -74,7 +74,7 @@ class RobotState:
         several[0], several[1] = error[POSE], error[BEFORE]
         several[2, YAW] = error[DATUM]
         several[3, :3], several[3, 3:] = error[VELOCITY], error[3:6]
-        R, p = twists.moved(
+        R, p = se3.moved(
             several,
             np.array([self.R, self.before_R, self.datum_R, self.R]),
             np.array([self.p, self.before_p, self.datum_p, self.v]),

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.navigation import twists
+from ros_visualise.geometry import se3
 from ros_visualise.landmarks.navigation.robot import CORE, POSE, RobotState
 
 PER_LANDMARK = 6
@@ -29,7 +29,7 @@ class FilterState:
 
     Attributes:
         robot: see `RobotState`.
-        covariance: (n, n), n = CORE + 6 for each landmark, of twists as defined in `twists`.
+        covariance: (n, n), n = CORE + 6 for each landmark, of errors (`geometry.se3`).
         keys: names of the landmarks' readings, in order.
         landmarks_R, landmarks_p: their poses, (L, 3, 3) and (L, 3).
         first_p: (L, 3) their first estimated positions.
@@ -108,6 +108,6 @@ class FilterState:
         new = replace(self, robot=robot, covariance=covariance)
         if error is not None and len(self.keys):
             several = error.reshape(-1, PER_LANDMARK)
-            moved = twists.moved(several, self.landmarks_R, self.landmarks_p)
+            moved = se3.moved(several, self.landmarks_R, self.landmarks_p)
             new.landmarks_R, new.landmarks_p = moved
         return new

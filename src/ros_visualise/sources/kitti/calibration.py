@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.sources.kitti.files import Findings, read_lines
 from ros_visualise.sources.kitti.sensors import optical_frame
 from ros_visualise.sources.series import DamagedFile
@@ -114,13 +114,13 @@ def rigid(file: CalibrationFile, needed_for: Sequence[str]) -> Floats | None:
     """The 4x4 transform of ``R`` and ``T``, or None; for ``needed_for``: see `CalibrationFile`."""
     if not file.has(("R", "T"), needed_for):
         return None
-    return transforms.from_parts(file.rows["R"].reshape(3, 3), file.rows["T"])
+    return se3.from_parts(file.rows["R"].reshape(3, 3), file.rows["T"])
 
 
 def rigid_3x4(numbers: Floats) -> Floats:
     """The 4x4 transform of 12 numbers."""
     rows = numbers.reshape(3, 4)
-    return transforms.from_parts(rows[:, :3], rows[:, 3])
+    return se3.from_parts(rows[:, :3], rows[:, 3])
 
 
 def raw_camera(
@@ -139,7 +139,7 @@ def raw_camera(
         info = _pinhole(P, *rows[f"S_rect_{of}"]) if rectified else _raw(P, rows, of)
     is_placed = cam_to_cam.has((f"P_rect_{of}", "R_rect_00"), [optical_frame(number)])
     if is_placed and T_cam0_velodyne is not None:
-        T_rect0_cam0 = transforms.from_parts(rows["R_rect_00"].reshape(3, 3), np.zeros(3))
+        T_rect0_cam0 = se3.from_parts(rows["R_rect_00"].reshape(3, 3), np.zeros(3))
         T = _place(rows[f"P_rect_{of}"].reshape(3, 4), T_rect0_cam0 @ T_cam0_velodyne)
     return KittiCamera(info, T)
 
@@ -160,8 +160,8 @@ def sequence_camera(
 
 def _place(P: Floats, T_rect0_base: Floats) -> Floats:
     """T_base_camera, 4x4, of the camera of ``P``; rectified cameras share their axes."""
-    T_camera_rect0 = transforms.from_parts(np.eye(3), np.linalg.solve(P[:, :3], P[:, 3]))
-    return transforms.inverse(T_camera_rect0 @ T_rect0_base)
+    T_camera_rect0 = se3.from_parts(np.eye(3), np.linalg.solve(P[:, :3], P[:, 3]))
+    return se3.inverse(T_camera_rect0 @ T_rect0_base)
 
 
 def _numbers(name: str, values: str) -> Floats:

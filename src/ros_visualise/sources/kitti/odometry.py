@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Floats, Header, Odometry
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.sources.kitti import calibration, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
 from ros_visualise.sources.kitti.files import (
@@ -50,8 +50,8 @@ from ros_visualise.sources.series import DamagedFile, Series
 _NS = 1_000_000_000
 _PERIOD_NS = _NS // 10
 _POSE_TOPICS = 2  # messages of one pose: odom, tf
-T_BASE_VELODYNE = transforms.from_parts(np.eye(3), [0, 0, 1.73])
-T_BASE_CAM0 = transforms.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 1.65])
+T_BASE_VELODYNE = se3.from_parts(np.eye(3), [0, 0, 1.73])
+T_BASE_CAM0 = se3.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 1.65])
 """Looking straight ahead, where there is no calibration."""
 
 _Times = dict[str, npt.NDArray[np.int64]]
@@ -165,7 +165,7 @@ def _sensors(
 ) -> tuple[list[Series], Places]:
     series: list[Series] = []
     places: Places = []
-    parent, above = BASE, transforms.inverse(T_BASE_CAM0)
+    parent, above = BASE, se3.inverse(T_BASE_CAM0)
     if T_rect0_velodyne is not None:
         places.append((BASE, VELODYNE, T_BASE_VELODYNE))
         parent, above = VELODYNE, T_rect0_velodyne
@@ -186,13 +186,13 @@ def _poses_of_base(T_first_cam0: Floats, T_rect0_velodyne: Floats | None) -> Flo
     """T_odom_base, (N, 4, 4)."""
     T_base_cam0 = T_BASE_CAM0
     if T_rect0_velodyne is not None:
-        T_base_cam0 = T_BASE_VELODYNE @ transforms.inverse(T_rect0_velodyne)
-    found: Floats = T_base_cam0 @ T_first_cam0 @ transforms.inverse(T_base_cam0)
+        T_base_cam0 = T_BASE_VELODYNE @ se3.inverse(T_rect0_velodyne)
+    found: Floats = T_base_cam0 @ T_first_cam0 @ se3.inverse(T_base_cam0)
     return found
 
 
 def _truth_series(start_ns: int, stamps_ns: npt.NDArray[np.int64], T: Floats) -> list[Series]:
-    positions_xyz, quats_xyzw = transforms.to_pose(T)
+    positions_xyz, quats_xyzw = se3.to_pose(T)
     linear, angular = _velocities(stamps_ns, positions_xyz, quats_xyzw)
 
     def odometry(index: int) -> Odometry:

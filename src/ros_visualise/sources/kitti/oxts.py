@@ -17,12 +17,12 @@ import numpy.typing as npt
 from ros_visualise.core.errors import TooLarge
 from ros_visualise.core.limits import check_numbers
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
-from ros_visualise.geometry import geodesy, rotations, transforms
+from ros_visualise.geometry import geodesy, rotations, se3
 from ros_visualise.sources.kitti.files import FrameFiles
 from ros_visualise.sources.kitti.sensors import BASE, IMU, ODOM, moving_series
 from ros_visualise.sources.series import DamagedFile, Series
 
-T_BASE_IMU = transforms.from_parts(np.eye(3), [0, 0, 0.93])
+T_BASE_IMU = se3.from_parts(np.eye(3), [0, 0, 0.93])
 
 _COLUMNS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu"
@@ -82,7 +82,7 @@ class OxtsSamples:
         self._rates = self._get("wx", "wy", "wz")
         self._horizontal_m = self._get("pos_accuracy")[:, 0]
         self._horizontal_mps = self._get("vel_accuracy")[:, 0]
-        self._imu_to_base = transforms.inverse(T_BASE_IMU)[:3, 3]
+        self._imu_to_base = se3.inverse(T_BASE_IMU)[:3, 3]
         self._positions = self._find_positions()
 
     def series(self, start_ns: int) -> list[Series]:

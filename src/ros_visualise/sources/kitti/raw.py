@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Header, TimeReference
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.sources.kitti import calibration, oxts, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
 from ros_visualise.sources.kitti.files import CAMERAS, PARTS, Findings, FrameFiles, list_files
@@ -133,7 +133,7 @@ def _sensors(drive: _Drive, times: _Times, unsynced: bool) -> tuple[list[Series]
         imu_to_velo = _read_calibration(drive, "imu_to_velo")
         T_velodyne_imu = calibration.rigid(imu_to_velo, [f"{IMU} -> {VELODYNE}"])
         if T_velodyne_imu is not None:
-            places.append((IMU, VELODYNE, transforms.inverse(T_velodyne_imu)))
+            places.append((IMU, VELODYNE, se3.inverse(T_velodyne_imu)))
         imu_to_velo.report(drive)
     if drive.scans:
         stamps_ns = times["velodyne_points"]

@@ -30,7 +30,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.sources.kitti.files import FrameFiles
 from ros_visualise.sources.series import DamagedFile, Series, single
 
@@ -57,7 +57,7 @@ def optical_frame(camera: int) -> str:
 def static_series(start_ns: int, places: Places) -> Series:
     """``/tf_static``: one message with all of these frames."""
     sent = tuple(
-        TransformStamped(child, *transforms.to_pose(T), Header(start_ns, parent))
+        TransformStamped(child, *se3.to_pose(T), Header(start_ns, parent))
         for parent, child, T in places
     )
     return single("/tf_static", Transforms(sent), start_ns)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
@@ -91,7 +91,7 @@ def between(frames: Frames, image: Image, cloud: PointCloud) -> Floats:
     one, other = image.header, cloud.header
     T_fixed_camera = frames.locate(one.frame_id, one.stamp_ns)
     T_fixed_cloud = frames.locate(other.frame_id, other.stamp_ns)
-    return transforms.inverse(T_fixed_camera) @ T_fixed_cloud
+    return se3.inverse(T_fixed_camera) @ T_fixed_cloud
 
 
 def paint(
@@ -104,7 +104,7 @@ def paint(
     """
     xyz = cloud.xyz
     xyz = xyz[evenly(len(xyz), _MAX_POINTS)]
-    points = transforms.apply(T_camera_cloud, xyz)
+    points = se3.apply(T_camera_cloud, xyz)
     pixels, in_front = project(points, info, rectified)
     places = scaled(pixels, info, shown.shape[:2])
     height, width = shown.shape[:2]

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.ui.scene.drawing import Appearance, node_name, to_wxyz
 
 _LENGTH, _RADIUS = 0.5, 0.014
@@ -65,7 +65,7 @@ class FrameAxes:
 
     def _draw_axes(self, places: Mapping[str, Floats], appearance: Appearance) -> None:
         T = np.array(list(places.values())).reshape(-1, 4, 4)
-        positions, quats_xyzw = transforms.to_pose(T)
+        positions, quats_xyzw = se3.to_pose(T)
         wxyzs = to_wxyz(quats_xyzw).astype(np.float32)
         if self._axes is not None and len(self._axes.batched_positions) != len(T):
             self._axes.remove()

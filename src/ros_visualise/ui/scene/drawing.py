@@ -11,7 +11,7 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.frames import Frames
 
@@ -110,7 +110,7 @@ class Drawing:
 
 def move(node: viser.SceneNodeHandle, T: Floats) -> None:
     """Set the pose of a node in its parent's frame."""
-    translation, quat_xyzw = transforms.to_pose(T)
+    translation, quat_xyzw = se3.to_pose(T)
     node.position, node.wxyz = translation, to_wxyz(quat_xyzw)
 
 

@@ -13,7 +13,7 @@ import viser
 
 from ros_visualise.data import Floats, Marker, MarkerType
 from ros_visualise.data.markers import Colors
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.ui.scene.drawing import to_wxyz
 
 _SIDES = 24
@@ -247,7 +247,7 @@ class SolidBatch:
 def _rows_of(parts: Sequence[Placed]) -> list[_Rows]:
     """A row for each copy that can be seen, part by part: all are converted at once."""
     T = np.concatenate([np.zeros((0, 4, 4)), *(part[0] for part in parts)])
-    positions, quats_xyzw = transforms.to_pose(T)
+    positions, quats_xyzw = se3.to_pose(T)
     rows = np.empty((len(T), _COLUMNS), np.float32)
     rows[:, _PLACE], rows[:, _TURN] = positions, to_wxyz(quats_xyzw)
     rows[:, _SIZE] = np.concatenate([np.zeros((0, 3)), *(part[1] for part in parts)])

@@ -24,7 +24,7 @@ from ros_visualise.data import (
     Text,
     Transforms,
 )
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, node_name
 from ros_visualise.ui.scene.drawings.markers import MarkersDrawing
@@ -184,14 +184,14 @@ class SceneTopics:
 
     def extent(self, places: Mapping[str, Floats]) -> npt.NDArray[np.floating]:
         """Points (N, 3) in the fixed frame that span all drawings, or else the frames' places."""
-        parts = [transforms.apply(one.T_fixed_frame, one.extent()) for one in self._shown()]
+        parts = [se3.apply(one.T_fixed_frame, one.extent()) for one in self._shown()]
         if not any(map(len, parts)):
             parts = [T[None, :3, 3] for T in places.values()]
         return np.concatenate([np.zeros((0, 3)), *parts])
 
     def points(self) -> npt.NDArray[np.floating]:
         """Points (N, 3) in the fixed frame that a person can click."""
-        parts = [transforms.apply(one.T_fixed_frame, one.points()) for one in self._shown()]
+        parts = [se3.apply(one.T_fixed_frame, one.points()) for one in self._shown()]
         return np.concatenate([np.zeros((0, 3)), *parts])
 
     def _shown(self) -> list[Drawing]:

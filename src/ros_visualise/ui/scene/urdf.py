@@ -15,7 +15,7 @@ import numpy as np
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import read_text
 from ros_visualise.data import Floats
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.ui.scene.meshes import parse_xml
 
 _GRAY = (0.6, 0.6, 0.6, 1.0)
@@ -58,9 +58,9 @@ class Joint(NamedTuple):
         """T_parent_child, 4x4, at positions of joints in radians or metres; a missing one is 0."""
         position = self.ratio * positions.get(self.moves_with, 0.0) + self.offset
         if self.slides:
-            return self.T_parent_joint @ transforms.from_parts(np.eye(3), position * self.axis)
+            return self.T_parent_joint @ se3.from_parts(np.eye(3), position * self.axis)
         quat_xyzw = np.append(np.sin(position / 2) * self.axis, np.cos(position / 2))
-        return self.T_parent_joint @ transforms.from_pose(np.zeros(3), quat_xyzw)
+        return self.T_parent_joint @ se3.from_pose(np.zeros(3), quat_xyzw)
 
 
 class RobotModel(NamedTuple):
@@ -222,7 +222,7 @@ def _origin(origin: Xml.Element | None) -> Floats:
         _numbers(origin, key, 3, "origin") if key in origin.attrib else [0.0] * 3
         for key in ("xyz", "rpy")
     )
-    return transforms.from_pose(np.array(xyz), rotations.from_rpy(np.array(rpy)))
+    return se3.from_pose(np.array(xyz), rotations.from_rpy(np.array(rpy)))
 
 
 def _has_color(material: Xml.Element) -> bool:

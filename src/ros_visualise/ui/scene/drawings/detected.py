@@ -10,7 +10,7 @@ import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detections3D
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color, color_of
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 from ros_visualise.ui.scene.solids import SolidBatch, mesh_of
@@ -37,7 +37,7 @@ class DetectedBoxes(Drawing):
         several = message.detections
         try:
             T = np.array(
-                [transforms.from_pose(one.position_xyz, one.quat_xyzw) for one in several]
+                [se3.from_pose(one.position_xyz, one.quat_xyzw) for one in several]
             ).reshape(-1, 4, 4)
         except ValueError as error:
             raise DamagedMessage(f"Detections3D: {error}") from None

@@ -12,7 +12,7 @@ import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import OccupancyGrid, Pixels
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 
@@ -51,7 +51,7 @@ class GridDrawing(Drawing):
     def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, OccupancyGrid)
         try:
-            T_frame_origin = transforms.from_pose(message.position_xyz, message.quat_xyzw)
+            T_frame_origin = se3.from_pose(message.position_xyz, message.quat_xyzw)
         except ValueError as error:
             raise DamagedMessage(f"OccupancyGrid: {error}") from None
         if not (np.isfinite(T_frame_origin).all() and 0 < message.resolution < np.inf):
@@ -63,9 +63,9 @@ class GridDrawing(Drawing):
         size = np.array(message.cells.shape[::-1]) * message.resolution
         image.render_width, image.render_height = map(float, size)
         centre = np.append(size / 2, -depth_of(float(size.max()), scheme))
-        move(image, T_frame_origin @ transforms.from_parts(np.eye(3), centre))
+        move(image, T_frame_origin @ se3.from_parts(np.eye(3), centre))
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]) * np.append(size, 0)
-        self._corners = transforms.apply(T_frame_origin, corners)
+        self._corners = se3.apply(T_frame_origin, corners)
 
     def extent(self) -> npt.NDArray[np.floating]:
         return self._corners

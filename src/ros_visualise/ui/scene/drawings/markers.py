@@ -13,7 +13,7 @@ import viser
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
-from ros_visualise.geometry import transforms
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 from ros_visualise.ui.scene.frames import Frames
@@ -112,7 +112,7 @@ class MarkersDrawing(Drawing):
 
     def extent(self) -> npt.NDArray[np.floating]:
         outlines = [
-            transforms.apply(one.T_fixed_marker, _outline(one.marker))
+            se3.apply(one.T_fixed_marker, _outline(one.marker))
             for one in self._kept.values()
             if one.T_fixed_marker is not None
         ]
@@ -243,7 +243,7 @@ def pose_of(marker: Marker) -> Floats:
     if not np.isfinite(np.concatenate(parts)).all():
         raise ValueError("has a value that is not a number")
     quat_xyzw = marker.quat_xyzw if marker.quat_xyzw.any() else _LEVEL
-    return transforms.from_pose(marker.position_xyz, quat_xyzw)
+    return se3.from_pose(marker.position_xyz, quat_xyzw)
 
 
 def _outline(marker: Marker) -> npt.NDArray[np.floating]:

@@ -16,7 +16,7 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     TransformStamped,
 )
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
@@ -71,7 +71,7 @@ def pose_of(message: Posed) -> Floats:
     is_transform = isinstance(message, TransformStamped)
     position = message.translation_xyz if is_transform else message.position_xyz  # type: ignore[union-attr]
     try:
-        T_frame_body = transforms.from_pose(position, message.quat_xyzw)
+        T_frame_body = se3.from_pose(position, message.quat_xyzw)
     except ValueError as error:
         raise DamagedMessage(f"{type(message).__name__}: {error}") from None
     if not np.isfinite(T_frame_body).all():

@@ -11,7 +11,7 @@ import viser
 
 from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import Floats, Imu, NavSatFix
-from ros_visualise.geometry import rotations, transforms
+from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, to_wxyz
@@ -69,7 +69,7 @@ class FixDrawing(Drawing):
             return
         with suppress(NoTransform):
             T_fixed_sensor = frames.locate(frame, message.header.stamp_ns)
-            T_frame_sensor = transforms.inverse(self.T_fixed_frame) @ T_fixed_sensor
+            T_frame_sensor = se3.inverse(self.T_fixed_frame) @ T_fixed_sensor
             self._datum = T_frame_sensor[:3, 3] - position
 
     def extent(self) -> npt.NDArray[np.floating]:

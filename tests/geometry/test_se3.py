@@ -1,7 +1,7 @@
 import numpy as np
 
 from ros_visualise.geometry.rotations import from_rpy
-from ros_visualise.geometry.transforms import (
+from ros_visualise.geometry.se3 import (
     apply,
     from_pose,
     interpolate,
