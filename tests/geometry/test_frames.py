@@ -152,15 +152,66 @@ def test_what_is_older_than_the_history_is_forgotten():
         moved(tree, "map", "robot", 2.9)
 
 
-def test_a_jump_back_in_time_begins_anew(tree):
+@pytest.mark.parametrize("others", [(), (100, 100.1)])
+@pytest.mark.parametrize("seconds", [5, 5000])
+def test_a_wild_stamp_is_one_rejected_transform(tree, seconds, others):
+    """tf2 ignores old ones too (TF_OLD_DATA); a jump of time is what the runtime resets for."""
     tree.add(at(0, "base", "lidar", (1, 0, 0)), static=True)
-    tree.add(at(100, "map", "odom", (1, 0, 0)))
-    tree.add(at(100, "odom", "base", (1, 0, 0)))
-    tree.add(at(5, "odom", "base", (2, 0, 0)))
-    assert moved(tree, "odom", "lidar", 5) == [3, 0, 0]
-    with pytest.raises(NoTransform, match="no frame 'map'"):
-        moved(tree, "map", "base", 100)
-    assert tree.frames() == ["base", "lidar", "odom"]
+    for stamp in (100, 100.1, *others):
+        tree.add(at(stamp, "map", "odom", (1, 0, 0)))
+        tree.add(at(stamp, "odom", "base", (1, 0, 0)))
+    for _ in range(2):
+        with pytest.raises(WrongTransforms, match=r"'odom' -> 'base' is .* than 10 s") as caught:
+            tree.add(at(seconds, "odom", "base", (2, 0, 0)))
+        assert len(caught.value.wrong) == 1
+        tree.add(at(100.2, "odom", "base", (1, 0, 0)))
+    assert moved(tree, "map", "lidar", 100.1) == [3, 0, 0]
+    assert tree.newest_ns("odom", "base") == round(100.2 * S)
+    with pytest.raises(NoTransform):
+        tree.lookup("odom", "base", seconds * S)
+
+
+def test_a_burst_of_old_transforms_takes_nothing_away(tree):
+    for stamp in (100, 101):
+        tree.add(at(stamp, "map", "base", (1, 0, 0)))
+    for stamp in range(5, 60):
+        with pytest.raises(WrongTransforms):
+            tree.add(at(stamp, "map", "base"))
+    assert moved(tree, "map", "base", 100.5) == [1, 0, 0]
+
+
+def test_a_gap_of_time_loses_no_transform(tree):
+    """A frame that was still for an hour: its second transform shows that time went on."""
+    tree.add(at(100, "map", "base"))
+    with pytest.raises(WrongTransforms):
+        tree.add(at(3700, "map", "base", (1, 0, 0)))
+    tree.add(at(3730, "map", "base", (4, 0, 0)))
+    tree.add(at(3731, "map", "base", (5, 0, 0)))
+    assert moved(tree, "map", "base", 3730.5) == [4.5, 0, 0]
+
+
+def test_another_frame_confirms_a_gap_of_time(tree):
+    """A correction of map is sent rarely, odometry all the time."""
+    tree.add(at(100, "map", "odom"))
+    for seconds in range(100, 200):
+        tree.add(at(seconds, "odom", "base"))
+    tree.add(at(199, "map", "odom", (1, 0, 0)))
+    assert moved(tree, "map", "base", 199) == [1, 0, 0]
+
+
+def test_two_outvote_a_first_one_of_another_time(tree):
+    tree.add(at(5000, "map", "base"))
+    with pytest.raises(WrongTransforms):
+        tree.add(at(5, "map", "base", (1, 0, 0)))
+    tree.add(at(6, "map", "base", (2, 0, 0)))
+    assert moved(tree, "map", "base", 5.5) == [1.5, 0, 0]
+
+
+def test_after_a_reset_any_time_will_do(tree):
+    tree.add(at(100, "map", "base"))
+    tree.reset()
+    tree.add(at(5, "map", "base", (1, 0, 0)))
+    assert moved(tree, "map", "base", 5) == [1, 0, 0]
 
 
 def test_reset_keeps_what_is_static(tree):

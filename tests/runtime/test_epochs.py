@@ -64,6 +64,29 @@ def test_two_clocks_on_one_topic_are_noticed_and_not_listened_to():
     assert set(epochs_of(messages)[1:]) == {1}
 
 
+@pytest.mark.parametrize("name", ["a", "/tf"])
+def test_one_stamp_far_ahead_is_no_jump_and_a_later_jump_is(name):
+    stamps = [5, 5.1, 4000, 5.2, 5.3, 4001, 5.4]
+    epochs = Epochs()
+    assert epochs_of([(name, stamp, stamp) for stamp in stamps], epochs) == [0] * 7
+    later = [(name, 1 + n / 2, 6 + n / 2) for n in range(4)]
+    assert epochs_of(later, epochs)[-1] == 1
+
+
+def test_where_time_goes_on_from_far_ahead_it_may_jump_back():
+    stamps = [5, 4000, 4000.1, 5.2]
+    assert epochs_of(("a", stamp, stamp) for stamp in stamps) == [0, 0, 0, 1]
+
+
+def test_old_transforms_among_others_are_no_jump_and_transforms_that_stay_old_are():
+    """Their publishers disagree, and some send old ones once more."""
+    old = [("/tf", 100 + n / 10 - 90 * (n % 3 == 2), n / 10) for n in range(28)]
+    epochs = Epochs()
+    assert epochs_of(old, epochs) == [0] * 28
+    new = [("/tf", 10 + n / 10, 3 + n / 10) for n in range(20)]
+    assert epochs_of(new, epochs) == [0] * 10 + [1] * 10
+
+
 def test_a_jump_that_a_person_asked_for_is_one():
     epochs = Epochs()
     assert epochs_of([("a", 30, 30), ("b", 30, 30)], epochs) == [0, 0]

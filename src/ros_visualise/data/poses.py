@@ -248,3 +248,8 @@ class Transforms(TabledMessage):
 def is_static(topic: str) -> bool:
     """True if the transforms on a topic hold at all times, by its name."""
     return topic.rstrip("/").endswith("tf_static")
+
+
+def is_transforms(topic: str) -> bool:
+    """True if a topic holds transforms of frames that move, by its name."""
+    return topic.rstrip("/").rpartition("/")[2] == "tf"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_left
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from typing import NamedTuple
 
 from ros_visualise.core.errors import NoTransform
@@ -44,12 +44,13 @@ class FrameTree:
     def add(self, message: TransformStamped | Transforms, static: bool = False) -> None:
         """Keep transforms; each stands for the time in its own header.
 
-        One that is older than all that is kept of its frame means that time jumped back: all that
-        moves is forgotten.
+        One that is older than the history of its frame is rejected, as in tf2 (TF_OLD_DATA), and so
+        is one that is ahead by more than its length: until a second one of its frame, or another
+        frame, shows that time went on. Whoever knows that time jumped calls `reset`.
 
         Raises:
-            WrongTransforms: frames have no names, hang below themselves, are too many, or a
-                transform is none; the others of the message are kept.
+            WrongTransforms: frames have no names, hang below themselves, are too many, a transform
+                is none, or its time is rejected; the others of the message are kept.
         """
         several = message.transforms if isinstance(message, Transforms) else (message,)
         wrong = []
@@ -140,14 +141,16 @@ class FrameTree:
         history = self._histories.get(child)
         if history is None and len(self._histories) >= MOST_FRAMES:
             raise ValueError(f"exceeds the limit of {MOST_FRAMES} frames")
-        if history and history.is_before(one.header.stamp_ns):
-            self._forget()
-            history = None
         if child in self._ancestors(parent):
             raise ValueError("would close a loop of frames")
         if history is None or history.static != static:
             history = self._histories[child] = FrameHistory(static, self._length_ns)
-        history.insert(one.header.stamp_ns, sample)
+        history.insert(one.header.stamp_ns, sample, self._has_reached)
+
+    def _has_reached(self, stamp_ns: int) -> bool:
+        """True if a frame was at about that time, by more than one transform."""
+        moving = [one for one in self._histories.values() if not one.static and len(one) > 1]
+        return any(stamp_ns <= one.span_ns[1] + self._length_ns for one in moving)
 
     def _forget(self) -> None:
         self._histories = {name: one for name, one in self._histories.items() if one.static}
@@ -256,6 +259,7 @@ class FrameHistory:
         self._length_ns = length_ns
         self._stamps_ns: list[int] = []
         self._samples: list[FrameSample] = []
+        self._stray: tuple[int, FrameSample] | None = None  # far from these; a second one decides
 
     @property
     def newest(self) -> FrameSample:
@@ -267,15 +271,43 @@ class FrameHistory:
         """The times of its first and its newest sample."""
         return self._stamps_ns[0], self._stamps_ns[-1]
 
-    def is_before(self, stamp_ns: int) -> bool:
-        """True if a time is older than the history: time jumped back."""
-        return not self.static and stamp_ns < self._stamps_ns[-1] - self._length_ns
+    def __len__(self) -> int:
+        return len(self._stamps_ns)
 
-    def insert(self, stamp_ns: int, sample: FrameSample) -> None:
-        """Add a sample at its place; it replaces another of the same time."""
+    def insert(self, stamp_ns: int, sample: FrameSample, is_reached: Callable[[int], bool]) -> None:
+        """Add a sample at its place; it replaces another of the same time.
+
+        Args:
+            stamp_ns: its time.
+            sample: the transform.
+            is_reached: True for a time that other frames confirm.
+
+        Raises:
+            ValueError: its time is too far from the newest, and nothing confirms it yet.
+        """
         if self.static:
             self._stamps_ns, self._samples = [stamp_ns], [sample]
             return
+        stray, self._stray = self._stray, None
+        off_ns = stamp_ns - self._stamps_ns[-1] if self._stamps_ns else 0
+        if off_ns < -self._length_ns or (off_ns > self._length_ns and not is_reached(stamp_ns)):
+            how = "older than" if off_ns < 0 else "ahead of"
+            why = f"is more than {self._length_ns / _S:g} s {how} the newest transform"
+            if off_ns < 0 and len(self) > 1:
+                raise ValueError(why)
+            if stray is None or self._is_apart(stamp_ns - stray[0], off_ns):
+                self._stray = stamp_ns, sample
+                raise ValueError(why)
+            if off_ns < 0:
+                self._stamps_ns, self._samples = [], []
+            self._put(*stray)
+        self._put(stamp_ns, sample)
+
+    def _is_apart(self, since_ns: int, off_ns: int) -> bool:
+        """True if two far samples disagree; ahead, time may have gone on by any amount."""
+        return since_ns < -self._length_ns or (off_ns < 0 and since_ns > self._length_ns)
+
+    def _put(self, stamp_ns: int, sample: FrameSample) -> None:
         place = bisect_left(self._stamps_ns, stamp_ns)
         if place < len(self._stamps_ns) and self._stamps_ns[place] == stamp_ns:
             self._samples[place] = sample
