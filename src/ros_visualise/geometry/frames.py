@@ -46,7 +46,7 @@ class FrameTree:
 
         One that is older than the history of its frame is rejected, as in tf2 (TF_OLD_DATA), and so
         is one that is ahead by more than its length: until a second one of its frame, or another
-        frame, shows that time went on. Whoever knows that time jumped calls `reset`.
+        frame, shows that time went on. After a jump of time, call `reset`.
 
         Raises:
             WrongTransforms: frames have no names, hang below themselves, are too many, a transform
