@@ -18,7 +18,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.geometry.rotations import from_matrix
+from ros_visualise.geometry.rotations import from_matrix, from_rpy
 from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParams
 
 PARAMS = LandingTargetParams(attitude_sigma=0.0)
@@ -78,14 +78,36 @@ def test_it_tells_where_the_target_is_from_the_body_at_the_time_of_the_image():
     assert track.position_xyz == pytest.approx([2, 1, 0])
 
 
-def test_in_forward_right_down_it_is_to_the_other_side_and_below():
-    params = update(PARAMS, {"axes": "FRD"})
-    told = LandingTarget(params).step(params, seen(1, pad(2, 1, 0)), frames=frames())[
-        "landing_target"
+@pytest.mark.parametrize(
+    ("autopilot", "frame", "place", "turn"),
+    [
+        ("ardupilot", "base_link_frd", (2, -1, 5), LEVEL),
+        ("px4", "odom_ned", (1, 2, 0), from_rpy([0, 0, np.pi / 2])),
+    ],
+)
+def test_autopilots_are_told_in_the_frame_that_they_take(autopilot, frame, place, turn):
+    """A pad 2 m east and 1 m north of a body over the origin that heads east, 5 m below it."""
+    params = update(PARAMS, {"autopilot": autopilot})
+    answer = LandingTarget(params).step(params, seen(1, pad(2, 1, 0)), frames=frames())
+    told = answer["landing_target"]
+    assert told.header.frame_id == frame
+    assert told.position_xyz == pytest.approx(place)
+    assert told.quat_xyzw == pytest.approx(turn)
+    assert answer["landing_target_pose"].header == told.header
+
+
+def test_a_wrong_first_sighting_of_a_still_pad_is_replaced_and_that_is_said(caplog):
+    params = replace(PARAMS, speed=0.0, timeout=10.0)
+    node, tree = LandingTarget(params), frames()
+    with caplog.at_level(logging.WARNING):
+        node.step(params, seen(1, pad(1, 0, 0)), frames=tree)
+        for step in range(1, 100):
+            answer = node.step(params, seen(1 + step / 40, pad(0, 0, 0)), frames=tree)
+    assert answer["landing_target"].position_xyz == pytest.approx([0, 0, -5], abs=0.01)
+    assert [r.message for r in caplog.records] == [
+        "landing_target: pad was elsewhere; estimate replaced"
     ]
-    assert told.header.frame_id == "base_link_frd"
-    assert told.position_xyz == pytest.approx([2, -1, 5])
-    assert told.quat_xyzw == pytest.approx(LEVEL)
+    assert node.report() == {"answers": 100, "refused": 2, "replaced": 1, "losses": 0}
 
 
 def test_between_images_it_tells_at_its_rate_and_is_less_sure_each_time():
@@ -107,7 +129,7 @@ def test_of_what_it_does_not_see_it_says_nothing_after_a_time_and_says_that_once
         answers = [node.step(PARAMS, seen(t), frames=frames()) for t in (1.5, 2.0, 2.1, 2.2)]
     assert [answer is not None for answer in answers] == [True, True, False, False]
     assert [r.message for r in caplog.records] == ["landing_target: pad is lost: not seen for 1 s"]
-    assert node.report() == {"answers": 3, "refused": 0, "losses": 1}
+    assert node.report() == {"answers": 3, "refused": 0, "replaced": 0, "losses": 1}
     again = node.step(PARAMS, seen(3, pad(3, 3, 0)), frames=frames())
     assert again["landing_target"].position_xyz == pytest.approx([3, 3, -5])
 
@@ -139,7 +161,7 @@ def test_without_frames_it_cannot_tell():
         LandingTarget(PARAMS).step(PARAMS, seen(1, pad(0, 0, 0)), frames=FrameTree())
 
 
-@pytest.mark.parametrize(("name", "value"), [("axes", "up"), ("timeout", 0), ("speed", -1)])
+@pytest.mark.parametrize(("name", "value"), [("autopilot", "up"), ("timeout", 0), ("speed", -1)])
 def test_wrong_parameters_are_refused(name, value):
     with pytest.raises(ParameterError, match=name):
         update(PARAMS, {name: value})

@@ -42,7 +42,7 @@ def frames() -> TFMessage:
 
 
 def test_where_to_land_is_told_as_mavlink_wants_it_also_between_images(ros_master, start, hear):
-    start("landing_target", f"_target:={PAD}", "_axes:=FRD")
+    start("landing_target", f"_target:={PAD}", "_autopilot:=ardupilot")
     told = hear("landing_target", PoseWithCovarianceStamped)
     poses = hear("landing_target_pose", PoseStamped)
     target = hear("landing_target_odom", Odometry)

@@ -21,7 +21,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.landing.relative import BodyAxes, relative_to
+from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
 from ros_visualise.landmarks.landing.tracking import TargetEstimate, TargetMotion, TargetTracker
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 from ros_visualise.nodes import node
@@ -44,11 +44,18 @@ class LandingTargetParams:
     timeout: float = param(
         1.0, "time after which an unseen target is lost, seconds", min=0.05, max=60
     )
-    axes: BodyAxes = param(
-        BodyAxes.FLU, "body axes: FLU as in REP 103, or FRD as in MAVLink and PX4"
+    autopilot: Autopilot = param(
+        Autopilot.NONE,
+        "frame of the pose: none, relative to the body, forward, left, up (REP 103); ardupilot,"
+        " relative to the body, forward, right, down (MAV_FRAME_BODY_FRD); px4, in the fixed frame,"
+        " north, east, down (MAV_FRAME_LOCAL_NED)",
     )
-    frame: str = param("base_link", "body frame; with FRD, _frd is added to its name")
-    fixed_frame: str = param("odom", "frame in which the target is still or moves steadily")
+    frame: str = param("base_link", "body frame; for ardupilot, _frd is added to its name")
+    fixed_frame: str = param(
+        "odom",
+        "frame in which the target is still or moves steadily; for px4, east, north, up from PX4's"
+        " local origin, and _ned is added to its name",
+    )
     speed: float = param(
         1.0,
         "standard deviation of the target's speed, m/s; 0 is a still target",
@@ -63,6 +70,22 @@ class LandingTargetParams:
         min=0.001,
         max=50,
         slider=(0, 5),
+        group="motion",
+    )
+    drift: float = param(
+        0.01,
+        "standard deviation of the drift of the fixed frame in one second, metres",
+        min=0,
+        max=10,
+        slider=(0, 0.2),
+        group="motion",
+    )
+    patience: float = param(
+        0.5,
+        "time after which sightings that contradict the estimate replace it, seconds",
+        min=0.01,
+        max=60,
+        slider=(0.1, 5),
         group="motion",
     )
     attitude_sigma: float = param(
@@ -99,6 +122,15 @@ class LandingTargetParams:
         """The classes to land on."""
         return {name.strip() for name in self.target.split(",")} - {""}
 
+    @property
+    def pose_frame(self) -> str:
+        """The frame of the target's pose."""
+        frames = {
+            Autopilot.ARDUPILOT: f"{self.frame}_frd",
+            Autopilot.PX4: f"{self.fixed_frame}_ned",
+        }
+        return frames.get(self.autopilot, self.frame)
+
 
 @node(
     "landing_target",
@@ -116,6 +148,9 @@ class LandingTarget:
 
     It publishes nothing while the target is lost. ``landing_target_odom`` is the odometry of the
     target, with its velocity, in the fixed frame.
+
+    While sightings contradict the estimate, the covariance includes where they are; if they do so
+    for longer than the parameter ``patience``, or from the start, they replace it.
     """
 
     def __init__(self, params: LandingTargetParams) -> None:
@@ -150,9 +185,12 @@ class LandingTarget:
         return self._estimate(stamp_ns, params, frames)
 
     def report(self) -> dict[str, Any]:
-        """Numbers of estimates, of rejected sightings, and of losses of the target."""
-        refused = self._tracker.refused
-        return {"answers": self._answers, "refused": refused, "losses": self._losses}
+        """Numbers of estimates, of rejected sightings, of estimates that these replaced, and of
+        losses of the target.
+        """
+        tracker = self._tracker
+        counts = {"answers": self._answers, "refused": tracker.refused}
+        return {**counts, "replaced": tracker.replaced, "losses": self._losses}
 
     def _observe(self, found: Detections, params: LandingTargetParams, frames: FrameTree) -> None:
         names = params.names
@@ -170,7 +208,10 @@ class LandingTarget:
         for hypotheses in ours:
             readings = [sighting_of(one, T_fixed_camera) for one in hypotheses]
             known = [one for one in readings if one is not None]
+            replaced = self._tracker.replaced
             self._tracker.observe(stamp_ns, known, _motion(params), ground)
+            if self._tracker.replaced > replaced:
+                log.warning("landing_target: %s was elsewhere; estimate replaced", params.target)
 
     def _estimate(
         self, stamp_ns: int, params: LandingTargetParams, frames: FrameTree
@@ -183,9 +224,8 @@ class LandingTarget:
         self._published_ns = stamp_ns
         self._answers += 1
         sigma = math.radians(params.attitude_sigma)
-        pose = relative_to(T_fixed_body, estimate, sigma, params.axes)
-        frame = params.frame + ("_frd" if params.axes is BodyAxes.FRD else "")
-        header = Header(stamp_ns, frame)
+        pose = relative_to(T_fixed_body, estimate, sigma, params.autopilot)
+        header = Header(stamp_ns, params.pose_frame)
         return {
             "landing_target": PoseWithCovarianceStamped(*pose, header),
             "landing_target_pose": PoseStamped(*pose[:2], header),
@@ -194,7 +234,8 @@ class LandingTarget:
 
     def _drop_if_lost(self, stamp_ns: int, params: LandingTargetParams) -> None:
         tracker = self._tracker
-        if tracker.estimate is None or stamp_ns - tracker.seen_ns <= params.timeout * 1e9:
+        seen_ns = tracker.seen_ns
+        if seen_ns is None or stamp_ns - seen_ns <= params.timeout * 1e9:
             return
         tracker.forget()
         self._losses += 1
@@ -202,7 +243,7 @@ class LandingTarget:
 
 
 def _motion(p: LandingTargetParams) -> TargetMotion:
-    return TargetMotion(p.speed, p.acceleration)
+    return TargetMotion(p.speed, p.acceleration, drift=p.drift, patience_s=p.patience)
 
 
 def _odometry(estimate: TargetEstimate, header: Header) -> Odometry:

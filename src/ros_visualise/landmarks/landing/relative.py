@@ -1,4 +1,11 @@
-"""Landing targets in the robot's body frame, as autopilots expect them."""
+"""Landing targets in the axes that autopilots expect.
+
+MAVLink's LANDING_TARGET has the same fields for all autopilots, and each reads one frame of them:
+ArduPilot the position relative to the body (MAV_FRAME_BODY_FRD), PX4 the position in its local
+frame (MAV_FRAME_LOCAL_NED), which it calls ``x_abs``, ``y_abs``, ``z_abs``.
+
+Source: ArduPilot, AC_PrecLand_MAVLink.cpp; PX4, MavlinkReceiver::handle_message_landing_target.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +16,24 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.se3 import cross
 from ros_visualise.landmarks.landing.tracking import TargetEstimate
-from ros_visualise.landmarks.localization.seen import cross
 
 
-class BodyAxes(Enum):
-    """Axes of body and target: forward, left, up, or forward, right, down."""
+class Autopilot(Enum):
+    """Autopilots by the frame of their LANDING_TARGET; ``NONE`` is ROS's: relative to the body,
+    with x forward, y left and z up.
+    """
 
-    FLU = "FLU"
-    FRD = "FRD"
+    NONE = "none"
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
 
 
 class RelativePose(NamedTuple):
-    """Position (3,), quaternion (4,) and covariance (6, 6) of a target, in the body's axes.
+    """Position (3,), quaternion (4,) and covariance (6, 6) of a target.
 
-    The covariance is of x, y, z, and of rotations about the body's axes.
+    The covariance is of x, y, z, and of rotations about the same axes.
     """
 
     position_xyz: Floats
@@ -31,29 +41,33 @@ class RelativePose(NamedTuple):
     covariance: Floats
 
 
-_TURNED = {BodyAxes.FLU: np.eye(3), BodyAxes.FRD: np.diag((1.0, -1.0, -1.0))}
+_DOWN = np.diag((1.0, -1.0, -1.0))  # forward, right, down of forward, left, up
+_NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def relative_to(
-    T_fixed_body: Floats, estimate: TargetEstimate, attitude_sigma: float, axes: BodyAxes
+    T_fixed_body: Floats, estimate: TargetEstimate, attitude_sigma: float, autopilot: Autopilot
 ) -> RelativePose:
-    """The target's pose relative to the body.
+    """The target's pose as an autopilot takes it.
 
-    With FRD the target's own z axis points down as well. A target right below with the robot's
-    heading has no rotation, as in MAVLink's LANDING_TARGET in MAV_FRAME_BODY_FRD.
+    For autopilots the target's own z axis points down too: a target right below that heads as the
+    robot does has no rotation in MAV_FRAME_BODY_FRD, nor has one that heads north in
+    MAV_FRAME_LOCAL_NED.
 
     Args:
-        T_fixed_body: (4, 4).
+        T_fixed_body: (4, 4); for PX4, x of the fixed frame points east and y north (REP 103).
         estimate: the target in the fixed frame.
         attitude_sigma: standard deviation of the camera's attitude about each axis, radians. It is
             common to all images and therefore not part of the estimate.
-        axes: of the result.
+        autopilot: which takes it.
     """
-    turned = _TURNED[axes]
-    to_body = turned @ T_fixed_body[:3, :3].T
-    away = to_body @ (estimate.position_xyz - T_fixed_body[:3, 3])
-    both = np.kron(np.eye(2), to_body)
-    tilted = np.vstack([-cross(away), np.eye(3)])
+    away = estimate.position_xyz - T_fixed_body[:3, 3]
+    own = np.eye(3) if autopilot is Autopilot.NONE else _DOWN
+    is_local = autopilot is Autopilot.PX4
+    turned = _NED_ENU if is_local else own @ T_fixed_body[:3, :3].T
+    position = turned @ (estimate.position_xyz if is_local else away)
+    both = np.kron(np.eye(2), turned)
+    tilted = np.vstack([-cross(turned @ away), np.eye(3)])
     covariance = both @ estimate.covariance[:6, :6] @ both.T
     covariance = covariance + attitude_sigma**2 * tilted @ tilted.T
-    return RelativePose(away, rotations.from_matrix(to_body @ estimate.R @ turned), covariance)
+    return RelativePose(position, rotations.from_matrix(turned @ estimate.R @ own), covariance)

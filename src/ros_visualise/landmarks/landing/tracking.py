@@ -2,27 +2,30 @@
 
 All quantities are in a fixed frame, such as ``odom``. The error state has nine numbers, along its
 axes: position in metres, orientation as a rotation vector, velocity in m/s. The target moves at
-constant velocity, disturbed by white acceleration noise; its rotation is a random walk.
+constant velocity, disturbed by white acceleration noise; its rotation is a random walk, and so is
+the drift of the fixed frame. A sighting that contradicts the estimate begins a rival estimate, and
+the covariance includes the rival until one of the two prevails.
 
 Source: Bar-Shalom, Li and Kirubarajan, Estimation with applications to tracking and navigation,
-2001, sections 6.2 (the noise) and 5.4 (the gate).
+2001, sections 6.2 (the noise), 5.4 (the gate) and 1.4.16 (the covariance of two alternatives).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry import se3
+from ros_visualise.landmarks.localization.estimate import GATES
 from ros_visualise.landmarks.localization.seen import Equations, Ground, PoseReading
 
-_GATE = {1: 10.8, 2: 13.8, 3: 16.3, 6: 22.5}  # 99.9 % points of chi-square
 _VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, unknown orientation
-_TURNS = 0.1  # rad/sqrt(s)
+_TURNS = 0.1  # rad/sqrt(s), of a target that moves
+_DRIFTS = 0.01  # rad/sqrt(s), of the fixed frame
 _VAGUE_M2 = 1e4
 
 
@@ -35,11 +38,15 @@ class TargetMotion:
         acceleration: standard deviation of its velocity change in one second, m/s.
         tilt: standard deviation of its tilt, radians: of two readings of an image, the more level
             one is likelier.
+        drift: of the fixed frame, standard deviation in one second, metres.
+        patience_s: how long sightings may contradict the estimate before they replace it.
     """
 
     speed: float = 1.0
     acceleration: float = 0.5
     tilt: float = math.radians(10)
+    drift: float = 0.01
+    patience_s: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,13 +62,12 @@ class TargetEstimate:
         """The prediction for a later or earlier time, with larger covariance."""
         F, since_s = np.eye(9), abs(elapsed_s)
         F[:3, 6:] = elapsed_s * np.eye(3)
+        q = motion.acceleration**2 if motion.speed else 0.0
         noise = np.zeros((9, 9))
-        if motion.speed:
-            q = motion.acceleration**2
-            noise[:3, :3] = q * since_s**3 / 3 * np.eye(3)
-            noise[:3, 6:] = noise[6:, :3] = q * since_s * elapsed_s / 2 * np.eye(3)
-            noise[6:, 6:] = q * since_s * np.eye(3)
-            noise[3:6, 3:6] = _TURNS**2 * since_s * np.eye(3)
+        noise[:3, :3] = (q * since_s**3 / 3 + motion.drift**2 * since_s) * np.eye(3)
+        noise[:3, 6:] = noise[6:, :3] = q * since_s * elapsed_s / 2 * np.eye(3)
+        noise[6:, 6:] = q * since_s * np.eye(3)
+        noise[3:6, 3:6] = (_TURNS if motion.speed else _DRIFTS) ** 2 * since_s * np.eye(3)
         position = self.position_xyz + elapsed_s * self.velocity_xyz
         covariance = F @ self.covariance @ F.T + noise
         return TargetEstimate(position, self.R, self.velocity_xyz, covariance)
@@ -78,9 +84,20 @@ class TargetEstimate:
         step = gain @ equations.residual
         rest = np.eye(9) - gain @ H
         covariance = rest @ self.covariance @ rest.T + gain @ equations.noise @ gain.T
-        turn = np.asarray(cv2.Rodrigues(step[3:6])[0], np.float64)
         position, velocity = self.position_xyz + step[:3], self.velocity_xyz + step[6:]
-        return TargetEstimate(position, turn @ self.R, velocity, covariance)
+        return TargetEstimate(position, se3.exp(step[:6])[0] @ self.R, velocity, covariance)
+
+    def covering(self, other: TargetEstimate, share: float) -> TargetEstimate:
+        """The same with the covariance of two alternatives; ``share``: the other's probability."""
+        off = np.concatenate(
+            [
+                other.position_xyz - self.position_xyz,
+                se3.turn_between(other.R, self.R),
+                other.velocity_xyz - self.velocity_xyz,
+            ]
+        )
+        there = other.covariance + np.outer(off, off)
+        return replace(self, covariance=(1 - share) * self.covariance + share * there)
 
     def _spread(self, equations: Equations) -> Floats:
         H = _nine(equations.H)
@@ -88,25 +105,56 @@ class TargetEstimate:
         return spread
 
 
+@dataclass(frozen=True)
+class _Track:
+    """An estimate at the time of its last sighting, and the number of sightings."""
+
+    estimate: TargetEstimate
+    stamp_ns: int
+    seen: int = 1
+
+    def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate:
+        return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
+
+    def follow(self, stamp_ns: int, reading: PoseReading, motion: TargetMotion) -> _Track | None:
+        """The track with one more sighting; None if that contradicts it."""
+        now = self.at(stamp_ns, motion)
+        equations = reading.expect(now.position_xyz, now.R)
+        if now.distance(equations) > GATES[len(equations.residual)]:
+            return None
+        return _Track(now.corrected(equations), stamp_ns, self.seen + 1)
+
+
 class TargetTracker:
     """Tracks one target; sightings of its parts are fused by their covariances.
 
     Attributes:
-        estimate: at ``stamp_ns``; None before the first sighting.
-        seen_ns: time of the last sighting.
         refused: number of contradicting sightings.
+        replaced: number of estimates that contradicting sightings have replaced.
     """
 
     def __init__(self) -> None:
-        self.estimate: TargetEstimate | None = None
-        self.stamp_ns = self.seen_ns = 0
-        self.refused = 0
+        self._track: _Track | None = None
+        self._rival: _Track | None = None
+        self._contested = 0  # sightings in a row that contradict the track
+        self._contested_ns = 0  # time of the first of these
+        self.refused = self.replaced = 0
+
+    @property
+    def seen_ns(self) -> int | None:
+        """Time of the last sighting of the estimate or its rival; None before the first."""
+        tracks = [one.stamp_ns for one in (self._track, self._rival) if one is not None]
+        return max(tracks, default=None)
 
     def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate | None:
         """The predicted target at a time; None if unknown."""
-        if self.estimate is None:
+        if self._track is None:
             return None
-        return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
+        estimate = self._track.at(stamp_ns, motion)
+        if self._rival is None:
+            return estimate
+        doubt = self._doubt(self._track, self._rival, motion)
+        return estimate.covering(self._rival.at(stamp_ns, motion), doubt)
 
     def observe(
         self,
@@ -126,27 +174,49 @@ class TargetTracker:
         reading = max(sightings, key=lambda one: _likelihood(one, motion.tilt), default=None)
         if reading is None:
             return
-        now = self.at(stamp_ns, motion)
-        if now is None:
-            now = _begin(reading, motion, ground)
-            if now is None:
-                return
-        equations = reading.expect(now.position_xyz, now.R)
-        if now.distance(equations) > _GATE[len(equations.residual)]:
-            self.refused += 1
-            return
-        self.estimate = now.corrected(equations)
-        self.stamp_ns = self.seen_ns = stamp_ns
+        if self._track is None:
+            self._track = _begin(stamp_ns, reading, motion, ground)
+        elif (followed := self._track.follow(stamp_ns, reading, motion)) is not None:
+            self._track, self._rival, self._contested = followed, None, 0
+        else:
+            self._contest(self._track, stamp_ns, reading, motion, ground)
 
     def forget(self) -> None:
         """Restart with the next sighting."""
-        self.estimate = None
+        self._track = self._rival = None
+        self._contested = 0
+
+    def _contest(
+        self,
+        track: _Track,
+        stamp_ns: int,
+        reading: PoseReading,
+        motion: TargetMotion,
+        ground: Ground | None,
+    ) -> None:
+        """Follow sightings that contradict the estimate; they replace it when they prevail."""
+        self.refused += 1
+        self._contested_ns = self._contested_ns if self._contested else stamp_ns
+        self._contested += 1
+        followed = self._rival.follow(stamp_ns, reading, motion) if self._rival else None
+        self._rival = followed or _begin(stamp_ns, reading, motion, ground) or self._rival
+        if self._rival is not None and self._doubt(track, self._rival, motion) >= 1:
+            self._track, self._rival, self._contested = self._rival, None, 0
+            self.replaced += 1
+
+    def _doubt(self, track: _Track, rival: _Track, motion: TargetMotion) -> float:
+        """Probability of the rival, by its share of sightings and by time; 1: it has prevailed."""
+        if rival.seen > track.seen:
+            return 1.0
+        share = self._contested / (self._contested + track.seen)
+        lasted_s = abs(rival.stamp_ns - self._contested_ns) / 1e9
+        return min(1.0, max(share, lasted_s / motion.patience_s))
 
 
 def _begin(
-    reading: PoseReading, motion: TargetMotion, ground: Ground | None
-) -> TargetEstimate | None:
-    """The first estimate: the measured pose, and an unknown velocity."""
+    stamp_ns: int, reading: PoseReading, motion: TargetMotion, ground: Ground | None
+) -> _Track | None:
+    """A track from one sighting, with an unknown velocity; None if its position is unknown."""
     R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
     position = reading.position_xyz if reading.has_range else None
     if position is None and ground is not None:
@@ -159,10 +229,11 @@ def _begin(
     if reading.R_fixed_landmark is not None:
         covariance[3:6, 3:6] = math.pi**2 * np.eye(3)
     covariance[6:, 6:] = motion.speed**2 * np.eye(3)
-    vague = TargetEstimate(position, R, np.zeros(3), covariance)
-    if reading.has_range or ground is None:
-        return vague
-    return vague.corrected(ground.expect(position, R))
+    first = TargetEstimate(position, R, np.zeros(3), covariance)
+    if ground is not None and not reading.has_range:
+        first = first.corrected(ground.expect(position, R))
+    seen = first.corrected(reading.expect(first.position_xyz, first.R))
+    return _Track(seen, stamp_ns)
 
 
 def _likelihood(reading: PoseReading, tilt: float) -> float:
