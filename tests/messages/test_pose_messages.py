@@ -15,6 +15,7 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Twist,
     TwistStamped,
+    TwistWithCovarianceStamped,
 )
 from ros_visualise.messages import from_message, to_message
 
@@ -40,12 +41,13 @@ NO_PATH = Path(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), HEADER
 
 UNCERTAIN = PoseWithCovarianceStamped(numbers(3), numbers(4), numbers(6, 6), HEADER)
 SPEED = TwistStamped(numbers(3), numbers(3) + 1, HEADER)
+SURE_SPEED = TwistWithCovarianceStamped(numbers(3), numbers(3) + 1, numbers(6, 6), HEADER)
 COMMAND = Twist(numbers(3), numbers(3) + 1)
 
 
 @pytest.mark.parametrize(
     "data",
-    [ODOMETRY, POSE, PATH, NO_PATH, UNCERTAIN, SPEED, COMMAND],
+    [ODOMETRY, POSE, PATH, NO_PATH, UNCERTAIN, SPEED, SURE_SPEED, COMMAND],
     ids=lambda data: type(data).__name__,
 )
 def test_poses_and_velocities_survive(data: Any) -> None:

@@ -13,6 +13,7 @@ from ros_visualise.data import (
     LaserScan,
     MagneticField,
     NavSatFix,
+    Range,
     TimeReference,
 )
 from ros_visualise.messages import from_message
@@ -58,6 +59,8 @@ SCAN = LaserScan(
         JointState(("a", "ä"), RNG.normal(size=2), RNG.normal(size=2), np.zeros(0), HEADER),
         JointState((), np.zeros(0), header=HEADER),
         TimeReference(1_700_000_000_123_456_789, "gps", HEADER),
+        Range(1.5, 0.125, 12.0, 0.03125, 1, 0.0, HEADER),
+        Range(np.inf, 0.125, 12.0, 0.5, 0, 0.0, HEADER),
         SCAN,
         replace(SCAN, intensities=np.zeros(0, np.float32)),
         replace(SCAN, ranges=np.zeros(0, np.float32), intensities=np.zeros(0, np.float32)),
@@ -78,6 +81,13 @@ def test_the_fields_stand_where_ros_has_them():
     assert (fix.status.status, fix.status.service, fix.position_covariance_type) == (0, 15, 2)
     assert fix.position_covariance[3] == FIX.covariance[1, 0]
     assert through_ros2(FluidPressure(5.0, 2.0)).fluid_pressure == 5.0
+
+
+def test_the_variance_of_a_range_is_read_where_ros_has_it():
+    given = Range(1.5, 0.125, 12.0, 0.03125, 1, 0.0625, HEADER)
+    assert not hasattr(through_ros1(given), "variance")
+    assert from_message(through_ros1(given), Range) == replace(given, variance=0.0)
+    assert from_message(through_ros2(given), Range) == given
 
 
 def test_every_second_ray_is_written_as_it_looks():

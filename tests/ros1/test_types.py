@@ -45,12 +45,14 @@ from ros_visualise.data import (
     PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
+    Range,
     Text,
     TimeReference,
     Transforms,
     TransformStamped,
     Twist,
     TwistStamped,
+    TwistWithCovarianceStamped,
     VisionInfo,
 )
 from ros_visualise.messages import from_message, to_message
@@ -117,6 +119,8 @@ DATA = [
     TransformStamped("lidar", numbers(3), numbers(4), HEADER),
     Twist(numbers(3), numbers(3)),
     TwistStamped(numbers(3), numbers(3), HEADER),
+    TwistWithCovarianceStamped(numbers(3), numbers(3), numbers(6, 6), HEADER),
+    Range(1.5, 0.125, 12.0, 0.03125, 1, 0.0, HEADER),
     Marker(
         MarkerType.LINE_LIST,
         numbers(3),

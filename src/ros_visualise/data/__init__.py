@@ -40,6 +40,7 @@ from ros_visualise.data.poses import Transforms as Transforms
 from ros_visualise.data.poses import TransformStamped as TransformStamped
 from ros_visualise.data.poses import Twist as Twist
 from ros_visualise.data.poses import TwistStamped as TwistStamped
+from ros_visualise.data.poses import TwistWithCovarianceStamped as TwistWithCovarianceStamped
 from ros_visualise.data.reports import DiagnosticArray as DiagnosticArray
 from ros_visualise.data.reports import DiagnosticStatus as DiagnosticStatus
 from ros_visualise.data.reports import Level as Level
@@ -50,6 +51,7 @@ from ros_visualise.data.sensors import JointState as JointState
 from ros_visualise.data.sensors import LaserScan as LaserScan
 from ros_visualise.data.sensors import MagneticField as MagneticField
 from ros_visualise.data.sensors import NavSatFix as NavSatFix
+from ros_visualise.data.sensors import Range as Range
 from ros_visualise.data.sensors import TimeReference as TimeReference
 from ros_visualise.data.values import Number as Number
 from ros_visualise.data.values import Text as Text

@@ -49,11 +49,7 @@ class Odometry(TabledMessage):
     ros_fields = ros.table(
         child_frame_id=str,
         pose=ros.pose_with_covariance("pose_covariance"),
-        twist=ros.SubMessage(
-            "geometry_msgs/msg/TwistWithCovariance",
-            twist=ros.TWIST,
-            covariance=ros.array("twist_covariance", 6, 6),
-        ),
+        twist=ros.twist_with_covariance("twist_covariance"),
     )
 
     position_xyz: Floats
@@ -88,6 +84,19 @@ class TwistStamped(TabledMessage):
 
     linear_xyz: Floats
     angular_xyz: Floats
+    header: Header = Header()
+
+
+@dataclass(frozen=True, eq=False)
+class TwistWithCovarianceStamped(TabledMessage):
+    """A `TwistStamped` with its covariance, 6x6 in the order of linear and angular velocity."""
+
+    type_name = "geometry_msgs/msg/TwistWithCovarianceStamped"
+    ros_fields = ros.table(twist=ros.twist_with_covariance("covariance"))
+
+    linear_xyz: Floats
+    angular_xyz: Floats
+    covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
     header: Header = Header()
 
 

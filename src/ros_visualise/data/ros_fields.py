@@ -240,3 +240,10 @@ def pose_with_covariance(covariance: str) -> SubMessage:
     return SubMessage(
         "geometry_msgs/msg/PoseWithCovariance", pose=POSE, covariance=array(covariance, 6, 6)
     )
+
+
+def twist_with_covariance(covariance: str) -> SubMessage:
+    """Velocities, and their covariance (6, 6) in the order of linear and angular velocity."""
+    return SubMessage(
+        "geometry_msgs/msg/TwistWithCovariance", twist=TWIST, covariance=array(covariance, 6, 6)
+    )

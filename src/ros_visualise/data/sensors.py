@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -104,6 +105,41 @@ class FluidPressure(TabledMessage):
     pressure: float
     variance: float = 0.0
     header: Header = Header()
+
+
+@dataclass(frozen=True)
+class Range(TabledMessage):
+    """A distance in metres along the x axis of the frame of the header (REP 117).
+
+    ``radiation_type`` is 0 for ultrasound and 1 for infrared; ``field_of_view`` is the width of the
+    beam in radians. ``variance`` in m^2 is 0 where it is unknown; ROS 1 has no field for it.
+    """
+
+    type_name = "sensor_msgs/msg/Range"
+    ros_fields = ros.table(
+        radiation_type=int,
+        field_of_view=float,
+        min_range=float,
+        max_range=float,
+        range=float,
+        variance=float,
+    )
+
+    range: float
+    min_range: float
+    max_range: float
+    field_of_view: float = 0.0
+    radiation_type: int = 1
+    variance: float = 0.0
+    header: Header = Header()
+
+    @classmethod
+    def read(cls, message: Any) -> Range:
+        names = [name for name in cls.ros_fields if name != "variance" or hasattr(message, name)]
+        found: dict[str, Any] = {}
+        for name in names:
+            cls.ros_fields[name].read(getattr(message, name), found)
+        return cls(**found)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,9 @@ odometry. If a navigator publishes ``odom``, ``odom_start`` takes its place here
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree as Xml
 
@@ -80,13 +82,18 @@ class CameraMount:
 
 
 def fixed_frames(
-    model: Any, mount: CameraMount, start: tuple[Vector, Quat], odom: str = ODOM
+    model: Any,
+    mount: CameraMount,
+    start: tuple[Vector, Quat],
+    odom: str = ODOM,
+    sensors: Mapping[str, tuple[Floats, Quat]] = MappingProxyType({}),
 ) -> Transforms:
     """All constant transforms, for ``tf_static``.
 
     Args:
         start: pose of ``base_link`` in ``map`` at the start.
         odom: name of the frame at the start.
+        sensors: further frames -> position and attitude in ``base_link``.
     """
     place, attitude = start
     heading = from_yaw(yaw_of(attitude))
@@ -96,6 +103,7 @@ def fixed_frames(
             0, BASE, "base_footprint", np.array([0.0, 0.0, -standing_height(model)]), _LEVEL
         ),
         *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
+        *(_transform(0, BASE, name, *mounted) for name, mounted in sensors.items()),
         _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
         *_wheel_frames(model),
     ]

@@ -100,6 +100,11 @@ class Robot(Protocol):
         """Odometry, called once in each of its periods."""
 
     @property
+    def wheel_speed(self) -> float:
+        """Forward speed by the rotation of the wheels, m/s; 0 without wheels."""
+        return 0.0
+
+    @property
     def lands_by_sight(self) -> bool:
         """True while it searches for a landing target or lands on it; False for ground robots."""
         return False

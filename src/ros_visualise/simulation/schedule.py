@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from ros_visualise.simulation.sensors import SENSORS, Fitting, Measure
+from ros_visualise.simulation.sensors import Fitting, Measure, sensors_of
 
 
 class SensorStream:
@@ -27,13 +27,11 @@ class SensorStream:
 def streams_of(fitting: Fitting) -> list[SensorStream]:
     """The enabled sensors, in the order of equal stamps."""
     settings = fitting.settings
-    sensors = [one for one in SENSORS.all() if isinstance(settings, one.params)]
     return [
         SensorStream(
             getattr(settings, one.rate), one.fit(fitting), next(iter(one.outputs)), one.always
         )
-        for one in sensors
-        if not one.switch or getattr(settings, one.switch)
+        for one in sensors_of(settings)
     ]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ros_visualise.core.errors import OpenError, UsageError
-from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
+from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Twist
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
@@ -22,7 +22,7 @@ from ros_visualise.simulation.robot import Robot
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.scenery import scenery
 from ros_visualise.simulation.schedule import Schedule, SensorOutput, streams_of
-from ros_visualise.simulation.sensors import Fitting
+from ros_visualise.simulation.sensors import Fitting, sensors_of
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
 
@@ -85,7 +85,8 @@ class Simulation:
         self._streams = streams_of(self._fitting)
         self._schedule = Schedule(self._streams, wants)
         odom = frames.ODOM if self.settings.map_to_odom else frames.ODOM_START
-        fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose, odom)
+        mounted = {n: place for one in sensors_of(self.settings) for n, place in one.frames.items()}
+        fixed = frames.fixed_frames(self._model, mount, self.start_pose, odom, mounted)
         description = describe(self._model, fixed)
         self._latched = description, fixed, scenery(self._model, self.world.assets)
         if self._mission is not None:

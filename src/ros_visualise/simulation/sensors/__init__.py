@@ -15,6 +15,8 @@ from ros_visualise.core.params import param
 from ros_visualise.core.registry import Registry, holding
 
 if TYPE_CHECKING:
+    from ros_visualise.data import Floats
+    from ros_visualise.simulation.attitude import Quat
     from ros_visualise.simulation.frames import CameraMount
     from ros_visualise.simulation.pad import Pad
     from ros_visualise.simulation.robot import Robot
@@ -61,6 +63,7 @@ class SensorType:
         switch: parameter that turns it on; empty: always on.
         always: measure also without listeners, because it has a state.
         standard: every robot gets it.
+        frames: its frames -> position and attitude in ``base_link``, beside those of the robot.
     """
 
     params: type
@@ -70,6 +73,7 @@ class SensorType:
     switch: str = ""
     always: bool = False
     standard: bool = True
+    frames: Mapping[str, tuple[Floats, Quat]] = field(default_factory=dict)
 
 
 SENSORS = Registry(
@@ -77,11 +81,17 @@ SENSORS = Registry(
     __name__,
     holding(SensorType, "SENSOR"),
     first=(
-        *("odometry", "truth", "pad", "imu", "gps"),
-        *("magnetometer", "barometer", "lidar", "camera"),
+        *("odometry", "truth", "pad", "imu", "gps", "magnetometer", "barometer"),
+        *("rangefinder", "optical_flow", "wheel_speed", "lidar", "camera"),
     ),
 )
 """All sensors, in the order of simultaneous measurements."""
+
+
+def sensors_of(settings: Any) -> list[SensorType]:
+    """The sensors of a robot with these settings that are switched on."""
+    fitted = [one for one in SENSORS.all() if isinstance(settings, one.params)]
+    return [one for one in fitted if not one.switch or getattr(settings, one.switch)]
 
 
 def equipped(params: type[P]) -> type[P]:

@@ -145,6 +145,10 @@ class Husky(Robot):
         way, turn = (left + right) / 2, (right - left) / self._wheels.effective_track
         return self._odometry.advance(stamp_ns, way, turn)
 
+    @property
+    def wheel_speed(self) -> float:
+        return self._wheels.radius * float(self._data.qvel[6:10].mean())
+
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ros_visualise.simulation.sensors.odometry import WheelOdometryParams
+from ros_visualise.simulation.sensors.wheel_speed import WheelSpeedParams
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 
 
 @dataclass(frozen=True)
-class HuskyParams(WheelOdometryParams, RobotParams):
+class HuskyParams(WheelSpeedParams, WheelOdometryParams, RobotParams):
     """Sensors of the rover."""
 
 

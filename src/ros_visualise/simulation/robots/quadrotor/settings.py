@@ -11,6 +11,8 @@ from ros_visualise.simulation.sensors import setting
 from ros_visualise.simulation.sensors.barometer import BarometerParams
 from ros_visualise.simulation.sensors.magnetometer import MagnetometerParams
 from ros_visualise.simulation.sensors.odometry import VisualOdometryParams
+from ros_visualise.simulation.sensors.optical_flow import OpticalFlowParams
+from ros_visualise.simulation.sensors.rangefinder import RangefinderParams
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 
 _camera = partial(setting, group="camera")
@@ -36,6 +38,8 @@ class _DownwardCameraParams(RobotParams):
 class QuadrotorParams(
     PadParams,  # from the last to the first on the page
     WindParams,
+    OpticalFlowParams,
+    RangefinderParams,
     BarometerParams,
     MagnetometerParams,
     VisualOdometryParams,
