@@ -201,3 +201,13 @@ def test_small_families_are_found_where_their_cells_can_be_seen(name):
     for id in range(20):
         picture, _ = drawn_tags.side_to_side(*draw_cells(family(name), id), rng, 20)
         assert [tag.id for tag in finder.find(picture)] == [id]
+
+
+def test_faint_tags_are_found_as_far_as_their_family_accepts_them():
+    """Eleven levels between black and white: just more than twice the margin of the family."""
+    finder, rng = TagFinder([family("36h11")]), np.random.default_rng(6)
+    for id in range(20):
+        picture, _ = drawn_tags.side_to_side(*draw_cells(family("36h11"), id), rng, 32)
+        faint = (100 + (picture - 30.0) / 190 * 11).round().astype(np.uint8)
+        assert [tag.id for tag in finder.find(faint)] == [id]
+    assert TagFinder([family("36h11")], min_margin=10).find(faint) == ()

@@ -25,6 +25,25 @@ Cells = npt.NDArray[np.uint8]
 _SHARPENING = 0.25  # of cells before decoding: the library's default, which pyapriltags truncates
 
 
+class _Settings(ctypes.Structure):
+    """The beginning of ``apriltag_detector_t`` of the library's apriltag.h."""
+
+    _fields_ = (
+        ("nthreads", ctypes.c_int),
+        ("quad_decimate", ctypes.c_float),
+        ("quad_sigma", ctypes.c_float),
+        ("refine_edges", ctypes.c_bool),
+        ("decode_sharpening", ctypes.c_double),
+        ("debug", ctypes.c_bool),
+        ("min_cluster_pixels", ctypes.c_int),
+        ("max_nmaxima", ctypes.c_int),
+        ("critical_rad", ctypes.c_float),
+        ("cos_critical_rad", ctypes.c_float),
+        ("max_line_fit_mse", ctypes.c_float),
+        ("min_white_black_diff", ctypes.c_int),
+    )
+
+
 class AprilTag3(Detector):
     """AprilTag 3 with given families, including OpenCV's ArUco dictionaries."""
 
@@ -35,8 +54,15 @@ class AprilTag3(Detector):
         quad_decimate: float,
         quad_sigma: float,
         refine: bool,
+        least_contrast: float,
         threads: int,
     ) -> None:
+        """Prepare the codes of the families.
+
+        Args:
+            least_contrast: from black to white, levels of gray: in most images half of the time
+                goes to what is fainter. The library's own is 5.
+        """
         super().__init__(
             "",
             nthreads=threads,
@@ -44,7 +70,10 @@ class AprilTag3(Detector):
             quad_sigma=quad_sigma,
             refine_edges=int(refine),
         )
-        self.tag_detector_ptr.contents.decode_sharpening = _SHARPENING  # type: ignore[union-attr]
+        begin: Any = self.tag_detector_ptr
+        settings = ctypes.cast(begin, ctypes.POINTER(_Settings)).contents
+        settings.decode_sharpening = _SHARPENING
+        settings.min_white_black_diff = max(1, int(least_contrast))
         self.cells: dict[str, int] = {}  # number along the side of a family's square
         self._codes: list[_CodedFamily] = []  # the library keeps pointers to them
         for one in families:

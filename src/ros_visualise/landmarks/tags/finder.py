@@ -82,6 +82,7 @@ class TagFinder:
             quad_decimate=quad_decimate,
             quad_sigma=quad_sigma,
             refine=refine,
+            least_contrast=2 * max(min_margin, min(one.min_margin for one in families)),
             threads=_THREADS,
         )
 
