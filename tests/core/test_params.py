@@ -101,3 +101,27 @@ def test_listeners_hear_of_real_changes_until_they_leave():
     live.update({"count": 5})
     assert [changed for _, changed in heard] == [{"count": 4}]
     assert heard[0][0].count == 4
+
+
+@dataclass(frozen=True)
+class Preset:
+    kind: Mode = param(
+        Mode.OFF, "which", preset=lambda kind: {"speed": 9 if kind is Mode.FAST else 1, "other": 2}
+    )
+    speed: int = param(1, "how fast", min=0, max=10)
+
+
+def test_a_preset_sets_others_but_for_those_that_are_given_with_it():
+    fast = update(Preset(), {"kind": "fast"})
+    assert (fast.kind, fast.speed) == (Mode.FAST, 9)
+    assert update(Preset(), {"speed": 4, "kind": "fast"}).speed == 4
+    assert update(fast, {"speed": 3}) == Preset(Mode.FAST, 3)
+    assert update(fast, {"kind": "off"}) == Preset()
+
+
+def test_listeners_hear_what_a_preset_sets():
+    live, heard = Parameters(Preset()), []
+    live.on_change(lambda current, changed: heard.append(dict(changed)))
+    live.update({"kind": "fast"})
+    live.update({"kind": "fast", "speed": 3})
+    assert heard == [{"kind": Mode.FAST, "speed": 9}, {"speed": 3}]

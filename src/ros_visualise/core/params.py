@@ -39,6 +39,7 @@ def param(
     file: Callable[[Any], bool] = lambda value: False,
     step: float | None = None,
     label: str = "",
+    preset: Callable[[Any], Mapping[str, Any]] = lambda value: {},
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -56,10 +57,12 @@ def param(
             file in the folder of `ros_visualise.core.paths`, or back to an earlier value.
         step: distance between values; None: any value.
         label: displayed name, if it is not a valid Python identifier.
+        preset: returns the values of other parameters that come with a value of this one. Those of
+            unknown names are skipped, and those that change with it keep their own values.
     """
     metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
     metadata |= {"restart": restart, "group": group, "saved": saved, "used": used, "file": file}
-    metadata |= {"step": step, "label": label}
+    metadata |= {"step": step, "label": label, "preset": preset}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -91,6 +94,7 @@ class Spec:
     file: Callable[[Any], bool]
     step: float | None
     label: str
+    preset: Callable[[Any], Mapping[str, Any]]
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -183,6 +187,9 @@ def update(params: P, changes: Mapping[str, Any]) -> P:
         if name not in known:
             raise ParameterError(f"no parameter {name!r}{did_you_mean(name, known)}")
     values = {name: known[name].coerce(value) for name, value in changes.items()}
+    for name in changes:
+        further = known[name].preset(values[name])
+        values = {n: known[n].coerce(v) for n, v in further.items() if n in known} | values
     return dataclasses.replace(params, **values)  # type: ignore[type-var]
 
 
@@ -220,7 +227,7 @@ class Parameters(Generic[P]):
         with self._lock:
             before = self.current
             after = update(before, changes)
-            values = {name: getattr(after, name) for name in changes}
+            values = {spec.name: getattr(after, spec.name) for spec in specs(after)}
             changed = {n: v for n, v in values.items() if v != getattr(before, n)}
             if changed:
                 self.accept(after, changed)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 from ros_visualise.core.declarations import action
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.data import Header, Image, MarkerArray, PoseStamped, Text, Transforms, Twist
+from ros_visualise.data import MarkerArray, PoseStamped, Text, Transforms, Twist
+from ros_visualise.simulation.delivery import longest_delay_s, restamped
 from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.schedule import SensorOutput
-from ros_visualise.simulation.sensors import equipped, outputs_of
+from ros_visualise.simulation.sensors import equipped, outputs_of, sensors_of
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import LATCHED, Simulation
 from ros_visualise.sources.declarations import source
@@ -96,7 +96,9 @@ class SimulatedRobot:
         self._over_ns: int | None = None
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # after a restart
-        self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
+        period_s = 1 / min(settings.camera_rate, settings.lidar_rate)
+        delay_s = longest_delay_s(sensors_of(settings), settings)
+        self._look_back_ns = round(1e9 * (period_s + delay_s))
         self._sees = settings.camera
         self._is_awaited: Callable[[str], bool] = lambda output: True
         self._timeout_ns = round(settings.command_timeout * 1e9)
@@ -111,7 +113,7 @@ class SimulatedRobot:
         """The sensors' messages as they become due, stamped with the time of the playback."""
         for stamp_ns, batch in self._playback.run(self, self._is_frame):
             for output in batch:
-                self._shift_ns = stamp_ns - batch[-1].stamp_ns
+                self._shift_ns = stamp_ns - batch[-1].time_ns
                 shift_ns = stamp_ns if output.name in HELD else self._shift_ns
                 message = restamped(output.message, shift_ns)
                 yield output.name, prefixed(message, self._tf_prefix)
@@ -128,11 +130,11 @@ class SimulatedRobot:
         simulation, self._over_ns = self._begin(start_ns), None
         shown: dict[str, SensorOutput] = {}
         for output in simulation.run():
-            if output.stamp_ns <= start_ns:
+            if output.time_ns <= start_ns:
                 shown[output.name] = output
             else:
                 yield from self._show(shown)
-                yield output.stamp_ns + self._origin_ns, (output,)
+                yield output.time_ns + self._origin_ns, (output,)
             self._tell(simulation.failure)
             self._begin_again(simulation)
             if self._playback.closed or self._is_over():
@@ -164,10 +166,10 @@ class SimulatedRobot:
 
     def _show(self, shown: dict[str, SensorOutput]) -> Iterator[tuple[int, Batch]]:
         """Yield the messages that were held back."""
-        batch = sorted(shown.values(), key=lambda output: (output.name == _FRAME, output.stamp_ns))
+        batch = sorted(shown.values(), key=lambda output: (output.name == _FRAME, output.time_ns))
         shown.clear()
         if batch:
-            yield batch[-1].stamp_ns + self._origin_ns, tuple(batch)
+            yield batch[-1].time_ns + self._origin_ns, tuple(batch)
 
     def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
         """Render and scan only outputs with listeners."""
@@ -238,17 +240,3 @@ class SimulatedRobot:
 
     def _is_frame(self, batch: Batch) -> bool:
         return batch[-1].name == _FRAME or not (self._sees and self._is_awaited(_FRAME))
-
-
-def restamped(message: Any, shift_ns: int) -> Any:
-    """A message with its stamps shifted."""
-    if isinstance(message, Transforms):
-        return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
-    if isinstance(message, MarkerArray):  # valid at all times
-        return message
-    header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)
-    if isinstance(message, Image) and message.camera_info is not None:
-        return replace(
-            message, header=header, camera_info=replace(message.camera_info, header=header)
-        )
-    return replace(message, header=header)

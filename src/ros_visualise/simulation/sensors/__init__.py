@@ -63,6 +63,8 @@ class SensorType:
         switch: parameter that turns it on; empty: always on.
         always: measure also without listeners, because it has a state.
         standard: every robot gets it.
+        delivery: begin of the names of its parameters of delivery; empty: at once. See
+            `ros_visualise.simulation.delivery`.
         frames: its frames -> position and attitude in ``base_link``, beside those of the robot.
     """
 
@@ -73,6 +75,7 @@ class SensorType:
     switch: str = ""
     always: bool = False
     standard: bool = True
+    delivery: str = ""
     frames: Mapping[str, tuple[Floats, Quat]] = field(default_factory=dict)
 
 

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import GaussMarkov, random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
@@ -25,6 +26,7 @@ def pressure_at(altitude_m: float) -> float:
     return _SEA_LEVEL_PA * math.pow(1 - _LAPSE_K_M * altitude_m / _SEA_LEVEL_K, _EXPONENT)
 
 
+@delivered("baro", "barometer")
 @dataclass(frozen=True)
 class BarometerParams:
     """Parameters of a barometer."""
@@ -72,5 +74,11 @@ def fit(fitting: Fitting) -> Measure:
 
 
 SENSOR = SensorType(
-    BarometerParams, {"pressure": FluidPressure}, "baro_rate", fit, always=True, standard=False
+    BarometerParams,
+    {"pressure": FluidPressure},
+    "baro_rate",
+    fit,
+    always=True,
+    standard=False,
+    delivery="baro",
 )

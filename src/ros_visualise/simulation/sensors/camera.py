@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats, Header, Image, Pixels
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.rendering import Renderer
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
@@ -22,6 +23,7 @@ _NOISE_MARGIN = 64
 _camera = partial(setting, group="camera")
 
 
+@delivered("camera", "camera")
 @dataclass(frozen=True)
 class CameraSensorParams:
     """Parameters of a camera."""
@@ -114,4 +116,6 @@ def fit(fitting: Fitting) -> Measure:
     return measure
 
 
-SENSOR = SensorType(CameraSensorParams, {"image": Image}, "camera_rate", fit, "camera")
+SENSOR = SensorType(
+    CameraSensorParams, {"image": Image}, "camera_rate", fit, "camera", delivery="camera"
+)

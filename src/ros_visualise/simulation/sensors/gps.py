@@ -9,6 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Header, NavSatFix
 from ros_visualise.geometry.geodesy import LocalPlane
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import GaussMarkov, random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
@@ -17,6 +18,7 @@ _DIAGONAL_KNOWN = 2  # COVARIANCE_TYPE_DIAGONAL_KNOWN
 _gps = partial(setting, group="gps")
 
 
+@delivered("gps", "gps")
 @dataclass(frozen=True)
 class GpsParams:
     """Parameters of a GPS receiver."""
@@ -73,4 +75,6 @@ def fit(fitting: Fitting) -> Measure:
     return lambda stamp_ns, _: {"fix": gps.measure(stamp_ns, body.site("gps_link")[0])}
 
 
-SENSOR = SensorType(GpsParams, {"fix": NavSatFix}, "gps_rate", fit, "gps", always=True)
+SENSOR = SensorType(
+    GpsParams, {"fix": NavSatFix}, "gps_rate", fit, "gps", always=True, delivery="gps"
+)

@@ -11,12 +11,14 @@ import numpy as np
 from ros_visualise.data import Floats, Header, Imu
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _imu = partial(setting, group="imu")
 
 
+@delivered("imu", "imu")
 @dataclass(frozen=True)
 class ImuParams:
     """Parameters of an inertial measurement unit."""
@@ -84,4 +86,4 @@ def fit(fitting: Fitting) -> Measure:
     return lambda stamp_ns, _: {"imu": imu.measure(stamp_ns, body.attitude, body.motion())}
 
 
-SENSOR = SensorType(ImuParams, {"imu": Imu}, "imu_rate", fit, always=True)
+SENSOR = SensorType(ImuParams, {"imu": Imu}, "imu_rate", fit, always=True, delivery="imu")

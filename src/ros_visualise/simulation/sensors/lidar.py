@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.rays import PLANE, Ranges, RayCulling, StaticGeoms
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
@@ -31,6 +32,7 @@ _NOISE_STEP = 40503  # from scan to scan: odd, so that a ray uses every number i
 _lidar = partial(setting, group="lidar")
 
 
+@delivered("lidar", "lidar")
 @dataclass(frozen=True)
 class LidarParams:
     """Parameters of a lidar."""
@@ -135,4 +137,6 @@ def fit(fitting: Fitting) -> Measure:
     }
 
 
-SENSOR = SensorType(LidarParams, {"points": PointCloud}, "lidar_rate", fit, "lidar")
+SENSOR = SensorType(
+    LidarParams, {"points": PointCloud}, "lidar_rate", fit, "lidar", delivery="lidar"
+)

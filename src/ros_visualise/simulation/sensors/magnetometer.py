@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import Floats, Header, MagneticField
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
@@ -17,6 +18,7 @@ _TESLA = 1e-6
 _magnetometer = partial(setting, group="magnetometer")
 
 
+@delivered("mag", "magnetometer")
 @dataclass(frozen=True)
 class MagnetometerParams:
     """Parameters of a magnetometer."""
@@ -68,5 +70,11 @@ def fit(fitting: Fitting) -> Measure:
 
 
 SENSOR = SensorType(
-    MagnetometerParams, {"mag": MagneticField}, "mag_rate", fit, always=True, standard=False
+    MagnetometerParams,
+    {"mag": MagneticField},
+    "mag_rate",
+    fit,
+    always=True,
+    standard=False,
+    delivery="mag",
 )

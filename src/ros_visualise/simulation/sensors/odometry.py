@@ -21,6 +21,7 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.frames import ODOM, body_frame
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.noise import Interval, random_of
@@ -34,6 +35,7 @@ _SEEN_TWIST = _SURE * np.eye(6)
 _odometry_setting = partial(setting, group="odometry")
 
 
+@delivered("odom", "odometry")
 @dataclass(frozen=True)
 class OdometryParams:
     """Parameters of any odometry."""
@@ -233,4 +235,6 @@ def fit(fitting: Fitting) -> Measure:
     return measure
 
 
-SENSOR = SensorType(OdometryParams, {"odom": Odometry}, "odom_rate", fit, always=True)
+SENSOR = SensorType(
+    OdometryParams, {"odom": Odometry}, "odom_rate", fit, always=True, delivery="odom"
+)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats, Header, TwistWithCovarianceStamped
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 from ros_visualise.simulation.sensors.rangefinder import distance_below
@@ -23,6 +24,7 @@ UNMEASURED = 1e6
 _flow = partial(setting, group="optical flow")
 
 
+@delivered("flow", "optical flow")
 @dataclass(frozen=True)
 class OpticalFlowParams:
     """Parameters of an optical flow sensor."""
@@ -101,4 +103,5 @@ SENSOR = SensorType(
     always=True,
     standard=False,
     frames={FRAME: MOUNT},
+    delivery="flow",
 )

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Range
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.noise import random_of
@@ -23,6 +24,7 @@ _BEAM_RAD = 0.03
 _range = partial(setting, group="rangefinder")
 
 
+@delivered("range", "rangefinder")
 @dataclass(frozen=True)
 class RangefinderParams:
     """Parameters of a rangefinder."""
@@ -100,4 +102,5 @@ SENSOR = SensorType(
     always=True,
     standard=False,
     frames={FRAME: MOUNT},
+    delivery="range",
 )

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import Header, TwistWithCovarianceStamped
+from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
@@ -16,6 +17,7 @@ from ros_visualise.simulation.sensors.optical_flow import UNMEASURED
 _wheels = partial(setting, group="wheel speed")
 
 
+@delivered("wheel", "wheel speed")
 @dataclass(frozen=True)
 class WheelSpeedParams:
     """Parameters of a speed sensor on the wheels."""
@@ -69,4 +71,5 @@ SENSOR = SensorType(
     "wheel_speed",
     always=True,
     standard=False,
+    delivery="wheel",
 )
