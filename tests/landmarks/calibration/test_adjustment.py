@@ -8,7 +8,7 @@ from board_pictures import poses_of
 from ros_visualise.landmarks.calibration.adjustment import adjust, begin
 from ros_visualise.landmarks.calibration.boards import BoardKind, board_of, points_xy
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
-from ros_visualise.landmarks.calibration.finding import BoardPoints
+from ros_visualise.landmarks.calibration.finding import BoardPoints, find_board
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, project
 from ros_visualise.landmarks.calibration.views import BoardView
 
@@ -47,29 +47,85 @@ def test_exact_points_give_the_camera_itself(lens):
         assert np.abs(uv - view.points.uv).max() < 0.01
 
 
-def test_numbers_and_deviations_are_those_of_opencv():
-    views = make_views(Lens.PINHOLE, 2)
+def test_numbers_and_deviations_are_those_of_opencv_where_errors_are_independent():
+    """OpenCV's boards are flat, so ours may be up to half as unsure again."""
+    views = make_views(Lens.PINHOLE, 2, count=40)
     fit = fit_of(views, Lens.PINHOLE)
     given = [[view.points_xyz.astype(np.float32) for view in views]]
     given.append([view.points.uv.astype(np.float32) for view in views])
-    rms, K, D, _, _, deviations, *_ = cv2.calibrateCameraExtended(*given, SIZE, None, None)
-    assert fit.rms == pytest.approx(rms, rel=1e-3)
-    assert fit.numbers[:4] == pytest.approx(K[[0, 1, 0, 1], [0, 1, 2, 2]], abs=0.02)
-    assert fit.numbers[4:] == pytest.approx(D.ravel(), abs=2e-3)
-    assert np.sqrt(np.diag(fit.covariance)) == pytest.approx(deviations[:9, 0], rel=0.02)
+    rms, K, _, _, _, deviations, *_ = cv2.calibrateCameraExtended(*given, SIZE, None, None)
+    assert fit.rms == pytest.approx(rms, rel=0.01)
+    assert fit.numbers[:4] == pytest.approx(K[[0, 1, 0, 1], [0, 1, 2, 2]], abs=0.5)
+    ratios = np.sqrt(np.diag(fit.covariance)) / deviations[:9, 0]
+    assert 0.8 < ratios.min() <= ratios.max() < 1.6
 
 
-@pytest.mark.parametrize("lens", [Lens.PINHOLE, Lens.FISHEYE])
-def test_errors_are_as_large_as_their_covariance_says(lens):
-    """The mean of the normalized squared errors lies in the band of 99% of chi-square."""
-    true = np.array(CAMERAS[lens], float)
-    squares = []
-    for seed in range(25):
-        fit = fit_of(make_views(lens, 100 + seed, count=8), lens)
-        error = fit.numbers - true
-        squares.append(error @ np.linalg.solve(fit.covariance, error))
-    count = len(true)
-    assert abs(np.mean(squares) - count) < 2.6 * np.sqrt(2 * count / len(squares))
+def pinhole(points_xyz, numbers):
+    """Brown's equations, written down anew, so that no code of ours judges itself."""
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = numbers
+    x, y = points_xyz[:, 0] / points_xyz[:, 2], points_xyz[:, 1] / points_xyz[:, 2]
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return np.column_stack([fx * u + cx, fy * v + cy])
+
+
+def shared_errors(xy, random):
+    """Pixels (N, 2) as of light or blur: a smooth field that is another one in each view."""
+    x, y = (xy - xy.mean(axis=0)).T / 0.1
+    return (random.normal(0, 0.15, (2, 6)) @ [x**0, x, y, x * x, x * y, y * y]).T
+
+
+def rolled(points_xyz, uv, random):
+    """A board that moves while the rows of the image are read one after the other."""
+    return points_xyz + (uv[:, 1:] / SIZE[1] - 0.5) * random.normal(0, 0.005, 3)
+
+
+@pytest.mark.parametrize("kind", ["white", "shared", "rolling", "bent", "film"])
+@pytest.mark.parametrize("count", [8, 25])
+def test_errors_are_as_large_as_their_covariance_says(kind, count):
+    """Means of 30 cameras: 4 squared errors of variance 1 each; the deviation is about 0.13."""
+    squares, xy, true = [], points_xy(BOARD), np.array(CAMERAS[Lens.PINHOLE], float)
+    for seed in range(30):
+        random, views = np.random.default_rng(seed), []
+        bend, start = random.normal(0, 0.001, 2), random.uniform(0, 100)
+        for number, pose in enumerate(poses_of(BOARD, count, random, 1.1, spread=0.3)):
+            if kind == "film":  # neighbours are alike
+                at = start + number * np.array([0.17, 0.23, 0.08, 0.13, 0.11, 0.09])
+                pose = np.array([0.5, 0.5, 0.3, 0.05, 0.04, 0.06]) * np.sin(at)
+                pose[3:] += [-0.1, -0.07, 0.28]
+            x, y = (xy - xy.mean(axis=0)).T / 0.1
+            height = (bend[0] * x * x + bend[1] * x * y) * (kind in ("bent", "film"))
+            board = np.column_stack([xy, height])
+            seen = board @ cv2.Rodrigues(pose[:3])[0].T + pose[3:]
+            uv = pinhole(seen, true)
+            if kind == "rolling":
+                uv = pinhole(rolled(seen, uv, random), true)
+            uv += random.normal(0, 0.1, uv.shape)
+            uv += shared_errors(xy, random) * (kind in ("shared", "film"))
+            views.append(BoardView(f"{number}", BOARD, BoardPoints(np.arange(35), uv), SIZE))
+        fit = fit_of(views, Lens.PINHOLE)
+        error, part = (fit.numbers - true)[:4], fit.covariance[:4, :4]
+        squares.append(error @ np.linalg.solve(part, error) / 4)
+    assert 0.35 < np.mean(squares) < 1.6
+
+
+def test_halves_of_real_pictures_differ_as_much_as_their_deviations_say(recordings):
+    """Independent errors would be told 4 times too small: a mean square near 6 instead of 1."""
+    board, random, squares = board_of(BoardKind.CHESSBOARD, "9x6"), np.random.default_rng(1), []
+    paths = sorted((recordings / "calib" / "opencv").glob("left*.jpg"))
+    pictures = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths]
+    views = [BoardView("", board, find_board(one, board), SIZE) for one in pictures]
+    for _ in range(30):
+        order = random.permutation(len(views))
+        one, other = (
+            fit_of([views[i] for i in half], Lens.PINHOLE) for half in (order[:6], order[6:])
+        )
+        off = (one.numbers - other.numbers)[:4]
+        part = (one.covariance + other.covariance)[:4, :4]
+        squares.append(off @ np.linalg.solve(part, off) / 4)
+    assert 0.35 < np.mean(squares) < 1.6
 
 
 def test_a_bad_view_is_named_and_left_out():

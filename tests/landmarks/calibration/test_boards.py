@@ -9,9 +9,11 @@ import pytest
 from board_pictures import Studio, poses_of
 
 from ros_visualise.core.errors import UsageError
+from ros_visualise.landmarks.calibration import finder as finder_module
 from ros_visualise.landmarks.calibration.boards import (
     BoardKind,
     board_of,
+    dictionary_of,
     marker_corners,
     points_xy,
 )
@@ -89,6 +91,49 @@ def test_other_readings_of_the_counts_are_tried(pictures, board, said):
     for picture, _ in pictures(board, 2):
         assert finder.look(picture, "") is not None
     assert finder.board == board
+
+
+@pytest.mark.parametrize(
+    ("board", "said"),
+    [
+        (board_of(BoardKind.CHARUCO, "7x6", dictionary="4X4_50"), "7x6"),
+        (board_of(BoardKind.CHARUCO, "7x6", dictionary="APRILTAG_36h11"), "6x7"),
+        (board_of(BoardKind.CHARUCO, "7x6", dictionary="6X6_50"), "6x5"),
+        (board_of(BoardKind.APRILGRID, "5x4", dictionary="APRILTAG_25h9"), "5x4"),
+    ],
+    ids=lambda one: getattr(one, "dictionary", one),
+)
+def test_other_dictionaries_are_tried_and_the_right_one_is_named(pictures, board, said):
+    finder = BoardFinder(board_of(board.kind, said))
+    for picture, _ in pictures(board, 2):
+        assert finder.look(picture, "") is not None
+    assert finder.board == board
+    assert board.dictionary in finder.board.words
+
+
+def test_images_without_a_board_do_not_try_dictionaries_for_ever(pictures, monkeypatch):
+    """In the first, second, fourth image: of 40, in 6."""
+    tried = []
+    found = finder_module.find_markers
+    count = lambda gray, board: (tried.append(board.dictionary), found(gray, board))[1]  # noqa: E731
+    monkeypatch.setattr(finder_module, "find_markers", count)
+    finder = BoardFinder(CHARUCO)
+    for _ in range(40):
+        assert finder.look(np.full((100, 100), 128, np.uint8), "") is None
+    assert tried.count("4X4_50") == 6
+    picture = pictures(CHARUCO, 1)[0][0]
+    assert finder.look(picture, "").board == CHARUCO
+
+
+@pytest.mark.parametrize("bits", [4, 5, 6, 7])
+def test_larger_dictionaries_begin_with_the_smaller_ones(bits):
+    boards = [
+        board_of(BoardKind.CHARUCO, "7x6", dictionary=f"{bits}X{bits}_{size}")
+        for size in (50, 100, 250, 1000)
+    ]
+    codes = [dictionary_of(board).bytesList for board in boards]
+    for larger in codes[1:]:
+        assert np.array_equal(larger[:50], codes[0])
 
 
 @pytest.mark.parametrize("board", [CHESSBOARD, CHARUCO, APRILGRID], ids=lambda one: one.kind.value)

@@ -84,7 +84,8 @@ def to_json(
             "pattern": board.kind.value,
             "columns": board.columns,
             "rows": board.rows,
-            "as_said": board.counts == collector.finder.said.counts,
+            "dictionary": board.dictionary,
+            "as_said": not _differences(collector),
             "words": board.words,
         },
         "images": collector.seen,
@@ -150,12 +151,20 @@ def _color(number: int) -> Color:
 
 
 def _about_board(found: CameraCalibration, collector: ViewCollector) -> str:
-    board, said = collector.finder.board, collector.finder.said
+    board, differences = collector.finder.board, _differences(collector)
     assert board is not None
     width, height = found.size
-    other = "" if board.counts == said.counts else f" (not of {said.counts})"
+    other = f" (not of {', '.join(differences)})" if differences else ""
     where = f"in {collector.found} of {counted(collector.seen, 'image')} of {width}x{height}"
     return f"{board.words}{other}, {where}"
+
+
+def _differences(collector: ViewCollector) -> list[str]:
+    """In what the description of the board is wrong."""
+    board, said = collector.finder.board, collector.finder.said
+    assert board is not None
+    pairs = ((said.counts, board.counts), (said.dictionary, board.dictionary))
+    return [given for given, found in pairs if given != found]
 
 
 def _numbers(found: CameraCalibration, start: int, stop: int | None, form: str) -> str:

@@ -2,9 +2,17 @@
 
 Least squares of the reprojection by Levenberg and Marquardt. Each board's pose affects only its own
 view, so poses are eliminated first (the Schur complement). What is left is the information matrix
-of the camera's numbers, whose inverse is their covariance.
+of what all views share: the camera's numbers, and the bend of the board, which is never flat.
 
-Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1.
+The inverse of that matrix is the covariance if the errors of all points are independent. Those of
+one view are not: they share its light, blur and motion, and a model of the lens that is not quite
+right. So whole views are what counts: the covariance is that of the results without one view each
+(the jackknife), and larger where views that follow one another share errors too.
+
+Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1; D. Kogan,
+mrcal: the bend of the board; B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans,
+1982, chapter 3; A. Cameron, D. Miller, A Practitioner's Guide to Cluster-Robust Inference, Journal
+of Human Resources 50, 2015, section VI.B (the same for clusters).
 """
 
 from __future__ import annotations
@@ -25,6 +33,10 @@ _FAR_RAY = 6.0  # largest useful slope of a ray
 _FOCAL_LENGTHS = np.geomspace(0.2, 5, 30)  # initial guesses, in lengths of the longer side
 _BEGUN_WITH = 12  # views used for the initial guess
 _HOPELESS = 1e12
+_FLAT_PX = 20.0  # weight of the bend: 0.2 px for 1 % of half the board's diagonal
+_BENDS = 3
+_BLOCK = 3  # consecutive views that may share errors
+_BLOCKS = 6  # least number of blocks of views
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +46,14 @@ class BundleFit:
     Attributes:
         numbers: (n,) of the camera.
         poses: (V, 6) of the boards in the camera's frame.
+        bend: (3,) of the board, see `BoardView.bends`.
         residuals: of each view (N, 2), pixels: predicted minus measured.
-        covariance: (n, n) of the numbers, scaled by the residuals; None if the camera was held.
+        covariance: (n, n) of the numbers; None if the camera was held.
     """
 
     numbers: Floats
     poses: Floats
+    bend: Floats
     residuals: list[Floats]
     covariance: Floats | None
 
@@ -75,7 +89,12 @@ def begin(views: Sequence[BoardView], model: LensModel) -> Floats:
 
 
 def adjust(
-    views: Sequence[BoardView], model: LensModel, numbers: Floats, *, held: bool = False
+    views: Sequence[BoardView],
+    model: LensModel,
+    numbers: Floats,
+    bend: Floats | None = None,
+    *,
+    held: bool = False,
 ) -> BundleFit:
     """Fit the camera and the boards' poses to the views.
 
@@ -83,17 +102,19 @@ def adjust(
         views: of at least 3 boards, unless the camera is held.
         model: of the lens.
         numbers: initial values of the camera's numbers.
-        held: keep the camera fixed; only the boards move.
+        bend: of the board; None: flat.
+        held: keep camera and bend fixed; only the boards move.
     """
     poses = np.array([_pose(view, numbers, model) for view in views])
-    system = _System(views, model, numbers, poses, held)
+    shared = np.concatenate([numbers, np.zeros(_BENDS) if bend is None else bend])
+    system = _System(views, model, shared, poses, held)
     damping = 1e-3
     for _ in range(_MOST_STEPS):
         step = system.step(damping)
-        tried = _System(views, model, numbers + step[0], poses + step[1], held)
+        tried = _System(views, model, shared + step[0], poses + step[1], held)
         if tried.cost < system.cost:
             is_done = system.cost - tried.cost < _DONE * system.cost
-            numbers, poses, system = numbers + step[0], poses + step[1], tried
+            shared, poses, system = shared + step[0], poses + step[1], tried
             damping = max(damping / 10, 1e-12)
             if is_done:
                 break
@@ -101,66 +122,98 @@ def adjust(
             break
         else:
             damping *= 10
-    covariance = None if held else system.covariance()
-    return BundleFit(numbers, poses, system.residuals, covariance)
+    count = len(numbers)
+    covariance = None if held else system.covariance()[:count, :count]
+    return BundleFit(shared[:count], poses, shared[count:], system.residuals, covariance)
 
 
 class _System:
-    """The linear equations around one state."""
+    """The linear equations around one state; ``shared`` are the camera's numbers and the bend."""
 
     def __init__(
         self,
         views: Sequence[BoardView],
         model: LensModel,
-        numbers: Floats,
+        shared: Floats,
         poses: Floats,
         held: bool,
     ) -> None:
         self._held = held
-        self._U = np.zeros((len(numbers), len(numbers)))
-        self._ga = np.zeros(len(numbers))
-        self._blocks: list[tuple[Floats, Floats, Floats]] = []
+        numbers, bend = shared[:-_BENDS], shared[-_BENDS:]
+        prior = np.concatenate([np.zeros(len(numbers)), np.full(_BENDS, _FLAT_PX**2)])
+        self._U, self._ga = np.diag(prior), prior * shared
+        self._blocks: list[tuple[Floats, Floats, Floats, Floats, Floats]] = []
         self.residuals: list[Floats] = []
         for view, pose in zip(views, poses, strict=True):
-            uv, A, B = project(view.points_xyz, pose, numbers, model)
+            uv, by_numbers, B = project(view.bent_xyz(bend), pose, numbers, model)
+            by_height = B[:, 3:] @ cv2.Rodrigues(pose[:3].copy())[0][:, 2]
+            A = np.hstack([by_numbers, by_height[:, None] * np.repeat(view.bends, 2, axis=0)])
             residual = uv - view.points.uv
             flat = residual.ravel()
             self.residuals.append(residual)
-            self._U += A.T @ A
-            self._ga += A.T @ flat
-            self._blocks.append((B.T @ B, A.T @ B, B.T @ flat))
-        cost = sum(float((one**2).sum()) for one in self.residuals)
+            self._blocks.append((B.T @ B, A.T @ B, B.T @ flat, A.T @ A, A.T @ flat))
+        self._U = self._U + sum(U for *_, U, _ in self._blocks)
+        self._ga = self._ga + sum(ga for *_, ga in self._blocks)
+        cost = sum(float((one**2).sum()) for one in self.residuals) + float(prior @ shared**2)
         self.cost = cost if np.isfinite(cost) else np.inf
 
     def step(self, damping: float) -> tuple[Floats, Floats]:
-        """The change of the camera's numbers and the poses (V, 6)."""
-        V_inverse = [np.linalg.inv(_damped(V, damping)) for V, _, _ in self._blocks]
-        numbers = np.zeros(len(self._U))
+        """The change of what the views share, and of the poses (V, 6)."""
+        V_inverse = [np.linalg.inv(_damped(V, damping)) for V, *_ in self._blocks]
+        shared = np.zeros(len(self._U))
         if not self._held:
             S, g = _damped(self._U, damping), self._ga.copy()
-            for inverse, (_, W, gb) in zip(V_inverse, self._blocks, strict=True):
+            for inverse, (_, W, gb, *_) in zip(V_inverse, self._blocks, strict=True):
                 S -= W @ inverse @ W.T
                 g -= W @ inverse @ gb
-            numbers = -np.linalg.lstsq(S, g, rcond=None)[0]
+            shared = -np.linalg.lstsq(S, g, rcond=None)[0]
         poses = [
-            -inverse @ (gb + W.T @ numbers)
-            for inverse, (_, W, gb) in zip(V_inverse, self._blocks, strict=True)
+            -inverse @ (gb + W.T @ shared)
+            for inverse, (_, W, gb, *_) in zip(V_inverse, self._blocks, strict=True)
         ]
-        return numbers, np.array(poses)
+        return shared, np.array(poses)
 
     def covariance(self) -> Floats:
-        """Covariance of the camera's numbers, given pixel noise as large as the residuals."""
-        S = self._U.copy()
-        for V, W, _ in self._blocks:
-            S -= W @ np.linalg.pinv(V) @ W.T
-        count = sum(one.size for one in self.residuals)
-        free = max(count - len(S) - 6 * len(self._blocks), 1)
-        scale = 1 / np.sqrt(
-            np.maximum(np.diag(S), 1e-300)
-        )  # for numbers of very different magnitude
-        return (
-            np.linalg.pinv(S * np.outer(scale, scale)) * np.outer(scale, scale) * self.cost / free
-        )
+        """Covariance of what the views share, by how much the views contradict one another.
+
+        With few views the jackknife is itself uncertain, and blind in some directions. So it is
+        averaged with the covariance of independent errors, enlarged to the same size.
+        """
+        reduced = [self._reduced(*block) for block in self._blocks]
+        S = self._U - sum(W @ np.linalg.pinv(V) @ W.T for V, W, *_ in self._blocks)
+        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._blocks), 1)
+        independent = _inverse(S) * self.cost / free
+        by_views = _jackknife(S, reduced, 1)
+        size = int(np.clip(len(reduced) // _BLOCKS, 1, _BLOCK))
+        by_blocks = _jackknife(S, reduced, size)
+        larger = max(np.trace(S @ by_views) / np.trace(S @ independent), 1.0)
+        shared = max(np.trace(S @ by_blocks) / np.trace(S @ by_views), 1.0)
+        covariance: Floats = shared * (by_views + larger * independent) / 2
+        return covariance
+
+    @staticmethod
+    def _reduced(V: Floats, W: Floats, gb: Floats, U: Floats, ga: Floats) -> tuple[Floats, Floats]:
+        """Information and gradient of one view, without its pose."""
+        out = W @ np.linalg.pinv(V)
+        return U - out @ W.T, ga - out @ gb
+
+
+def _jackknife(S: Floats, views: Sequence[tuple[Floats, Floats]], size: int) -> Floats:
+    """Covariance by how the result changes without each block of ``size`` views."""
+    moves = []
+    for start in range(0, len(views), size):
+        block = views[start : start + size]
+        moves.append(_inverse(S - sum(U for U, _ in block)) @ sum(g for _, g in block))
+    apart = np.array(moves)
+    covariance: Floats = (len(moves) - 1) / len(moves) * apart.T @ apart
+    return covariance
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Pseudo-inverse of information about numbers of very different magnitude."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse: Floats = np.linalg.pinv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
+    return inverse
 
 
 def _damped(matrix: Floats, damping: float) -> Floats:

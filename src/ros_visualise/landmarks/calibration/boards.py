@@ -72,13 +72,14 @@ class Board:
     def words(self) -> str:
         """Description, such as ``chessboard of 9x6 inner corners``."""
         words = f"{self.noun} of {self.counts}"
-        if self.kind is BoardKind.CHARUCO and self.white_first:
-            return f"{words}, the first white"
-        if self.kind is not BoardKind.APRILGRID:
+        if self.kind is BoardKind.CHESSBOARD:
             return words
+        if self.kind is BoardKind.CHARUCO:
+            first = ", the first white," if self.white_first else ""
+            return f"{words}{first} with markers of {self.dictionary}"
         rims = "two cells" if self.border == 2 else "one cell"
         end = "bottom" if self.upwards else "top"
-        return f"{words} with black rims of {rims}, counted from the {end}"
+        return f"{words} of {self.dictionary} with black rims of {rims}, counted from the {end}"
 
 
 _SHARES = {BoardKind.CHESSBOARD: 0.0, BoardKind.CHARUCO: 0.75, BoardKind.APRILGRID: 0.3}
@@ -87,6 +88,7 @@ _DICTIONARIES = {
     BoardKind.CHARUCO: "5X5_1000",
     BoardKind.APRILGRID: "APRILTAG_36h11",
 }
+_APRILTAGS = tuple(f"APRILTAG_{name}" for name in ("16h5", "25h9", "36h10", "36h11"))
 _MOST = 100
 
 
@@ -224,6 +226,23 @@ def dark_rectangles(board: Board) -> Floats:
 def has_dictionary(name: str) -> bool:
     """True if OpenCV has a dictionary of markers of that name, without ``DICT_``."""
     return hasattr(cv2.aruco, f"DICT_{name}")
+
+
+def dictionaries_of(board: Board) -> tuple[str, ...]:
+    """The smallest dictionary of each kind of marker that has enough for a board.
+
+    The larger ones of a kind begin with the same markers, so that one stands for all of them.
+    """
+    if board.kind is BoardKind.CHESSBOARD:
+        return ()
+    count = len(marker_corners(board))
+    several = [*_APRILTAGS]
+    if board.kind is BoardKind.CHARUCO:
+        size = next((one for one in (50, 100, 250, 1000) if one >= count), 1000)
+        several += [f"{bits}X{bits}_{size}" for bits in (4, 5, 6, 7)]
+        several += ["ARUCO_ORIGINAL", "ARUCO_MIP_36h12"]
+    boards = [replace(board, dictionary=name) for name in several if has_dictionary(name)]
+    return tuple(one.dictionary for one in boards if len(dictionary_of(one).bytesList) >= count)
 
 
 def dictionary_of(board: Board) -> Any:

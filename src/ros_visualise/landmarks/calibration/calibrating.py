@@ -107,14 +107,14 @@ def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     if outliers:
         gone = [view for view, _ in outliers]
         kept = [view for view in kept if view not in gone]
-        fit = adjust(kept, model, fit.numbers)
+        fit = adjust(kept, model, fit.numbers, fit.bend)
     whole, stray = kept, 0
     for _ in range(_ROUNDS):
         before = stray
         kept, stray = _without_stray(whole, fit, model)
         if stray == before:
             break
-        fit = adjust(kept, model, fit.numbers)
+        fit = adjust(kept, model, fit.numbers, fit.bend)
     size = views[0].size
     return CameraCalibration(
         model=model,
@@ -135,7 +135,7 @@ def compare_halves(views: Sequence[BoardView], model: LensModel) -> Halves | Non
         return None
     fits = [adjust(half, model, begin(half, model)) for half in halves]
     held = [
-        adjust(half, model, fit.numbers, held=True)
+        adjust(half, model, fit.numbers, fit.bend, held=True)
         for half, fit in zip(halves, reversed(fits), strict=True)
     ]
     one, other = (float(fit.numbers[:2].mean()) for fit in fits)
@@ -186,7 +186,7 @@ def _without_stray(
     limit = max(_STRAY * float(np.median(lengths)), _STRAY_PX)
     kept, stray = [], 0
     for view, pose in zip(views, fit.poses, strict=True):
-        uv, _, _ = project(view.points_xyz, pose, fit.numbers, model)
+        uv, _, _ = project(view.bent_xyz(fit.bend), pose, fit.numbers, model)
         is_near = np.linalg.norm(uv - view.points.uv, axis=1) < limit
         if is_near.sum() >= FEWEST and not is_near.all():
             stray += int((~is_near).sum())

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.calibration.boards import Board, BoardKind, points_xy, readings
+from ros_visualise.landmarks.calibration.boards import (
+    Board,
+    BoardKind,
+    dictionaries_of,
+    points_xy,
+    readings,
+)
 from ros_visualise.landmarks.calibration.finding import Markers, find_board, find_markers
 from ros_visualise.landmarks.calibration.views import BoardView
 
@@ -16,6 +24,8 @@ class BoardFinder:
     """Finds a board in images, and determines which interpretation of its description fits.
 
     All interpretations are tried until one was found three times; from then on, only that one.
+    While none was found, other dictionaries are tried too, in the first image, the second, the
+    fourth, the eighth and so on.
 
     Args:
         board: described by the user.
@@ -25,6 +35,7 @@ class BoardFinder:
         self.said = board
         self._readings = readings(board)
         self._found: Counter[Board] = Counter()
+        self._seen = 0
 
     @property
     def board(self) -> Board | None:
@@ -35,9 +46,10 @@ class BoardFinder:
     def tried(self) -> str:
         """The boards searched for, in words."""
         first, *others = dict.fromkeys(one.counts for one in self._readings)
-        return f"{self._readings[0].noun} of {first}" + (
-            f", nor one of {' or '.join(others)}" if others else ""
-        )
+        tried = f"{self.said.noun} of {first}"
+        tried += f", nor one of {' or '.join(others)}" if others else ""
+        dictionaries = dictionaries_of(self.said)
+        return tried + (f", with markers of {', '.join(dictionaries)}" if dictionaries else "")
 
     def look(self, gray: Pixels, name: str, thorough: bool = True) -> BoardView | None:
         """The board in an image.
@@ -47,17 +59,14 @@ class BoardFinder:
             name: of the image.
             thorough: see `find_board`.
         """
-        size = (gray.shape[1], gray.shape[0])
-        seen = []
-        markers: dict[int, Markers] = {}  # by border, the only difference between readings
-        for board in self._candidates():
-            if board.kind is not BoardKind.CHESSBOARD and board.border not in markers:
-                markers[board.border] = find_markers(gray, board)
-            seen.append((board, find_board(gray, board, thorough, markers.get(board.border))))
-        views = [
-            BoardView(name, board, points, size) for board, points in seen if points is not None
-        ]
-        best = max(views, key=_how_well, default=None)
+        self._seen += 1
+        best = _find_best(gray, name, thorough, self._candidates())
+        if best is None and not self._found and self._seen & (self._seen - 1) == 0:
+            others = [replace(self.said, dictionary=one) for one in dictionaries_of(self.said)]
+            boards = [board for one in others for board in readings(one)]
+            best = _find_best(gray, name, thorough, boards)
+            if best is not None:
+                self._readings = readings(replace(self.said, dictionary=best.board.dictionary))
         if best is not None:
             self._found[best.board] += 1
         return best
@@ -66,6 +75,23 @@ class BoardFinder:
         board = self.board
         is_sure = board is not None and self._found[board] >= _SURE
         return [board] if board is not None and is_sure else list(self._readings)
+
+
+def _find_best(
+    gray: Pixels, name: str, thorough: bool, boards: Iterable[Board]
+) -> BoardView | None:
+    """The board that an image shows best; None if it shows none of them."""
+    size = (gray.shape[1], gray.shape[0])
+    markers: dict[tuple[str, int], Markers] = {}  # readings of one board share them
+    views = []
+    for board in boards:
+        kind = board.dictionary, board.border
+        if board.kind is not BoardKind.CHESSBOARD and kind not in markers:
+            markers[kind] = find_markers(gray, board)
+        points = find_board(gray, board, thorough, markers.get(kind))
+        if points is not None:
+            views.append(BoardView(name, board, points, size))
+    return max(views, key=_how_well, default=None)
 
 
 def _how_well(view: BoardView) -> tuple[float, float, int]:

@@ -99,7 +99,7 @@ def find_markers(gray: Pixels, board: Board) -> Markers:
     return numbers, np.array(corners, np.float64).reshape(-1, 4, 2)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=24)
 def _finder_of(dictionary: str, border: int) -> TagFinder:
     name = f"DICT_{dictionary}"
     return TagFinder([Family(f"{name}, rim of {border}", _HAMMING, _MARGIN, name, rim=border)])

@@ -51,6 +51,23 @@ class BoardView:
         return np.column_stack([flat, np.zeros(len(flat))])
 
     @cached_property
+    def bends(self) -> Floats:
+        """(N, 3) heights of the points, metres, of a board bent along x, along y, and twisted.
+
+        Each by half the board's diagonal at that distance from its middle.
+        """
+        flat = points_xy(self.board)
+        middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
+        half = float(np.linalg.norm(flat.max(axis=0) - middle))
+        x, y = ((self.points_xyz[:, :2] - middle) / half).T
+        heights: Floats = half * np.column_stack([x * x, y * y, x * y])
+        return heights
+
+    def bent_xyz(self, bend: Floats) -> Floats:
+        """(N, 3), metres, the points of a board with that bend (3,)."""
+        return self.points_xyz + np.outer(self.bends @ bend, [0, 0, 1])
+
+    @cached_property
     def measures(self) -> Floats:
         """(4,), each from 0 to 1: x, y, size and skew of the board in the image."""
         (top_left, top_right, bottom_right, _), area = self._outline
