@@ -10,7 +10,7 @@ from made_videos import write_video
 from ros_visualise.commands import main
 from ros_visualise.landmarks.calibration.boards import BoardKind, board_of
 from ros_visualise.landmarks.calibration.sheet import lay_out, rasterise
-from ros_visualise.sources.calibration import read_calibration
+from ros_visualise.sources.calibration import read_calibration, read_uncertainty
 
 
 @pytest.fixture
@@ -41,6 +41,8 @@ def test_opencvs_pictures(recordings, run, tmp_path):
     info = read_calibration(str(out))
     assert (info.width, info.height, info.distortion_model) == (640, 480, "plumb_bob")
     assert info.K.ravel().tolist() == report["K"]
+    known = read_uncertainty(str(out)).deviations
+    assert known == pytest.approx([*report["deviations"].values()])
     assert plot.read_bytes().startswith(b"<svg")
 
 

@@ -14,6 +14,7 @@ from ros_visualise.core.params import update
 from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.landmarks.tags import draw_cells, family
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
+from ros_visualise.sources.calibration import to_yaml
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
@@ -191,3 +192,22 @@ def test_what_cannot_be_is_refused_when_it_begins(tmp_path):
         TagDetector(TagParams(families="x"))
     with pytest.raises(OpenError, match="no such file"):
         TagDetector(TagParams(tags=str(tmp_path / "none.yaml")))
+
+
+def test_the_uncertainty_of_a_calibration_file_is_that_of_the_poses(tmp_path):
+    path, covariance = tmp_path / "camera.yaml", np.diag([36.0, 36.0, 1.0, 1.0])
+    path.write_text(to_yaml(replace(INFO, D=np.zeros(0)), "camera", covariance))
+    image = picture()
+    plain, given, by_hand = (
+        found_in(image, **changes).detections[0].hypotheses[0]
+        for changes in ({}, {"calibration": str(path)}, {"focal_sigma": 2, "center_sigma": 1})
+    )
+    assert np.trace(given.covariance[:3, :3]) > 4 * np.trace(plain.covariance[:3, :3])
+    np.testing.assert_allclose(given.covariance, by_hand.covariance)
+
+
+def test_a_calibration_without_uncertainty_is_refused_at_once(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(to_yaml(INFO, "camera"))
+    with pytest.raises(ParameterError, match=r"calibration=.*no intrinsics_covariance"):
+        update(TagParams(), {"calibration": str(path)})

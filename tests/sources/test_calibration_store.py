@@ -8,9 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ros_visualise.core.errors import RecordingError, UsageError
+from ros_visualise.core.errors import OpenError, RecordingError, UsageError
 from ros_visualise.data import CameraInfo
-from ros_visualise.sources.calibration import check, locate, read_calibration, save
+from ros_visualise.sources.calibration import (
+    check,
+    locate,
+    read_calibration,
+    read_uncertainty,
+    save,
+    to_yaml,
+)
 
 CONVERT = Path("/usr/lib/camera_calibration_parsers/convert")
 TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -55,10 +62,40 @@ def test_what_is_written_is_what_is_read(info, tmp_path):
     np.testing.assert_array_equal(found.P, P)
 
 
+def test_the_uncertainty_is_read_as_it_was_written(tmp_path):
+    root = np.random.default_rng(0).normal(size=(9, 9)) * [2, 3, 1, 4, *[0.01] * 5]
+    path, covariance = tmp_path / "front.yaml", root.T @ root
+    path.write_text(to_yaml(INFO, "front", covariance))
+    found = read_uncertainty(f"file://{path}")
+    np.testing.assert_array_equal(found.covariance, covariance)
+    fx, fy, cx, cy = np.sqrt(np.diag(covariance))[:4]
+    assert found.focal == pytest.approx(max(fx / 535.92, fy / 535.5))
+    assert found.center_px == pytest.approx(max(cx, cy))
+    assert read_calibration(str(path)).K.tolist() == INFO.K.tolist()
+
+
+@pytest.mark.parametrize(
+    ("covariance", "why"),
+    [
+        (None, "no intrinsics_covariance; write the file by ros-visualise calibrate"),
+        (np.eye(4), "its intrinsics_covariance has 16 numbers, not 81"),
+        (-np.eye(9), "its intrinsics_covariance is not symmetric and positive semidefinite"),
+        (np.triu(np.ones((9, 9))), "is not symmetric"),
+        (np.full((9, 9), np.nan), "holds a value that is not a number"),
+    ],
+)
+def test_a_file_without_a_valid_uncertainty_is_refused(covariance, why, tmp_path):
+    path = tmp_path / "front.yaml"
+    path.write_text(to_yaml(INFO, "front", covariance))
+    with pytest.raises(OpenError, match=why):
+        read_uncertainty(str(path))
+    assert read_calibration(str(path)).width == 640
+
+
 @pytest.mark.skipif(not CONVERT.exists(), reason="apt install camera-calibration-parsers-tools")
 def test_the_parsers_of_ros_read_it(tmp_path):
     path, ini = tmp_path / "front.yaml", tmp_path / "front.ini"
-    save(INFO, path, "front")
+    path.write_text(to_yaml(INFO, "front", np.eye(9)))
     subprocess.run([CONVERT, path, ini], check=True, capture_output=True)
     text = ini.read_text()
     assert "[front]" in text

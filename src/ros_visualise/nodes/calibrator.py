@@ -98,7 +98,7 @@ class CameraCalibrator:
         if self._found is None:
             return self._say("nothing to save yet: calibrate first")
         try:
-            text = to_yaml(self._found.info, "camera")
+            text = to_yaml(self._found.info, "camera", self._found.fit.covariance)
             save_again(path_of(self._params.file), text.encode())
         except RosVisualiseError as error:
             return self._say(str(error))

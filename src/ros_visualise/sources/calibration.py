@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
@@ -24,6 +24,7 @@ C = TypeVar("C", Image, Detections)
 
 _WIDEST = 1 << 16  # pixels; no sensor has so many in a row
 _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
+_COVARIANCE = "intrinsics_covariance"  # ROS's own readers skip what they do not know
 _DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 
 
@@ -113,6 +114,50 @@ def read_calibration(url: str) -> CameraInfo:
         return _parse(values)
     except ValueError as error:
         raise OpenError(f"{path}: {error}; {_WANTED}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationUncertainty:
+    """Uncertainty of a calibration, in pixels of images of the calibrated size.
+
+    Attributes:
+        covariance: (n, n) of fx, fy, cx, cy and the distortion coefficients.
+        info: the calibration.
+    """
+
+    covariance: Floats
+    info: CameraInfo
+
+    @property
+    def deviations(self) -> Floats:
+        """(n,) standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), np.float64)
+
+    @property
+    def focal(self) -> float:
+        """Standard deviation of the focal length, as a fraction; the larger one of fx and fy."""
+        return float((self.deviations[:2] / self.info.K[[0, 1], [0, 1]]).max())
+
+    @property
+    def center_px(self) -> float:
+        """Standard deviation of the principal point along u or v; the larger one, pixels."""
+        return float(self.deviations[2:4].max())
+
+
+def read_uncertainty(url: str) -> CalibrationUncertainty:
+    """The uncertainty in a file that ``ros-visualise calibrate`` wrote; raises OpenError."""
+    path, info = path_of(url), read_calibration(url)
+    values = open_yaml(path, _WANTED)
+    if _COVARIANCE not in values:
+        raise OpenError(f"{path}: no {_COVARIANCE}; write the file by ros-visualise calibrate")
+    try:
+        covariance = _matrix(values, _COVARIANCE, 4 + info.D.size, 4 + info.D.size)
+        least, most = np.linalg.eigvalsh(covariance)[[0, -1]]
+        if not np.allclose(covariance, covariance.T) or least < -1e-9 * most:
+            raise ValueError(f"its {_COVARIANCE} is not symmetric and positive semidefinite")
+    except ValueError as error:
+        raise OpenError(f"{path}: {error}") from None
+    return CalibrationUncertainty(covariance, info)
 
 
 def path_of(url: str) -> Path:
@@ -236,8 +281,14 @@ def save(info: CameraInfo, path: Path, name: str) -> None:
         ) from None
 
 
-def to_yaml(info: CameraInfo, name: str) -> str:
-    """A calibration as camera_calibration_parsers writes it, with every digit."""
+def to_yaml(info: CameraInfo, name: str, covariance: Floats | None = None) -> str:
+    """A calibration as camera_calibration_parsers writes it, with every digit.
+
+    Args:
+        info: the calibration.
+        name: of the camera.
+        covariance: see `CalibrationUncertainty`.
+    """
     lines = [
         f"image_width: {info.width}",
         f"image_height: {info.height}",
@@ -247,6 +298,7 @@ def to_yaml(info: CameraInfo, name: str) -> str:
         *_matrix_lines("distortion_coefficients", info.D[None]),
         *_matrix_lines("rectification_matrix", info.R),
         *_matrix_lines("projection_matrix", info.projection),
+        *([] if covariance is None else _matrix_lines(_COVARIANCE, covariance)),
     ]
     return "\n".join(lines) + "\n"
 

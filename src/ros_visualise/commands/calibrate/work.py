@@ -86,7 +86,8 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
     better = better_lens(found)
     files: dict[Path, bytes] = {}
     if options.output is not None:
-        files[options.output] = to_yaml(found.info, options.name).encode()
+        text = to_yaml(found.info, options.name, found.fit.covariance)
+        files[options.output] = text.encode()
     if options.plot is not None:
         files[options.plot] = FIGURE_FORMATS[options.plot.suffix.lower()](
             draw(found, collector.coverage)

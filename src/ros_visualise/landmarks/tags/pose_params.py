@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
+from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.limits import MAX_TAG_M
 from ros_visualise.core.params import param
 from ros_visualise.landmarks.pose import CameraError
+from ros_visualise.sources.calibration import read_uncertainty
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,13 @@ class PoseParams:
         slider=(0, 2),
         group="poses",
     )
+    calibration: str = param(
+        "",
+        "camera calibration written by ros-visualise calibrate: its uncertainty, instead of "
+        "focal_sigma and center_sigma",
+        file=bool,
+        group="poses",
+    )
     focal_sigma: float = param(
         0.0,
         "standard deviation of the calibration's focal lengths, percent; reported by "
@@ -51,7 +61,16 @@ class PoseParams:
         group="poses",
     )
 
-    @property
+    def __post_init__(self) -> None:
+        try:
+            _ = self.camera
+        except OpenError as error:
+            raise ParameterError(f"calibration={self.calibration!r}: {error}") from None
+
+    @cached_property
     def camera(self) -> CameraError:
         """Errors of the camera and its calibration."""
-        return CameraError(self.corner_floor, self.focal_sigma / 100, self.center_sigma)
+        if not self.calibration:
+            return CameraError(self.corner_floor, self.focal_sigma / 100, self.center_sigma)
+        found = read_uncertainty(self.calibration)
+        return CameraError(self.corner_floor, found.focal, found.center_px)
