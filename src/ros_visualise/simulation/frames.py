@@ -8,7 +8,6 @@ odometry. If a navigator publishes ``odom``, ``odom_start`` takes its place here
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -30,55 +29,16 @@ from ros_visualise.data import (
 from ros_visualise.simulation.attitude import (
     Quat,
     Vector,
-    conjugate,
     from_yaw,
-    multiply,
-    rows,
     xyzw,
     yaw_of,
 )
+from ros_visualise.simulation.camera_mount import TO_OPTICAL, CameraMount
 from ros_visualise.simulation.model import BASE, bodies_of_robot, site_position, standing_height
-from ros_visualise.simulation.sensors.camera import CameraSensorParams
 
 MAP, ODOM, ODOM_START, DECK = "map", "odom", "odom_start", "pad_deck"
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
-_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # R_camera_optical
-_TO_OPTICAL: Quat = (0.5, -0.5, 0.5, -0.5)  # the same
 _SITES = ("imu_link", "gps_link", "lidar_link")
-
-
-class CameraMount:
-    """The mount of the camera.
-
-    Args:
-        params: camera parameters, including its pitch.
-        gimbal: keep the camera level while the body rolls and pitches.
-    """
-
-    def __init__(self, model: Any, params: CameraSensorParams, gimbal: bool) -> None:
-        self.gimbal = gimbal
-        self._position = site_position(model, "camera_link")
-        pitch = math.radians(params.camera_pitch)
-        c, s = math.cos(pitch), math.sin(pitch)
-        self._pitch: Quat = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
-        self._R_level_camera = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
-    def optical_in_map(self, position: Floats, R_map_body: Floats) -> tuple[Floats, Floats]:
-        """Position of the camera in ``map``, (3,), and R_map_optical."""
-        level = self._level(R_map_body) if self.gimbal else R_map_body
-        return position + R_map_body @ self._position, level @ self._R_level_camera @ _OPTICAL
-
-    def camera_in_body(self, stamp_ns: int, attitude: Quat) -> TransformStamped:
-        """``camera_link`` in ``base_link``, for an attitude of the body in ``map``."""
-        turn = self._pitch
-        if self.gimbal:
-            turn = multiply(conjugate(attitude), multiply(from_yaw(yaw_of(attitude)), turn))
-        return _transform(stamp_ns, BASE, "camera_link", self._position, turn)
-
-    def _level(self, R_map_body: Floats) -> Floats:
-        """Axes of the body's heading, without roll and pitch."""
-        yaw = math.atan2(R_map_body[1, 0], R_map_body[0, 0])
-        return np.array(rows(from_yaw(yaw)))
 
 
 def fixed_frames(
@@ -104,11 +64,11 @@ def fixed_frames(
         ),
         *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
         *(_transform(0, BASE, name, *mounted) for name, mounted in sensors.items()),
-        _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
+        _transform(0, "camera_link", "camera_optical", np.zeros(3), TO_OPTICAL),
         *_wheel_frames(model),
     ]
-    if not mount.gimbal:
-        frames.append(mount.camera_in_body(0, _LEVEL))
+    if not mount.moves:
+        frames.append(camera_frame(0, mount))
     return Transforms(tuple(frames))
 
 
@@ -125,6 +85,11 @@ def body_frame(odometry: Odometry) -> TransformStamped:
     """``base_link`` in ``odom``."""
     o = odometry
     return TransformStamped(o.child_frame_id, o.position_xyz, o.quat_xyzw, o.header)
+
+
+def camera_frame(stamp_ns: int, mount: CameraMount) -> TransformStamped:
+    """``camera_link`` in ``base_link``, as the mount reports it."""
+    return _transform(stamp_ns, BASE, "camera_link", mount.position, mount.reported(stamp_ns))
 
 
 def deck_frame(stamp_ns: int, position: Vector, attitude: Quat) -> TransformStamped:

@@ -14,7 +14,7 @@ from ros_visualise.simulation.landmarks import SimulatedLandmark
 from ros_visualise.simulation.mjcf import Pose2, WorldBuilder
 from ros_visualise.simulation.pad import add_pad
 from ros_visualise.simulation.robots import ROBOTS
-from ros_visualise.simulation.sensors.camera import CameraSensorParams, vertical_fov
+from ros_visualise.simulation.sensors.camera import CameraSensorParams, ideal_camera
 from ros_visualise.simulation.worlds import WORLDS
 
 BASE = "base_link"
@@ -67,15 +67,16 @@ def build_world(
 
 
 def compile_model(robot: str, world: BuiltWorld, params: CameraSensorParams) -> Any:
-    """The ``mjModel`` of a robot in a world."""
+    """The ``mjModel`` of a robot in a world; raises OpenError for an impossible lens."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"
     assets = {**world.assets, name: ROBOTS.find(robot).model.read_bytes()}
     xml = f'<mujoco model="{robot}"><include file="{name}"/>{world.mjcf}</mujoco>'
     model = mujoco.MjModel.from_xml_string(xml, assets)
-    model.cam_fovy[0] = vertical_fov(params)
-    model.vis.global_.offwidth = params.camera_width
-    model.vis.global_.offheight = params.camera_height
+    (width, height), fovy = ideal_camera(params)
+    model.cam_fovy[0] = fovy
+    model.vis.global_.offwidth = width
+    model.vis.global_.offheight = height
     return model
 
 

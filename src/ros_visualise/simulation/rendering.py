@@ -82,6 +82,7 @@ class Renderer:
         width, height = size
         self._model = model
         self._rows = np.empty((height, width, 3), np.uint8)
+        self._depths = np.empty((height, width), np.float32)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -92,13 +93,16 @@ class Renderer:
         self._gl, self._target = _open_context(mujoco, model, size)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
 
-    def render(self, data: Any, position_xyz: Floats, R_map_camera: Floats) -> Pixels:
+    def render(
+        self, data: Any, position_xyz: Floats, R_map_camera: Floats, with_depth: bool = False
+    ) -> Pixels:
         """The image of a camera, (height, width, 3) RGB.
 
         Args:
             data: an ``mjData`` with positions up to date.
             position_xyz: (3,) metres in the world.
             R_map_camera: 3x3; camera axes x right, y down, z forward.
+            with_depth: also measure `inverse_depth`.
         """
         mujoco, camera = self._mujoco, self._camera
         data.cam_xpos[0] = position_xyz
@@ -107,9 +111,16 @@ class Renderer:
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, mask, self._scene)
         self._gl.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._target)
-        mujoco.mjr_readPixels(self._rows, None, self._rect, self._target)
+        depths = self._depths if with_depth else None
+        mujoco.mjr_readPixels(self._rows, depths, self._rect, self._target)
         pixels: Pixels = self._rows[::-1].copy()
         return pixels
+
+    def inverse_depth(self) -> npt.NDArray[np.float32]:
+        """(height, width) 1/m, of the last image that was rendered with depth."""
+        extent, clip = self._model.stat.extent, self._model.vis.map
+        near, far = 1 / (clip.znear * extent), 1 / (clip.zfar * extent)
+        return np.asarray(self._depths[::-1] * np.float32(far - near) + np.float32(near))
 
     def close(self) -> None:
         """Free the driver's memory, which at the end of the process is freed anyway."""

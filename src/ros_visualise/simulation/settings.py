@@ -47,11 +47,6 @@ class RobotParams(
 ):
     """Parameters of all robots."""
 
-    @property
-    def gimbal(self) -> bool:
-        """True if a gimbal keeps the camera level."""
-        return False
-
 
 @dataclass(frozen=True)
 class ScenarioParams:

@@ -13,6 +13,7 @@ from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Twist
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
+from ros_visualise.simulation.camera_mount import CameraMount
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import SHAPES, Mission, read_mission
@@ -78,7 +79,7 @@ class Simulation:
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
         self._status = ""
-        mount = frames.CameraMount(self._model, self.settings, self.settings.gimbal)
+        mount = CameraMount(self._model, self.settings, seed)
         self._fitting = Fitting(
             self._robot, self._model, self._data, self.settings, seed, mount, self.pad
         )

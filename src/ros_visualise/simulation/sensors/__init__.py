@@ -17,7 +17,7 @@ from ros_visualise.core.registry import Registry, holding
 if TYPE_CHECKING:
     from ros_visualise.data import Floats
     from ros_visualise.simulation.attitude import Quat
-    from ros_visualise.simulation.frames import CameraMount
+    from ros_visualise.simulation.camera_mount import CameraMount
     from ros_visualise.simulation.pad import Pad
     from ros_visualise.simulation.robot import Robot
 

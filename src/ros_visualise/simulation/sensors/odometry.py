@@ -22,7 +22,7 @@ from ros_visualise.simulation.attitude import (
     yaw_of,
 )
 from ros_visualise.simulation.delivery import delivered
-from ros_visualise.simulation.frames import ODOM, body_frame
+from ros_visualise.simulation.frames import ODOM, body_frame, camera_frame
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.noise import Interval, random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
@@ -228,8 +228,9 @@ def fit(fitting: Fitting) -> Measure:
     def measure(stamp_ns: int, _: int) -> Mapping[str, Any]:
         odometry = robot.measure_odometry(stamp_ns)
         moving = [body_frame(odometry)]
-        if mount.gimbal:
-            moving.append(mount.camera_in_body(stamp_ns, robot.body.attitude))
+        if mount.moves:
+            mount.advance(stamp_ns, robot.body.attitude)
+            moving.append(camera_frame(stamp_ns, mount))
         return {"tf": Transforms(tuple(moving)), "odom": odometry}
 
     return measure

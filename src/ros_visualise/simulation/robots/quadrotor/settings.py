@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+from ros_visualise.simulation.camera_mount import GimbalParams
 from ros_visualise.simulation.pad import PadParams
 from ros_visualise.simulation.robots.quadrotor.wind import WindParams
 from ros_visualise.simulation.sensors import setting
@@ -19,19 +20,11 @@ _camera = partial(setting, group="camera")
 
 
 @dataclass(frozen=True)
-class _DownwardCameraParams(RobotParams):
+class _DownwardCameraParams(GimbalParams, RobotParams):
     camera_pitch: float = _camera(
         90.0, "pitch of the camera: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
-    camera_gimbal: bool = _camera(
-        True, "keep the camera level by a gimbal while the body rolls and pitches"
-    )
     lidar: bool = setting(False, "switch the lidar on", group="lidar")
-
-    @property
-    def gimbal(self) -> bool:
-        """True: a gimbal keeps the camera level."""
-        return self.camera_gimbal
 
 
 @dataclass(frozen=True)
