@@ -76,7 +76,8 @@ class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOption
     """Options of ``trajectory``."""
 
     input: str = argument(
-        "a recording of any kind, or a text file in the format of TUM or KITTI", metavar="SRC"
+        "a recording of any kind, or a text file in the format of TUM, KITTI or EuRoC (CSV)",
+        metavar="SRC",
     )
     output: Path | None = argument(
         "text file to write the trajectory to (as --align moved it); without OUT it is "

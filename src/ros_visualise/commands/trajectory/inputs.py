@@ -102,7 +102,7 @@ def _opened(path: Path, inputs: Inputs) -> Iterator[Path | Recording]:
     if path.suffix.lower() in _TEXTS and os.path.isfile(path):
         raise OpenError(
             f"{path}: no trajectory; its lines have neither TUM's 8 numbers (time x y z qx qy qz"
-            " qw) nor KITTI's 12"
+            " qw) nor KITTI's 12, nor EuRoC's time,x,y,z,qw,qx,qy,qz"
         )
     with closing(open_recording(path)) as recording:
         yield recording
