@@ -55,7 +55,7 @@ class GimbalParams(CameraSensorParams):
 
 
 class CameraMount:
-    """Where the camera is, and where tf has it.
+    """Attitude of the camera, true and on tf.
 
     Args:
         settings: camera parameters, including its pitch, and maybe those of a gimbal, which keeps
