@@ -53,3 +53,35 @@ class GaussMarkov:
         kick = math.sqrt(1 - keep**2) * self._random.standard_normal(len(self._errors))
         self._errors = keep * self._errors + kick * self._deviation
         return self._errors
+
+
+class Episodes:
+    """Failures that come and go: at random times, each for a while.
+
+    Args:
+        random: source of random numbers.
+        every_s: mean time from the end of one to the begin of the next; 0: they never come.
+        for_s: mean duration of one.
+
+    Attributes:
+        number: of the present one, or of the next.
+    """
+
+    def __init__(self, random: np.random.Generator, every_s: float, for_s: float) -> None:
+        self._random, self._every_s, self._for_s = random, every_s, for_s
+        self._begin_s = self._end_s = math.inf if every_s <= 0 else 0.0
+        self.number = 0
+        self._draw()
+
+    def active(self, stamp_ns: int) -> bool:
+        """True during one; call it with times in order."""
+        while stamp_ns / _NS >= self._end_s:
+            self._draw()
+        return stamp_ns / _NS >= self._begin_s
+
+    def _draw(self) -> None:
+        if math.isinf(self._end_s):
+            return
+        self._begin_s = self._end_s + self._every_s * self._random.exponential()
+        self._end_s = self._begin_s + self._for_s * self._random.exponential()
+        self.number += 1

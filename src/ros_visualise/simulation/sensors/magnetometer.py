@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Header, MagneticField
 from ros_visualise.simulation.delivery import delivered
-from ros_visualise.simulation.noise import random_of
+from ros_visualise.simulation.noise import GaussMarkov, random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
 
 _TESLA = 1e-6
@@ -39,10 +39,22 @@ class MagnetometerParams:
     mag_declination: float = _magnetometer(
         2.9, "declination: angle of magnetic north east of true north, degrees", min=-180, max=180
     )
+    mag_disturbance: float = _magnetometer(
+        0.0,
+        "slow error by iron and currents nearby, each axis (standard deviation), microtesla",
+        min=0,
+        max=100,
+    )
+    mag_disturbance_time: float = _magnetometer(
+        10.0, "time constant of the slow error, seconds", min=0.1, max=1e4
+    )
 
 
 class Magnetometer:
-    """The Earth's field in the body's axes, with a bias (the body's magnetism) and white noise."""
+    """The Earth's field in the body's axes, with a bias (the body's magnetism) and white noise.
+
+    A disturbance in the world adds to the field. The covariance is that of all errors together.
+    """
 
     frame_id = "imu_link"
 
@@ -54,12 +66,17 @@ class Magnetometer:
         self._field_enu = field * params.mag_strength * _TESLA
         self._bias = params.mag_bias * _TESLA * self._random.standard_normal(3)
         self._white = params.mag_noise * _TESLA
-        self._covariance = np.eye(3) * self._white**2
+        deviation = np.full(3, params.mag_disturbance * _TESLA)
+        random = random_of(seed, "magnetic_disturbance")
+        self._disturbance = GaussMarkov(random, deviation, params.mag_disturbance_time)
+        bias = params.mag_bias * _TESLA
+        self._covariance = np.eye(3) * (self._white**2 + bias**2 + deviation[0] ** 2)
 
     def measure(self, stamp_ns: int, R_map_body: Floats) -> MagneticField:
         """The field measured at an attitude."""
         noise = self._white * self._random.standard_normal(3)
-        measured = self._field_enu @ R_map_body + self._bias + noise
+        field = self._field_enu + self._disturbance.at(stamp_ns)
+        measured = field @ R_map_body + self._bias + noise
         return MagneticField(measured, self._covariance, Header(stamp_ns, self.frame_id))
 
 
