@@ -14,9 +14,9 @@ class Counting(TagFinder):
 
     wholes = 0
 
-    def find(self, gray, regions=()):
+    def find(self, gray, regions=(), info=None):
         self.wholes += not regions
-        return super().find(gray, regions)
+        return super().find(gray, regions, info)
 
 
 def film(count, places):

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ros_visualise.core.params import param
-from ros_visualise.data import Deferred, Detection, Detections, Image
+from ros_visualise.data import CameraInfo, Deferred, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.once_log import OnceLog
-from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
+from ros_visualise.landmarks.tags import TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
@@ -94,8 +94,9 @@ class TagDetector:
         pixels = color.demosaiced(image.pixels, image.encoding)
         order = color.order_of(image.encoding)
         gray = to_8_bit(color.to_gray(pixels, order))
-        tags = self._search.find(self._finder, gray, params.search_every)
-        found = self._locate(tags, image, params)
+        info = self._calibration(image)
+        tags = self._search.find(self._finder, gray, params.search_every, info)
+        found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
             "detections": Detections(found, image.header, image.camera_info),
@@ -111,13 +112,11 @@ class TagDetector:
         self._params = params
         self._search.reset()
 
-    def _locate(
-        self, tags: tuple[Tag, ...], image: Image, params: TagParams
-    ) -> tuple[Detection, ...]:
-        """Detections with poses, or without and once a warning."""
+    def _calibration(self, image: Image) -> CameraInfo | None:
+        """The calibration of the image; None, and once a warning, if it is for another size."""
         info = image.camera_info
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
             self._remarks.say(f"no poses in images of {size} with a calibration for {of_info}")
-            info = None
-        return locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
+            return None
+        return info

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ros_visualise.data import Floats, Pixels
+from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.landmarks.tags.apriltag import AprilTag3
 from ros_visualise.landmarks.tags.families import Family
 from ros_visualise.landmarks.tags.fitting import fit_tags
@@ -86,16 +86,19 @@ class TagFinder:
             threads=_THREADS,
         )
 
-    def find(self, gray: Pixels, regions: Sequence[Region] = ()) -> tuple[Tag, ...]:
+    def find(
+        self, gray: Pixels, regions: Sequence[Region] = (), info: CameraInfo | None = None
+    ) -> tuple[Tag, ...]:
         """The tags in an image, by family and id.
 
         Args:
             gray: (height, width) uint8.
             regions: disjoint regions to search; empty: the whole image.
+            info: the camera's calibration: through its lens, the sides of tags are not straight.
         """
         parts = regions or [(0, 0, gray.shape[1], gray.shape[0])]
         found = [tag for part in parts for tag in self._find_in(gray, part)]
-        found = self._refined(gray, found) if self._refine else found
+        found = self._refined(gray, found, info) if self._refine else found
         return tuple(sorted(found, key=lambda tag: (tag.family, tag.id, *tag.center_uv)))
 
     def _find_in(self, gray: Pixels, part: Region) -> list[Tag]:
@@ -116,7 +119,7 @@ class TagFinder:
         ]
         return [tag for tag in tags if self._is_believed(tag, gray)]
 
-    def _refined(self, gray: Pixels, tags: Sequence[Tag]) -> list[Tag]:
+    def _refined(self, gray: Pixels, tags: Sequence[Tag], info: CameraInfo | None) -> list[Tag]:
         refined = []
         for name, family in self._families.items():
             of_family = [tag for tag in tags if tag.family == name]
@@ -124,7 +127,7 @@ class TagFinder:
                 continue
             drawn = [draw_cells(family, tag.id) for tag in of_family]
             corners = np.array([tag.corners_uv for tag in of_family])
-            found = fit_tags(gray, corners, [cells for cells, _ in drawn], drawn[0][1])
+            found = fit_tags(gray, corners, [cells for cells, _ in drawn], drawn[0][1], info)
             for tag, uv, spread in zip(of_family, *found, strict=True):
                 known = spread if np.isfinite(spread).all() else None
                 refined.append(replace(tag, corners_uv=uv, covariance_px2=known))

@@ -4,7 +4,8 @@ Once a tag is decoded, all its cells are known. So all pixels near edges between
 cells are explained together: by the corners; a blur, possibly longer in one direction; levels of
 gray that vary over the tag; a curve from light to levels (gamma); and white bleeding over black.
 This separates what the outer sides alone cannot: a larger tag from bleeding white, and neighbouring
-cells from blur. The accuracy of the corners follows from the residuals, for each tag.
+cells from blur. Through a calibrated lens this is done in the tag's `TagView`, where its sides are
+straight. The accuracy of the corners follows from the residuals, for each tag.
 
 Source: B. Lucas, T. Kanade, An Iterative Image Registration Technique, 1981; the covariance is that
 of H. White, Maximum Likelihood Estimation of Misspecified Models, 1982, by groups of pixels.
@@ -18,14 +19,16 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import Floats, Pixels
+from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.landmarks.tags.appearance import TagAppearance, appearance
 from ros_visualise.landmarks.tags.samples import LEAST, TagSamples, homographies, sample_tags
+from ros_visualise.landmarks.tags.views import block_diagonal, to_pixels, views_of
 
 _ROUNDS = 8
 _SETTLED_PX, _SETTLED = 5e-3, 0.5  # steps at convergence: pixels, or standard deviations
 _RESTLESS_PX = 0.1  # last step of a fit that did not converge
-_STEP_PX, _MOST_PX = 1.0, 3.0  # largest shift of a corner in one round, and in total
+_STEP_PX = 1.0  # largest shift of a corner in one round
+_MOST_PX, _MOST_SHARE = 3.0, 0.05  # in total, or as a fraction of the tag's extent
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
 _LEAST_CONTRAST = 5.0  # levels of gray
 _WORST_FIT = 0.2  # largest residual, as a fraction of the contrast
@@ -43,7 +46,7 @@ class Fitted(NamedTuple):
 
 
 class _FitState(NamedTuple):
-    """The fitted parameters of T tags: corners relative to their centres, and blurs."""
+    """The fitted parameters of T tags: corners in their views, and blurs."""
 
     corners: Floats
     blur: Floats
@@ -65,7 +68,13 @@ class _Linear(NamedTuple):
 _Of = TypeVar("_Of", _FitState, TagSamples, _Linear)
 
 
-def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -> Fitted:
+def fit_tags(
+    gray: Pixels,
+    corners_uv: Floats,
+    cells: npt.ArrayLike,
+    rim: int,
+    info: CameraInfo | None = None,
+) -> Fitted:
     """Refine the corners of tags of one family.
 
     Args:
@@ -74,20 +83,28 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
             right and upper left.
         cells: (T, C, C) of each tag, upright, 1 is white, including the print around its square.
         rim: number of cells around the square.
+        info: the camera's calibration, for the distortion of its lens; None: no distortion.
     """
     patterns = np.asarray(cells, np.float64)[:, ::-1].swapaxes(1, 2)
     square = _square(patterns.shape[1], rim)
-    middles = corners_uv.mean(axis=1, keepdims=True)
-    begun = corners_uv - middles
-    samples = sample_tags(gray, begun, middles[:, 0], patterns, square)
-    fitted, covariance = corners_uv.copy(), np.full((len(begun), 8, 8), np.nan)
+    views = views_of(corners_uv, info)
+    begun = np.array([view.of_pixels(uv) for view, uv in zip(views, corners_uv, strict=True)])
+    begun = begun.reshape(-1, 4, 2)
+    samples = sample_tags(gray, begun, views, patterns, square)
+    fitted, covariance = begun.copy(), np.full((len(begun), 8, 8), np.nan)
     with np.errstate(all="ignore"):  # for false detections
         for tags, corners, spread in _fits(begun, samples, patterns, square):
-            is_near = np.abs(corners - begun[tags]).max(axis=(1, 2)) < _MOST_PX
+            most = np.maximum(_MOST_PX, _MOST_SHARE * np.ptp(begun[tags], axis=1).max(axis=1))
+            is_near = np.abs(corners - begun[tags]).max(axis=(1, 2)) < most
             good = is_near & _is_proper(spread)
-            fitted[tags[good]] = (corners + middles[tags])[good]
+            fitted[tags[good]] = corners[good]
             covariance[tags[good]] = spread[good]
-    return Fitted(fitted, covariance)
+    pixels, slopes = to_pixels(views, fitted, info)
+    by_places = block_diagonal(slopes)
+    covariance = by_places @ covariance @ np.swapaxes(by_places, 1, 2)
+    good = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(pixels).all(axis=(1, 2))
+    covariance[~good] = np.nan
+    return Fitted(np.where(good[:, None, None], pixels, corners_uv), covariance)
 
 
 def _fits(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats, Pixels
+from ros_visualise.landmarks.tags.views import TagView
 
 _OUTSIDE = 0.6  # width of the used margin around the square, cells
 _NEAR_PX = 2.5  # largest distance from an edge between cells
@@ -19,50 +21,53 @@ class TagSamples(NamedTuple):
     """N pixels of each of T tags; for padding, some have zero weight."""
 
     places: Floats
-    """(T, N, 2) relative to the centres of the tags."""
+    """(T, N, 2) in the views of the tags."""
     gray: Floats
     weight: Floats
 
 
 def sample_tags(
-    gray: Pixels, corners: Floats, middles: Floats, patterns: Floats, square: Floats
+    gray: Pixels, corners: Floats, views: Sequence[TagView], patterns: Floats, square: Floats
 ) -> TagSamples:
     """The pixels of T tags.
 
     Args:
         gray: (height, width) uint8.
-        corners: (T, 4, 2) relative to the centres, pixels.
-        middles: (T, 2) centres, pixels.
+        corners: (T, 4, 2) places in the views.
+        views: of the tags.
         patterns: (T, C, C) by x, then by y upwards; 1 is white.
         square: (4, 2) the corners of a tag in cells, from the lower left of the print.
     """
     several = [
-        _near_edges(gray, *one, square) for one in zip(corners, middles, patterns, strict=True)
+        _near_edges(gray, *one, square) for one in zip(corners, views, patterns, strict=True)
     ]
-    many = max([LEAST, *map(len, several)])
-    places, weight = np.zeros((len(several), many, 2)), np.zeros((len(several), many))
-    for tag, one in enumerate(several):
-        places[tag, : len(one)], weight[tag, : len(one)] = one - middles[tag], 1
-    u, v = (places + middles[:, None]).round().astype(int).reshape(-1, 2).T
-    levels = gray[np.clip(v, 0, gray.shape[0] - 1), np.clip(u, 0, gray.shape[1] - 1)]
-    return TagSamples(places, levels.reshape(weight.shape).astype(np.float64), weight)
+    many = max([LEAST, *(len(levels) for _, levels in several)])
+    places, levels = np.zeros((len(several), many, 2)), np.zeros((len(several), many))
+    weight = np.zeros_like(levels)
+    for tag, (there, seen) in enumerate(several):
+        count = len(seen)
+        places[tag, :count], levels[tag, :count], weight[tag, :count] = there, seen, 1
+    return TagSamples(places, levels, weight)
 
 
 def _near_edges(
-    gray: Pixels, corners: Floats, middle: Floats, pattern: Floats, square: Floats
-) -> Floats:
-    """The pixels (N, 2) of a tag near edges between different cells, evenly thinned."""
+    gray: Pixels, corners: Floats, view: TagView, pattern: Floats, square: Floats
+) -> tuple[Floats, Floats]:
+    """Places (N, 2) and gray levels (N,) of a tag's pixels near edges between different cells.
+
+    They are evenly thinned.
+    """
     H = homographies(corners[None], square)[0]
     (low, _), (high, _) = square[0] - _OUTSIDE, square[2] + _OUTSIDE
     around = np.array([[low, low, 1], [high, low, 1], [high, high, 1], [low, high, 1]])
     outline = around @ np.linalg.inv(H).T
-    outline = outline[:, :2] / outline[:, 2:] + middle
+    outline = outline[:, :2] / outline[:, 2:] + view.middle_uv
     first = np.maximum(np.ceil(outline.min(axis=0)), 0).astype(int)
     last = np.minimum(np.floor(outline.max(axis=0)), np.array(gray.shape[::-1]) - 1).astype(int)
     every = max(1, int(np.sqrt(max(np.prod(last - first + 1.0), 0) / _CANDIDATES)))
     u, v = (np.arange(a, b + 1, every) for a, b in zip(first, last, strict=True))
-    across, down = (u - middle[0]) * H[:, :1], (v - middle[1]) * H[:, 1:2] + H[:, 2:]
-    x, y, depth = across[:, None, :] + down[:, :, None]
+    p, q = view.of_grid(u, v)
+    x, y, depth = (row[0] * p + row[1] * q + row[2] for row in H)
     x, y = x / depth, y / depth
     cell_px = np.sqrt(_area(corners)) / (square[2, 0] - square[0, 0])
     apart = cell_px * np.minimum(np.abs(x - np.rint(x)), np.abs(y - np.rint(y)))
@@ -72,7 +77,9 @@ def _near_edges(
     whites = pattern[x, y] + pattern[x + 1, y] + pattern[x, y + 1] + pattern[x + 1, y + 1]
     near = np.flatnonzero((whites > 0) & (whites < 4))
     thinned = near[np.linspace(0, len(near) - 1, min(len(near), _MOST)).astype(int)]
-    return np.stack([u[columns[thinned]], v[rows[thinned]]], axis=1).astype(np.float64)
+    rows, columns = rows[thinned], columns[thinned]
+    places = np.stack([p[rows, columns], q[rows, columns]], axis=1)
+    return places, gray[v[rows], u[columns]].astype(np.float64)
 
 
 def _area(corners: Floats) -> float:

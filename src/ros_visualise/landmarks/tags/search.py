@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ros_visualise.data import Floats, Pixels
+from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.landmarks.tags.finder import Region, Tag, TagFinder
 
 _AROUND = 0.5  # margin around the predicted tag, in longest sides
@@ -36,7 +36,9 @@ class TagSearch:
         self._seen: list[_PreviousTag] = []
         self._left = 0  # images until the next full search
 
-    def find(self, finder: TagFinder, gray: Pixels, every: int) -> tuple[Tag, ...]:
+    def find(
+        self, finder: TagFinder, gray: Pixels, every: int, info: CameraInfo | None = None
+    ) -> tuple[Tag, ...]:
         """The tags in an image; the first and then every ``every``-th image is searched as a whole.
 
         The whole image is also searched when a previous tag is not found near its place, so only
@@ -46,19 +48,22 @@ class TagSearch:
             finder: for the tags.
             gray: (height, width) uint8.
             every: 1: always search the whole image.
+            info: the camera's calibration.
         """
-        tags = self._near_the_last(finder, gray) if 0 < self._left < every else None
+        tags = self._near_the_last(finder, gray, info) if 0 < self._left < every else None
         if tags is None:
-            tags = finder.find(gray)
+            tags = finder.find(gray, info=info)
             self._left = every
         self._left -= 1
         self._seen = [_PreviousTag(tag, self._moved(tag)) for tag in tags]
         return tags
 
-    def _near_the_last(self, finder: TagFinder, gray: Pixels) -> tuple[Tag, ...] | None:
+    def _near_the_last(
+        self, finder: TagFinder, gray: Pixels, info: CameraInfo | None
+    ) -> tuple[Tag, ...] | None:
         """The tags near their previous places; None if one is missing."""
         regions = self._regions(gray.shape)
-        tags = finder.find(gray, regions) if regions else ()
+        tags = finder.find(gray, regions, info) if regions else ()
         lost = Counter(one.tag.name for one in self._seen) - Counter(tag.name for tag in tags)
         return None if lost else tags
 
