@@ -1,5 +1,6 @@
 """Landmarks from detections: which are one, which are two, what moves, what is left out."""
 
+import gc
 import math
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerR
 from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError, at_camera
 from ros_visualise.landmarks.localization.seen import Ground
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 SURE = ErrorModel(1e-3, 1e-4)
 RULES = LocalizerRules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 0.1))
@@ -92,8 +94,52 @@ def test_a_tag_that_was_moved_begins_anew_and_that_is_said_once(caplog):
     (track,) = localizer.landmarks.values()
     np.testing.assert_allclose(track.best.position_xyz, [2, 0, 0], atol=1e-6)
     assert [r.getMessage() for r in caplog.records] == [
-        "tag36h11_3 moved; restarting its estimate (further occurrences suppressed)"
+        "tag36h11_3 moved; following it from there (further occurrences suppressed)"
     ]
+
+
+def test_a_tag_that_was_moved_is_less_sure_before_it_is_elsewhere():
+    localizer = Localizer()
+    for number in range(30):
+        see_tag(localizer, above(0), number / 10, TAG)
+    (track,) = localizer.landmarks.values()
+    offs, sigmas = [], []
+    for number in range(30, 36):
+        see_tag(localizer, above(0), number / 10, (np.array([1.0, 0, 0]), np.eye(3)))
+        offs.append(track.best.position_xyz[0] - 1)
+        sigmas.append(math.sqrt(track.covariance[0, 0]))
+    assert offs == pytest.approx([-1, -1, 0, 0, 0, 0], abs=1e-3)
+    assert sigmas[0] > 0.05
+    assert sigmas[1] > 0.25
+    assert sigmas[5] < 0.01
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_false_sightings_of_a_tag_that_is_seen_do_not_move_it(share):
+    random, localizer, off = np.random.default_rng(3), Localizer(), []
+    for number in range(300):
+        is_false = number > 5 and random.random() < share
+        place = random.uniform(-2, 2, 3) * [1, 1, 0] if is_false else TAG[0]
+        see_tag(localizer, above(0), number / 10, (place, np.eye(3)))
+        off.append(np.linalg.norm(localizer.landmarks[1].best.position_xyz) if number > 3 else 0)
+    assert np.mean(np.array(off) < 0.05) > 0.97
+    assert off[-1] < 0.05
+    assert localizer.skipped["elsewhere"] > 0.8 * share * 300
+
+
+def test_what_is_forgotten_leaves_nothing_behind():
+    """Ten minutes with something else in every third image: as many tracks as after one."""
+    random, localizer, alive = np.random.default_rng(5), Localizer(), []
+    for number in range(600):
+        places = [np.zeros(3), np.array([3.0, 0, 0])]
+        if number % 3 == 0:
+            places.append(np.array([*random.uniform(-4, 4, 2), 0]))
+        see(localizer, above(0.1 * (number % 7)), number, *places)
+        if number % 60 == 59:
+            gc.collect()
+            alive.append(sum(isinstance(one, LandmarkTrack) for one in gc.get_objects()))
+    assert alive[-1] <= alive[0] + 5
+    assert all(len(track.apart) < 20 for track in localizer.landmarks.values())
 
 
 def test_a_tag_that_is_there_twice_is_followed_once_and_said(caplog):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry import se3
 from ros_visualise.landmarks.localization.seen import Equations, Expect
 
 GATES = {1: 10.83, 2: 13.82, 3: 16.27, 6: 22.46, 8: 26.12}
@@ -56,7 +56,7 @@ class CandidateUpdate(NamedTuple):
     """An estimate updated by a measurement, and their consistency.
 
     Attributes:
-        updated: the estimate after the measurement.
+        updated: the estimate after the measurement; unchanged by an outlier.
         distance2: squared Mahalanobis distance of ``size`` numbers.
         evidence: log-likelihood of the measurement given the estimate, relative to that of the
             noise alone; comparable between measurements of different precision.
@@ -103,6 +103,8 @@ def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
     """
     first = expect(estimate.position_xyz, estimate.R_fixed_landmark)
     distance2, evidence = _compare(first, estimate.joint)
+    if distance2 >= GATES[len(first.residual)]:
+        return CandidateUpdate(estimate, distance2, len(first.residual), evidence)
     step, equations, moved = np.zeros(6), first, estimate
     for _ in range(_ROUNDS):
         gain = _gain(equations, estimate)
@@ -146,6 +148,5 @@ def _compare(equations: Equations, joint: Floats) -> tuple[float, float]:
 
 
 def _moved(estimate: LandmarkEstimate, step: Floats) -> LandmarkEstimate:
-    turn = cv2.Rodrigues(step[3:])[0]
-    R = turn @ estimate.R_fixed_landmark
+    R = se3.exp(step)[0] @ estimate.R_fixed_landmark
     return replace(estimate, position_xyz=estimate.position_xyz + step[:3], R_fixed_landmark=R)

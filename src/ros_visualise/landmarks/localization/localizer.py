@@ -22,7 +22,6 @@ log = logging.getLogger(__name__)
 ELLIPSOID = 7.815
 """95 % point of the chi-square distribution with 3 degrees of freedom."""
 
-_MOVED = 5  # consecutive sightings elsewhere after which a landmark has moved
 _FORGOTTEN_S = 10.0  # how long an unconfirmed landmark waits for more sightings
 _LEAST = 1e-12  # smallest variance of the robot's error, to avoid division by zero
 
@@ -108,8 +107,7 @@ class Localizer:
         rest = list(self._located(detections, T_fixed_camera, rules))
         matched = self._match(rest)
         for one, track, fits in matched:
-            track.take(fits, stamp_ns)
-            track.rival = None
+            self._tell_if_moved(track, track.take(fits, stamp_ns))
             track.measure(measure.size(one.detection, track.best, track.turned))
             rest.remove(one)
         there = [track for _, track, _ in matched]
@@ -178,28 +176,22 @@ class Localizer:
         new = LandmarkTrack(one.class_id, number, one.turned, branches, stamp_ns)
         same = [t for t in self._tracks if t.turned and t.class_id == one.class_id]
         if one.turned and same:
-            self._contest(same[0], new, one, same[0] in there)
+            self._contest(same[0], new, there)
             return
         self._tentative.append(new)
         there.append(new)
 
     def _contest(
-        self, track: LandmarkTrack, new: LandmarkTrack, one: _Located, is_there: bool
+        self, track: LandmarkTrack, new: LandmarkTrack, there: list[LandmarkTrack]
     ) -> None:
         """Handle a tag seen where it cannot be."""
-        if is_there:
+        if track in there:
             self.skipped["duplicate in the image"] += 1
             self._tell(f"two copies of {track.name}; following one")
             return
         self.skipped["elsewhere"] += 1
-        fits = track.rival.fits(one.sightings) if track.rival else []
-        if track.rival and any(fit.is_inlier for fit in fits):
-            track.rival.take(fits, new.last_ns)
-        else:
-            track.rival = new
-        if track.rival.seen >= _MOVED:
-            self._tell(f"{track.name} moved; restarting its estimate")
-            track.replace_by(track.rival)
+        self._tell_if_moved(track, track.contradict(new.branches, new.last_ns))
+        there.append(track)
 
     def _settle(self, sightings: int) -> None:
         """Confirm tracks seen often enough, and merge duplicates."""
@@ -234,9 +226,12 @@ class Localizer:
         older.last_ns = max(older.last_ns, newer.last_ns)
         older.apart |= newer.apart
         for track in newer.apart:
-            track.apart.discard(newer)
             track.apart.add(older)
         del self.landmarks[newer.number]
+
+    def _tell_if_moved(self, track: LandmarkTrack, has_moved: bool) -> None:
+        if has_moved:
+            self._tell(f"{track.name} moved; following it from there")
 
     def _tell(self, what: str) -> None:
         if what not in self._told:

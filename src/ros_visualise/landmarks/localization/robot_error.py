@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.localization.seen import cross
+from ros_visualise.geometry.se3 import about_itself
 
 _LEAST = 1e-12  # variance, m^2 or rad^2, of odometry that reports zero
 
@@ -63,7 +63,7 @@ class RobotError:
         elapsed_s = 0.0 if self._stamp_ns is None else abs(stamp_ns - self._stamp_ns) / 1e9
         before, was_given = self.covariance, self._is_given
         self._stamp_ns, self._is_given = stamp_ns, given is not None
-        shift, self._camera = cross(camera_xyz - self._camera), camera_xyz
+        shift, self._camera = camera_xyz - self._camera, camera_xyz
         if given is not None:
             self.covariance = given + _LEAST * np.eye(6)
             return _walked(before, self.covariance, shift) if was_given else np.zeros((6, 6))
@@ -81,16 +81,9 @@ def at_camera(covariance: Floats, R_fixed_odom: Floats, base_to_camera_xyz: Floa
     Args:
         base_to_camera_xyz: (3,) from the robot to its camera, in the fixed frame.
     """
-    carried = _moved(-cross(base_to_camera_xyz)) @ np.kron(np.eye(2), R_fixed_odom)
+    carried = about_itself(base_to_camera_xyz) @ np.kron(np.eye(2), R_fixed_odom)
     moved: Floats = carried @ covariance @ carried.T
     return moved
-
-
-def _moved(lever: Floats) -> Floats:
-    """(6, 6) errors about one point from those about another, by the lever arm."""
-    move = np.eye(6)
-    move[:3, 3:] = lever
-    return move
 
 
 def _walked(before: Floats, now: Floats, shift: Floats) -> Floats:
@@ -100,7 +93,7 @@ def _walked(before: Floats, now: Floats, shift: Floats) -> Floats:
     Where it shrank, something corrected it, and the new error is what remains of the old, as after
     a Kalman update: cov(new, old) = cov(new).
     """
-    carry = _moved(-shift)
+    carry = about_itself(shift)
     root = np.linalg.cholesky(carry @ before @ carry.T)
     back = np.linalg.inv(root)
     ratios, axes = np.linalg.eigh(back @ now @ back.T)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Hypothesis
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.se3 import turn_between
+from ros_visualise.geometry.se3 import cross, turn_between
 
 UNKNOWN = 1e5
 """Variance, m^2 or rad^2, above which a direction counts as unknown."""
@@ -119,12 +119,6 @@ def robot_error_at(position_xyz: Floats, camera_xyz: Floats) -> Floats:
     effect = -np.eye(6)
     effect[:3, 3:] = cross(position_xyz - camera_xyz)
     return effect
-
-
-def cross(vector: Floats) -> Floats:
-    """(3, 3) cross-product matrix of ``vector``."""
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def _pose(seen: Floats, turn: Floats, noise: Floats, camera: Floats) -> Expect:

@@ -1,15 +1,23 @@
-"""One landmark over time: one estimate, or two while its views are ambiguous.
+"""One landmark over time: one estimate, or several while its views are ambiguous.
 
 From afar, a small square looks the same in two poses. Both are followed, each as a branch, and each
 is updated by the reading of every view that fits it better. The wrong one fits less and less as the
 camera moves. It is dropped when the views are e^6 times as likely under the other branch.
+
+A view that fits no branch is an outlier, or the landmark has moved: it begins one more branch, with
+a small prior probability. So no single view decides, however far off it is: the evidence of all
+views does, and meanwhile the covariance includes all branches. With these numbers the third view in
+a row that contradicts the estimate replaces it, and after the fifth the former one is dropped.
+
+Source: A. Wald, Sequential Analysis, 1947 (the likelihood ratio as a test over time).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from weakref import WeakSet
 
 import numpy as np
 
@@ -26,16 +34,22 @@ from ros_visualise.landmarks.localization.seen import Ground, PoseReading
 DECIDED = 6.0
 """Log-likelihood ratio of all views at which the less likely branch is dropped."""
 
+_LOSS = 3.0  # largest log-likelihood ratio of one view: what outliers cost
+_MOVED = 8.5  # the same of a landmark that has moved, a priori
+_MOST = 4  # branches
 _SAME = 1.0  # squared Mahalanobis distance at which branches are merged
 _SURE = 0.3  # initial standard deviation along the ray, as a fraction of the range
 
 
 @dataclass(frozen=True)
 class Branch:
-    """An estimate, and the log-likelihood of the views under it."""
+    """An estimate, and the log-likelihood of the views under it, relative to the best one when a
+    view fitted that; ``is_elsewhere``: begun by a view that contradicted all others.
+    """
 
     estimate: LandmarkEstimate
     evidence: float
+    is_elsewhere: bool = False
 
 
 @dataclass(eq=False)
@@ -51,7 +65,6 @@ class LandmarkTrack:
         seen: number of sightings.
         last_ns: time of the last.
         apart: tracks seen in the same image, therefore different landmarks.
-        rival: a contradicting second track of the same tag: it moved, or there are two.
     """
 
     class_id: str
@@ -63,8 +76,7 @@ class LandmarkTrack:
     size_xyz: Floats = field(default_factory=lambda: np.zeros(3))
     sizes: int = 0
     seen: int = 1
-    apart: set[LandmarkTrack] = field(default_factory=set)
-    rival: LandmarkTrack | None = None
+    apart: WeakSet[LandmarkTrack] = field(default_factory=WeakSet)
 
     @property
     def name(self) -> str:
@@ -85,7 +97,7 @@ class LandmarkTrack:
 
     @property
     def covariance(self) -> Floats:
-        """(6, 6) about the best estimate; includes the other branch while undecided."""
+        """(6, 6) about the best estimate; includes the others while undecided."""
         whole = np.zeros((6, 6))
         for weight, branch in zip(self.weights, self.branches, strict=True):
             off = difference(branch.estimate, self.best)
@@ -94,11 +106,9 @@ class LandmarkTrack:
 
     def carry(self, kept: Floats, covariance: Floats) -> None:
         """Propagate to a new robot error; see `LandmarkEstimate.propagated`."""
-        carried = [b.estimate.propagated(kept, covariance) for b in self.branches]
-        pairs = zip(carried, self.branches, strict=True)
-        self.branches = tuple(Branch(estimate, b.evidence) for estimate, b in pairs)
-        if self.rival:
-            self.rival.carry(kept, covariance)
+        self.branches = tuple(
+            replace(b, estimate=b.estimate.propagated(kept, covariance)) for b in self.branches
+        )
 
     def fits(self, sightings: Sequence[PoseReading]) -> list[CandidateUpdate]:
         """For each branch, the update by the hypothesis of a detection that fits best."""
@@ -109,21 +119,41 @@ class LandmarkTrack:
             found.append(best)
         return found
 
-    def take(self, fits: Sequence[CandidateUpdate], stamp_ns: int) -> None:
-        """Update by a detection; at least one of the fits is an inlier."""
-        self.branches = _decide(
-            Branch(
-                one.updated if one.is_inlier else branch.estimate, branch.evidence + one.evidence
+    def take(self, fits: Sequence[CandidateUpdate], stamp_ns: int) -> bool:
+        """Update by a detection; at least one of the fits is an inlier. True if it has moved."""
+        most = max(one.evidence for one in fits if one.is_inlier)
+        found = [
+            replace(
+                branch,
+                estimate=one.updated,
+                evidence=branch.evidence + max(one.evidence - most, -_LOSS),
             )
             for branch, one in zip(self.branches, fits, strict=True)
-        )
+        ]
+        best, fitting = max(zip(found, fits, strict=True), key=lambda one: one[0].evidence)
+        zero = best.evidence if fitting.is_inlier else 0.0
         self.seen += 1
+        return self._settle((replace(b, evidence=b.evidence - zero) for b in found), stamp_ns)
+
+    def contradict(self, elsewhere: Sequence[Branch], stamp_ns: int) -> bool:
+        """Consider a detection that fits no branch. True if it has moved."""
+        before = [replace(b, evidence=b.evidence - _LOSS) for b in self.branches]
+        top = elsewhere[0].evidence
+        new = [Branch(b.estimate, b.evidence - top - _MOVED, True) for b in elsewhere]
+        return self._settle([*before, *new], stamp_ns)
+
+    def _settle(self, branches: Iterable[Branch], stamp_ns: int) -> bool:
+        self.branches = _decide(branches)
         self.last_ns = stamp_ns
+        if not all(branch.is_elsewhere for branch in self.branches):
+            return False
+        self.branches = tuple(replace(b, is_elsewhere=False) for b in self.branches)
+        return True
 
     def replace_by(self, other: LandmarkTrack) -> None:
         """Restart with the estimate of another track."""
         self.branches, self.seen, self.last_ns = other.branches, other.seen, other.last_ns
-        self.size_xyz, self.sizes, self.rival = other.size_xyz, other.sizes, None
+        self.size_xyz, self.sizes = other.size_xyz, other.sizes
 
     def measure(self, size_xyz: Floats | None) -> None:
         """Average in a measured size."""
@@ -188,7 +218,7 @@ def _decide(branches: Iterable[Branch]) -> tuple[Branch, ...]:
         is_likely = not kept or branch.evidence > kept[0].evidence - DECIDED
         if is_likely and not any(_is_same(branch.estimate, one.estimate) for one in kept):
             kept.append(branch)
-    return tuple(kept)
+    return tuple(kept[:_MOST])
 
 
 def _is_same(one: LandmarkEstimate, other: LandmarkEstimate) -> bool:
