@@ -3,7 +3,7 @@
     python benchmarks/landmarks/navigation.py [--seeds 30] [--metres 500] [--case 0]
 
 A quadrotor flies rows at 10 m over 56 tags of 0.6 m without GPS; its odometry is wrong by 1 % of
-the way (`tests/landmarks/navigation/flights.py`). Corners are computed, with the noise that tags of
+the way (`tests/estimation/flights.py`). Corners are computed, with the noise that tags of
 their size have. Once with a map whose tags are off by 1 cm and 0.6 degrees, once without any; with
 the odometry alone, and with an IMU; over four tags only, with the odometry alone and with GPS and
 an IMU; and over 100 posts that look all alike and stand on ground which is level to 0.1 m, each
@@ -27,29 +27,28 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "landmarks" / "navigation"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "estimation"))
 from flights import GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
 from ros_visualise.data import Floats, Imu, NavSatFix
-from ros_visualise.geometry.se3 import turn_between
-from ros_visualise.landmarks.navigation.camera_view import view_of
-from ros_visualise.landmarks.navigation.gps import GpsNoise
-from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise
-from ros_visualise.landmarks.navigation.landmark import KnownLandmark, message_covariance
-from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
-from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.navigator import Navigator
-from ros_visualise.landmarks.navigation.points import GroundPlane
-from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
-from ros_visualise.landmarks.navigation.settings import NavigatorSettings
+from ros_visualise.estimation.camera_view import view_of
+from ros_visualise.estimation.chart import MapMode, MapRules
+from ros_visualise.estimation.imu import ImuNoise, Mounting
+from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.navigator import Navigator
+from ros_visualise.estimation.odometry import OdometryNoise
+from ros_visualise.estimation.points import GroundPlane
+from ros_visualise.estimation.sensors import SENSORS, Reading
+from ros_visualise.estimation.sensors.gps import GpsErrorParams
+from ros_visualise.estimation.settings import NavigatorSettings
+from ros_visualise.geometry.rigid import IDENTITY
+from ros_visualise.geometry.se3 import about_itself, turn_between
 
 LEVEL = float(np.radians(0.5))
-NOISE = SensorNoise(
-    OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0),
-    ImuNoise(3e-4, 2e-3, 5e-3, 0.05, 2e-5, 2e-4),
-    GpsNoise(slow=0.966, origin=GPS_ORIGIN),
-)
-IN_THE_MIDDLE = ImuMounting(np.eye(3), np.zeros(3))
+ODOMETRY = OdometryNoise(0.01, 0.0, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
+IMU = ImuNoise(3e-4, 2e-3, 5e-3, 0.05, 2e-5, 2e-4)
+GPS = GpsErrorParams(gps_slow=0.966, gps_origin=", ".join(map(str, GPS_ORIGIN)))
+IN_THE_MIDDLE = Mounting(np.eye(3), np.zeros(3))
 SPREAD = np.repeat([0.01, 0.01], 3)  # of the given map: metres, radians
 SETTLED = 125  # odometries in 5 s
 
@@ -75,7 +74,7 @@ CASES = (
     Case(MapMode.BUILD, 0, False, False, 100),
     Case(MapMode.BUILD, 0, True, False, 100),
 )
-GROUND = GroundPlane(0.0, 0.1)
+GROUND = GroundPlane(0.0, 0.01, 0.1)
 
 
 def main() -> None:
@@ -111,7 +110,7 @@ def print_rows(case: Case, rows: Floats) -> None:
 def fly(seed: int, case: Case, metres: float) -> tuple[float, ...]:
     random = np.random.default_rng([seed, 1])
     feet = random.uniform([-4, -8, 0], [68, 60, 0], (case.posts, 3))
-    feet[:, 2] = random.normal(GROUND.height_m, GROUND.sigma_m, case.posts)
+    feet[:, 2] = random.normal(GROUND.height_m, GROUND.roughness_m, case.posts)
     flight = Flight(
         field_of_tags(random, 64, 64, case.tags) if case.tags else {},
         lawn_mower(metres),
@@ -121,7 +120,9 @@ def fly(seed: int, case: Case, metres: float) -> tuple[float, ...]:
         posts=feet,
     )
     known = {} if case.mode is MapMode.BUILD else given(flight, random)
-    navigator = Navigator(NavigatorSettings(MapRules(case.mode, plane=GROUND), NOISE, LEVEL), known)
+    rules = MapRules(case.mode, plane=GROUND)
+    settings = NavigatorSettings(rules, ODOMETRY, IMU, level_rad=LEVEL, sensors={"gps": GPS})
+    navigator = Navigator(settings, known, IDENTITY)
     imu = flight.imu() if case.imu else []
     gps = flight.gps() if case.gps else []
     there, truth, odometry, nees = [], [], [], []
@@ -163,8 +164,8 @@ def feel(navigator: Navigator, imu: list[Imu], gps: list[NavSatFix], stamp_ns: i
         navigator.imu(one.header.stamp_ns, one.angular_xyz, one.linear_xyz, IN_THE_MIDDLE)
     while gps and gps[0].header.stamp_ns <= stamp_ns:
         fix = gps.pop(0)
-        place = np.array([fix.latitude, fix.longitude, fix.altitude])
-        navigator.fix(fix.header.stamp_ns, place, fix.covariance, np.zeros(3))
+        values = SENSORS.find("gps").read(fix, GPS)
+        navigator.read(Reading("gps", fix.header.stamp_ns, *values, IN_THE_MIDDLE))
 
 
 def given(flight: Flight, random: np.random.Generator) -> dict[str, KnownLandmark]:
@@ -180,19 +181,16 @@ def given(flight: Flight, random: np.random.Generator) -> dict[str, KnownLandmar
 
 def landmarks(navigator: Navigator, flight: Flight) -> tuple[float, float, float]:
     """RMS of their positions in metres, the same aligned, and their NEES."""
-    state, used = (
-        navigator.state,
-        [o for o in navigator.landmark_map.landmarks.values() if o.is_used],
-    )
+    state, used = navigator.state, navigator.chart.used
     if navigator.settings.rules.mode is MapMode.FROZEN:
         return np.nan, np.nan, np.nan
     at, true, nees = [], [], []
     for one in used:
-        (place,) = state.indices([one.key])
-        found_p, covariance = state.landmarks_p[place], message_covariance(state, one.key)
+        (R,), (found_p,), (twist,) = state.marginals([one.key])
+        covariance = about_itself(found_p) @ twist @ about_itself(found_p).T
         if one.has_orientation:
             T = flight.tags[int(one.name.rpartition("_")[2])].T
-            turned, size = turn_between(T[:3, :3], state.landmarks_R[place]), 6
+            turned, size = turn_between(T[:3, :3], R), 6
         else:
             T, turned, size = np.eye(4), np.zeros(3), 3
             T[:3, 3] = min(flight.posts, key=lambda foot: float(np.linalg.norm(foot - found_p)))

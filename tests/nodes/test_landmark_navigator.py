@@ -19,13 +19,13 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.estimation.chart import MapMode
+from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
-from ros_visualise.landmarks.navigation.landmark_map import MapMode
-from ros_visualise.landmarks.navigation.params import NavigatorParams
 from ros_visualise.nodes.landmark_navigator import LandmarkNavigator
 
 S = 1_000_000_000
@@ -176,7 +176,7 @@ def test_landmarks_are_told_with_covariance(params):
 
 def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
     path = tmp_path / "built.yaml"
-    params = NavigatorParams(save_to=str(path), level_sigma=0.1)
+    params = NavigatorParams(save_to=str(path), level_sigma=0.1, corner_floor=0.1)
     node = LandmarkNavigator(params)
     node.save_map()
     assert "nothing saved" in caplog.text
@@ -277,7 +277,7 @@ def test_an_imu_that_nobody_placed_is_left_out_and_said_once(params, caplog):
     run(node, params)
     for number in range(5):
         node.step(params, imu=imu(3 + number / 100), frames=tree())
-    assert sum("ignoring imu_link" in record.getMessage() for record in caplog.records) == 1
+    assert sum("ignoring imu until" in record.getMessage() for record in caplog.records) == 1
     assert values(node, params)["imu"] == "none"
 
 
@@ -297,14 +297,18 @@ def test_fixes_are_counted_and_no_fix_is_none(tmp_path):
         header = Header(round(time_s * S), "base_link")
         return NavSatFix(49.0, longitude, 5.0, np.eye(3), 2, status, header=header)
 
-    node.step(params, odometry=odometry(1, 0), frames=tree())
+    started = TransformStamped("odom_start", np.zeros(3), LEVEL, Header(0, "map"))
+    frames = tree()
+    frames.add(Transforms((started,)), static=True)
+    node.step(params, odometry=odometry(1, 0), frames=frames)
     for number in range(1, 20):
         node.step(params, gps=fix(1 + number / 10, 8.4), frames=tree())
         node.step(params, gps=fix(1 + number / 10, 9.4, status=-1), frames=tree())
         node.step(params, odometry=odometry(1 + number / 10, 0), frames=tree())
     node.step(params, gps=fix(3, 9.4), frames=tree())
     said = values(node, params)
-    assert (said["GPS fixes used"], said["GPS fixes rejected"]) == ("19", "1")
+    assert (said["gps used"], said["gps rejected"]) == ("19", "1")
+    assert node.report()["gps: no fix"] == 19
 
 
 @pytest.mark.parametrize("text", ["here", "49, 8.4", "91, 0, 0", "nan, 0, 0"])

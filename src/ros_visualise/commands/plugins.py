@@ -21,6 +21,7 @@ class PluginsOptions:
 
 def run(options: PluginsOptions) -> int:
     """List the plug-ins; the exit status is 1 if one cannot be used."""
+    from ros_visualise.estimation.sensors import SENSORS as MEASUREMENTS
     from ros_visualise.lessons import LESSONS
     from ros_visualise.nodes import NODES
     from ros_visualise.simulation.robots import ROBOTS
@@ -30,7 +31,8 @@ def run(options: PluginsOptions) -> int:
     from ros_visualise.ui.scene.drawings import DRAWINGS
 
     registries: tuple[Registry[Any], ...]
-    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, SENSORS, WORLDS, COMMANDS)
+    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, SENSORS, WORLDS)
+    registries += (MEASUREMENTS, COMMANDS)
     found = [_described(registry, one) for registry in registries for one in registry.plugins()]
     known = [registry.kind for registry in registries]
     for group, package in unknown_groups(known):

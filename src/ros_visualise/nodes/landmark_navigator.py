@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.errors import NoTransform, OpenError
+from ros_visualise.core.params import specs
 from ros_visualise.data import (
     Detections,
     Detections3D,
@@ -20,25 +22,26 @@ from ros_visualise.data import (
     Header,
     Imu,
     MarkerArray,
-    NavSatFix,
     Odometry,
     PoseWithCovarianceStamped,
     Transforms,
     TransformStamped,
 )
+from ros_visualise.estimation import messages
+from ros_visualise.estimation.camera_view import view_of
+from ros_visualise.estimation.chart import MapMode
+from ros_visualise.estimation.imu import Mounting
+from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.measuring import CAMERAS
+from ros_visualise.estimation.navigator import Navigator, RobotEstimate
+from ros_visualise.estimation.params import NavigatorParams
+from ros_visualise.estimation.rejections import Rejections
+from ros_visualise.estimation.sensors import SENSORS, Reading
+from ros_visualise.estimation.settings import NavigatorSettings
 from ros_visualise.geometry import rigid, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.track import LandmarkTrack
-from ros_visualise.landmarks.navigation import messages
-from ros_visualise.landmarks.navigation.camera_view import view_of
-from ros_visualise.landmarks.navigation.imu import ImuMounting
-from ros_visualise.landmarks.navigation.landmark import KnownLandmark
-from ros_visualise.landmarks.navigation.landmark_map import MapMode
-from ros_visualise.landmarks.navigation.navigator import Navigator, RobotEstimate
-from ros_visualise.landmarks.navigation.params import NavigatorParams
-from ros_visualise.landmarks.navigation.rejections import Rejections
-from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import save_landmarks
 
@@ -50,6 +53,8 @@ _TWO_PUBLISH = (
     " recording, play it without its localization)"
 )
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
+_UNKNOWN = 1e4  # variance above which an odometry says that it does not know
+_RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
 
 
 @node(
@@ -60,7 +65,7 @@ _SHOWN_NS = 200_000_000  # between diagnostics and markers
         "objects": Detections,
         "odometry": Odometry,
         "imu": Imu,
-        "gps": NavSatFix,
+        **{sensor.name: sensor.message for sensor in SENSORS.all()},
     },
     outputs={
         "pose": PoseWithCovarianceStamped,
@@ -84,14 +89,16 @@ class LandmarkNavigator:
     """
 
     def __init__(self, params: NavigatorParams) -> None:
-        self._begun = rigid.IDENTITY
         self._open(params)
-        self.reset()
 
     def _open(self, params: NavigatorParams) -> None:
+        """Begin with a map, or without one."""
         self._params, self._settings = params, params.settings()
         self._given: dict[str, LandmarkTrack] = {}
         self._frame, self._common = _MAP, np.zeros((6, 6))
+        self._navigator: Navigator | None = None
+        self._start: rigid.Pose | None = None
+        self._forget()
         if params.mode is MapMode.BUILD:
             return
         if not params.map:
@@ -100,15 +107,23 @@ class LandmarkNavigator:
         self._given = _named(several)
         self._settings = _on(self._settings, self._common)
 
-    def reset(self) -> None:
-        """Start over: time jumped."""
-        self._navigator: Navigator | None = None
+    def _forget(self) -> None:
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None
         self._shown_ns: int | None = None
-        self._state = ""
-        self._mounted: dict[str, ImuMounting | None] = {}
+        self._state, self._images = "", 0
+        self._mounted: dict[str, Mounting] = {}
+        self._cameras: list[str] = []
+        self._unused: Counter[str] = Counter()
         self._rejections = Rejections()
+
+    def reset(self) -> None:
+        """Start over: time jumped. The map that was built so far is kept."""
+        if self._navigator is not None and self._navigator.chart.used:
+            self._navigator.reset()
+        else:
+            self._navigator = None
+        self._forget()
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -125,9 +140,9 @@ class LandmarkNavigator:
         objects: Detections | None = None,
         odometry: Odometry | None = None,
         imu: Imu | None = None,
-        gps: NavSatFix | None = None,
         *,
         frames: FrameTree,
+        **others: Any,
     ) -> dict[str, Any] | None:
         """The robot's pose for each odometry; the landmarks for images."""
         if params is not self._params:
@@ -137,14 +152,14 @@ class LandmarkNavigator:
             answer = self._go_on(odometry, frames)
         elif self._navigator is None:
             return None
-        elif imu is not None and params.imu:
+        elif imu is not None:
             self._feel(self._navigator, imu, frames)
-        elif gps is not None and params.gps:
-            self._locate(self._navigator, gps, frames)
         elif detections is not None:
             self._see(self._navigator, detections, params.class_prefix, frames)
         elif objects is not None:
             self._see(self._navigator, objects, params.object_prefix, frames)
+        for name, message in others.items():
+            self._read(name, message, frames)
         return (answer | self._shown()) or None
 
     def _see(
@@ -152,41 +167,53 @@ class LandmarkNavigator:
     ) -> None:
         header, p = detections.header, self._params
         T = frames.lookup(self._base_frame, header.frame_id, header.stamp_ns)
-        navigator.see(view_of(detections, T, prefix, p.corner_floor, p.moving_classes))
+        if header.frame_id not in self._cameras:
+            self._cameras.append(header.frame_id)
+        camera = min(self._cameras.index(header.frame_id), len(CAMERAS) - 1)
+        view = view_of(detections, T, prefix, p.corner_floor, p.moving_classes, camera)
+        navigator.see(view)
 
     def _feel(self, navigator: Navigator, imu: Imu, frames: FrameTree) -> None:
-        mounting = self._mounting(imu.header, frames)
+        mounting = self._mounting("imu", imu.header, frames)
         measured = imu.angular_covariance[0, 0] >= 0 and imu.linear_covariance[0, 0] >= 0
         if mounting is None or not measured:
+            self._unused["imu: not mounted" if mounting is None else "imu: measures nothing"] += 1
             return
         navigator.imu(imu.header.stamp_ns, imu.angular_xyz, imu.linear_xyz, mounting)
 
-    def _locate(self, navigator: Navigator, gps: NavSatFix, frames: FrameTree) -> None:
-        mounting = self._mounting(gps.header, frames)
-        if gps.status < 0 or mounting is None:
+    def _read(self, name: str, message: Any, frames: FrameTree) -> None:
+        """Process a message of another sensor."""
+        sensor = SENSORS.find(name)
+        if self._navigator is None or not getattr(self._params, name, True):
             return
-        geodetic = np.array([gps.latitude, gps.longitude, gps.altitude])
-        known = gps.covariance if gps.covariance_type else np.zeros((3, 3))
-        navigator.fix(gps.header.stamp_ns, geodetic, known, mounting.p)
+        mounting = self._mounting(name, message.header, frames)
+        found = sensor.read(message, self._params) if mounting else "not mounted"
+        if mounting is None or isinstance(found, str):
+            self._unused[f"{name}: {found}"] += 1
+            return
+        self._navigator.read(Reading(name, message.header.stamp_ns, *found, mounting))
 
-    def _mounting(self, header: Header, frames: FrameTree) -> ImuMounting | None:
-        """The pose of a sensor on the robot; None and one warning if unknown."""
-        name = header.frame_id
-        if name not in self._mounted:
-            self._mounted[name] = None
+    def _mounting(self, name: str, header: Header, frames: FrameTree) -> Mounting | None:
+        """The pose of a sensor on the robot; None and one warning while it is unknown."""
+        frame = header.frame_id
+        if frame not in self._mounted:
             try:
-                T = frames.lookup(self._base_frame, name, header.stamp_ns)
-                self._mounted[name] = ImuMounting(T[:3, :3], T[:3, 3])
+                T = frames.lookup(self._base_frame, frame, header.stamp_ns)
             except NoTransform as error:
-                log.warning("ignoring %s: %s", name or "a sensor without a frame", error)
-        return self._mounted[name]
+                if not self._unused[f"{name}: not mounted"]:
+                    log.warning("ignoring %s until its frame is known: %s", name, error)
+                return None
+            self._mounted[frame] = Mounting(T[:3, :3], T[:3, 3])
+        return self._mounted[frame]
 
     def _change(self, params: NavigatorParams) -> None:
-        """Continue with other parameters; with another map, begin anew."""
+        """Continue with other parameters; with another map or start, begin anew."""
         before, self._params = self._params, params
-        if (params.mode, params.map) != (before.mode, before.map):
+        if any(getattr(params, name) != getattr(before, name) for name in _RESTART):
+            if self._navigator is not None and self._navigator.chart.used:
+                built = len(self._navigator.chart.used)
+                log.warning("beginning anew: the map of %d landmarks is dropped", built)
             self._open(params)
-            self.reset()
             return
         self._settings = _on(params.settings(), self._common)
         if self._navigator is not None:
@@ -196,18 +223,20 @@ class LandmarkNavigator:
         """Numbers of images used, of losses and of landmarks."""
         if self._navigator is None:
             return {}
-        landmarks = self._navigator.landmark_map.landmarks.values()
-        return {**self._navigator.counts, "landmarks": sum(one.is_used for one in landmarks)}
+        counts = {**self._navigator.counts, **self._unused}
+        return {**counts, "landmarks": len(self._navigator.chart.used)}
 
     def _go_on(self, odometry: Odometry, frames: FrameTree) -> dict[str, Any]:
         header = odometry.header
-        if self._navigator is None:
+        if not self._base_frame:
             self._odom_frame, self._base_frame = header.frame_id, odometry.child_frame_id
-            start = self._start(frames, header)
+        if self._navigator is None:
+            start = self._begun(frames, header)
             given = _known(self._given, self._common)
             self._navigator = Navigator(self._settings, given, start, self._common)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
-        now = self._navigator.odometry(header.stamp_ns, pose)
+        variances = _variances(odometry.pose_covariance)
+        now = self._navigator.odometry(header.stamp_ns, pose, variances)
         if now is None:
             return {}
         self._now = now
@@ -221,8 +250,8 @@ class LandmarkNavigator:
             answer["pose"] = PoseWithCovarianceStamped(place, quat, now.covariance, at)
         return answer
 
-    def _start(self, frames: FrameTree, header: Header) -> rigid.Pose:
-        """T_map_odom if the start of the odometry is published, else the identity.
+    def _begun(self, frames: FrameTree, header: Header) -> rigid.Pose | None:
+        """T_map_odom if the start of the odometry is published; None if it is not.
 
         A frame odom_start, as that of simulated robots, goes first. It holds again after a jump
         of time.
@@ -230,22 +259,27 @@ class LandmarkNavigator:
         for frame in (f"{header.frame_id}_start", header.frame_id):
             with suppress(NoTransform):
                 T = frames.lookup(self._frame, frame, header.stamp_ns)
-                self._begun = rigid.pose(*se3.to_pose(T))
+                self._start = rigid.pose(*se3.to_pose(T))
                 if frame == header.frame_id:
                     log.warning("%s", _TWO_PUBLISH.format(self._frame, frame))
                 break
-        return self._begun
+        return self._start
 
     def _shown(self) -> dict[str, Any]:
         """Diagnostics and markers: now and then, and at once if the state changed."""
         navigator = self._navigator
-        if navigator is None or not navigator.has_news:
+        if navigator is None:
             return {}
-        navigator.has_news = False
-        for text in self._rejections.look(navigator.outcome):
+        for text in navigator.news():
+            log.warning("landmark_navigator: %s", text)
+        belief, outcome = navigator.belief, navigator.outcome
+        if belief.stamp_ns is None or belief.counts["images"] == self._images:
+            return {}
+        self._images = belief.counts["images"]
+        for text in self._rejections.look(outcome):
             log.warning("landmark_navigator: %s (further occurrences suppressed)", text)
-        at = Header(navigator.at_ns, self._frame)
-        state = f"{navigator.reason} {sorted(navigator.outcome.rejected)}"
+        at = Header(belief.stamp_ns, self._frame)
+        state = f"{belief.reason} {sorted(outcome.rejected)}"
         is_due = self._shown_ns is None or at.stamp_ns - self._shown_ns >= _SHOWN_NS
         if not is_due and state == self._state:
             return {}
@@ -255,6 +289,14 @@ class LandmarkNavigator:
             answer["landmarks"] = messages.landmarks_of(navigator, at)
             answer["markers"] = messages.markers_of(navigator, self._now, at)
         return answer
+
+
+def _variances(covariance: Floats) -> tuple[float, float]:
+    """Variances of position and heading, as an odometry reports them; 0 if it does not."""
+    values = np.diag(covariance)
+    known = np.isfinite(values) & (values > 0) & (values < _UNKNOWN)
+    position = float(values[:3][known[:3]].mean()) if known[:2].all() else 0.0
+    return position, float(values[5]) if known[5] else 0.0
 
 
 def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:

@@ -8,17 +8,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry.se3 import about_itself, about_origin, adjoint
+from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.estimation.gates import DECIDED, Innovation, MisfitTest
+from ros_visualise.estimation.measuring import CAMERAS, FOCAL, Pair, camera_of
+from ros_visualise.estimation.robot import POSE
+from ros_visualise.estimation.state import State
+from ros_visualise.estimation.updating import fits, update
+from ros_visualise.geometry.se3 import about_origin, adjoint
 from ros_visualise.landmarks.localization.common_error import beside
-from ros_visualise.landmarks.localization.track import DECIDED, log_score
-from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
-from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
-from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.updating import Innovation, fits, update
+from ros_visualise.landmarks.localization.track import log_score
 
 _SAME = 1.0  # squared distance below which two readings are merged
 _WORST = -40.0  # least evidence of a view, so that one outlier alone decides nothing
-_SURPRISE = 3.1  # standard deviations of a sum of squared distances: the 99.9% point
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +86,7 @@ class Landmark:
     has_orientation: bool = True
     _from_p: Floats = field(default_factory=lambda: np.zeros(3))
     _reach: float = 0.0  # distance between its views, as a fraction of its range
-    _surprise: float = 0.0  # sum of squared distances of all views, minus its expectation
-    _numbers: int = 0
+    _misfit: MisfitTest = field(default_factory=MisfitTest)
 
     @classmethod
     def first(
@@ -99,8 +99,8 @@ class Landmark:
         at: Floats,
     ) -> Landmark:
         """A landmark seen for the first time, from a camera at ``at`` (3,)."""
-        number, side_m = sight.number, sight.side_m
-        new = cls(name, sight.name, number, side_m, keys, evidence, False, view.stamp_ns)
+        number, side_m, stamp_ns = sight.number, sight.side_m, view.stamp_ns
+        new = cls(name, sight.name, number, side_m, keys, evidence, False, stamp_ns)
         new.has_orientation, new._from_p = sight.has_orientation, at
         return new
 
@@ -123,7 +123,7 @@ class Landmark:
         likely = [math.exp(one - self.evidence[0]) for one in self.evidence]
         return [one / sum(likely) for one in likely]
 
-    def watch(self, state: FilterState, view: CameraView, sight: Sighting) -> FilterState:
+    def watch(self, state: State, view: CameraView, sight: Sighting) -> State:
         """Update a landmark that is not used yet, without correcting the robot."""
         found = [fits(view, [Pair(sight, key)], state)[0] for key in self.keys]
         best = max(found, key=lambda one: one.evidence)
@@ -132,14 +132,20 @@ class Landmark:
             return state
         for key, one in zip(self.keys, found, strict=True):
             if one.is_inlier:
-                state = update(state, view, [Pair(sight, key)], [state.rows(key)])
+                own = np.zeros(len(state.P), bool)
+                own[state.rows(key)] = True
+                state = update(state, view, [Pair(sight, key)], own)
         self._note(best, view, state)
         several = zip(self.evidence, found, strict=True)
         self.evidence = [before + max(one.evidence, _WORST) for before, one in several]
         self.decide(state)
         return state
 
-    def decide(self, state: FilterState) -> None:
+    def turn_to(self, R: Floats, p: Floats) -> None:
+        """Go over to another frame of the map: T_frame_map, (3, 3) and (3,)."""
+        self._from_p = R @ self._from_p + p
+
+    def decide(self, state: State) -> None:
         """Drop readings that the views make unlikely, and merge those that have converged."""
         order = sorted(range(len(self.keys)), key=lambda n: -self.evidence[n])
         kept: list[int] = []
@@ -159,22 +165,21 @@ class Landmark:
     @property
     def is_contradictory(self) -> bool:
         """True if its views are inconsistent."""
-        return self.rejected > 3 or self._surprise > _SURPRISE * math.sqrt(2 * self._numbers)
+        return self.rejected > 3 or self._misfit.is_misfit
 
-    def _note(self, fit: Innovation, view: CameraView, state: FilterState) -> None:
+    def _note(self, fit: Innovation, view: CameraView, state: State) -> None:
         """Count a view."""
         self.seen += 1
         self.rejected = 0
         self.last_ns = view.stamp_ns
-        self._surprise += fit.distance2 - fit.size
-        self._numbers += fit.size
-        camera = camera_of(view, state.R, state.p).p
+        self._misfit = self._misfit.after(fit)
+        camera = camera_of(view, state.robot).p
         (place,) = state.indices([self.key])
         range_m = float(np.linalg.norm(state.landmarks_p[place] - camera))
         self._reach = max(self._reach, float(np.linalg.norm(camera - self._from_p)) / range_m)
 
     @staticmethod
-    def _are_same(state: FilterState, one: str, other: str) -> bool:
+    def _are_same(state: State, one: str, other: str) -> bool:
         a, b = state.indices([one, other])
         ahead = adjoint(state.landmarks_R[a], state.landmarks_p[a])
         back = np.linalg.inv(ahead)
@@ -182,22 +187,24 @@ class Landmark:
         R = state.landmarks_R[a].T @ state.landmarks_R[b]
         axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
         off = np.concatenate([p, axis])
-        P = state.covariance
+        P = state.P
         rows_a, rows_b = state.rows(one), state.rows(other)
         spread = back @ (P[rows_a, rows_a] + P[rows_b, rows_b]) @ back.T
         return bool(np.trace(R) > 1 and off @ np.linalg.solve(spread, off) < _SAME)
 
 
-def begin(state: FilterState, view: CameraView, sight: Sighting) -> Landmark:
+def begin(state: State, view: CameraView, sight: Sighting) -> Landmark:
     """Add a newly seen landmark to a state, with each reading of its image."""
-    camera = camera_of(view, state.R, state.p)
+    camera = camera_of(view, state.robot)
     keys = [f"{sight.name}/{n}" for n, pose in enumerate(sight.poses) if pose.R is not None]
     poses = [pose for pose in sight.poses if pose.R is not None]
     for key, pose in zip(keys, poses, strict=True):
         assert pose.R is not None
         noise = seen_noise(pose, camera.R, camera.p)
         state.add(key, camera.R @ pose.R, camera.R @ pose.t + camera.p, noise)
-        state.share(key)
+        state.share(state.rows(key), np.eye(6), POSE)
+        start = CAMERAS[view.camera].rows.start
+        state.share(state.rows(key), camera.by_camera, slice(start, start + FOCAL))
     evidence = [log_score(pose.score) for pose in poses]
     landmark = Landmark.first(sight, sight.name, keys, evidence, view, camera.p)
     landmark.decide(state)
@@ -213,16 +220,3 @@ def seen_noise(pose: ObservedPose, R: Floats, p: Floats) -> Floats:
     change = adjoint(R, p) @ about_origin(pose.t)
     noise: Floats = change @ pose.covariance @ change.T
     return noise
-
-
-def message_covariance(state: FilterState, key: str, common: Floats | float = 0.0) -> Floats:
-    """(6, 6) covariance of a landmark as in messages: of its position, and rotations about itself.
-
-    Args:
-        common: (6, 6) covariance of the twist of the whole map.
-    """
-    (place,) = state.indices([key])
-    rows = state.rows(key)
-    change = about_itself(state.landmarks_p[place])
-    told: Floats = change @ (state.covariance[rows, rows] + common) @ change.T
-    return told

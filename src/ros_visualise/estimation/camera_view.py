@@ -73,6 +73,7 @@ class CameraView:
         sights: the usable sightings.
         skipped: names of the others, with the reason.
         print: fingerprint of all corners and poses; equal ones mean the same image.
+        camera: its number, see `ros_visualise.estimation.measuring.CAMERAS`.
     """
 
     stamp_ns: int
@@ -81,6 +82,7 @@ class CameraView:
     sights: tuple[Sighting, ...]
     skipped: dict[str, str]
     print: bytes
+    camera: int = 0
 
 
 def view_of(
@@ -89,6 +91,7 @@ def view_of(
     prefix: str = "",
     floor_px: float = 0.0,
     moving: Container[str] = (),
+    camera: int = 0,
 ) -> CameraView:
     """The view given by detections.
 
@@ -98,6 +101,7 @@ def view_of(
         prefix: put before classes that are numbers.
         floor_px: smallest standard deviation of corners.
         moving: classes that are not landmarks.
+        camera: its number.
     """
     sights, skipped = [], {}
     found = [one for one in detections.detections if one.hypotheses]
@@ -114,7 +118,7 @@ def view_of(
     skipped |= {name: "duplicate in the image" for name, count in often.items() if count > 1}
     kept = tuple(sight for sight in sights if sight.name not in skipped)
     R, p = T_base_camera[:3, :3], T_base_camera[:3, 3]
-    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found))
+    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found), camera)
 
 
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:

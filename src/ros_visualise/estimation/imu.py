@@ -11,21 +11,17 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.estimation.robot import GRAVITY, VELOCITY, RobotState, core, own_states
+from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.navigation.propagation import Propagation
-from ros_visualise.landmarks.navigation.robot import (
-    ACCEL,
-    CORE,
-    GRAVITY,
-    GYRO,
-    VELOCITY,
-    RobotState,
-)
+
+GYRO = own_states("bias of the gyroscope", 3)
+ACCEL = own_states("bias of the accelerometer", 3)
 
 _EYE = np.eye(3)
-_MOVED = VELOCITY.stop  # the first errors: pose, scales and velocity
+_MOVED = VELOCITY.stop  # the first errors: pose and velocity
 _GAP_NS = 100_000_000  # longest gap between measurements
-_BACK_NS = 1_000_000_000  # stamps going back more than this mean that time was reset
+_LONGEST_NS = 30_000_000_000  # that is kept, with no odometry to use it
 
 
 @dataclass(frozen=True)
@@ -47,8 +43,8 @@ class ImuNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class ImuMounting:
-    """Pose of an IMU on the robot: T_base_imu, (3, 3) and (3,)."""
+class Mounting:
+    """Pose of a sensor on the robot: T_base_sensor, (3, 3) and (3,)."""
 
     R: Floats
     p: Floats
@@ -65,38 +61,48 @@ class ImuInterval(NamedTuple):
 ImuIntervals = list[ImuInterval]
 
 
+class ImuSample(NamedTuple):
+    """Angular velocity (3,), rad/s, and specific force (3,), m/s^2, in the robot's axes."""
+
+    rates: Floats
+    force: Floats
+    mounted_at: Floats
+
+
 class ImuBuffer:
-    """The last seconds of an IMU, in the robot's axes and at the robot's origin."""
+    """The last seconds of an IMU, in any order of arrival."""
 
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
-        self._rates: list[Floats] = []
-        self._forces: list[Floats] = []
+        self._samples: list[ImuSample] = []
 
     @property
-    def has_data(self) -> bool:
-        """True if it has measurements."""
-        return bool(self._stamps_ns)
+    def newest_ns(self) -> int | None:
+        """Time of the last measurement."""
+        return self._stamps_ns[-1] if self._stamps_ns else None
 
-    def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: ImuMounting) -> None:
-        """Add a measurement, in the IMU's axes, newer than all others.
+    def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> bool:
+        """Add a measurement, in the IMU's axes; False if it is no number, or is there already."""
+        place = bisect_left(self._stamps_ns, stamp_ns)
+        is_there = place < len(self._stamps_ns) and self._stamps_ns[place] == stamp_ns
+        if is_there or not (np.isfinite(rates).all() and np.isfinite(force).all()):
+            return False
+        self._stamps_ns.insert(place, stamp_ns)
+        self._samples.insert(place, ImuSample(mounting.R @ rates, mounting.R @ force, mounting.p))
+        self.forget(self._stamps_ns[-1] - _LONGEST_NS)
+        return True
 
-        Off the robot's origin an IMU also measures the robot's rotation about it.
-        """
-        if self._stamps_ns and stamp_ns < self._stamps_ns[-1] - _BACK_NS:
-            self.forget_all()  # time was reset
-        is_number = np.isfinite(rates).all() and np.isfinite(force).all()
-        if not is_number or (self._stamps_ns and stamp_ns <= self._stamps_ns[-1]):
-            return
-        w, f = mounting.R @ rates, mounting.R @ force
+    def _at_origin(self, n: int) -> Floats:
+        """(3,) specific force at the robot's origin: elsewhere an IMU also feels its rotation."""
+        w, f, at = self._samples[n]
+        if not at.any():
+            return f
         spin = se3.cross(w)
-        f = f - spin @ spin @ mounting.p
-        if self._stamps_ns:
-            seconds = (stamp_ns - self._stamps_ns[-1]) / 1e9
-            f = f - se3.cross((w - self._rates[-1]) / seconds) @ mounting.p
-        self._stamps_ns.append(stamp_ns)
-        self._rates.append(w)
-        self._forces.append(f)
+        f = f - spin @ spin @ at
+        if n:
+            seconds = (self._stamps_ns[n] - self._stamps_ns[n - 1]) / 1e9
+            f = f - se3.cross((w - self._samples[n - 1].rates) / seconds) @ at
+        return f
 
     def between(self, from_ns: int, to_ns: int) -> ImuIntervals | None:
         """The intervals between two times, in the robot's axes; None if any is missing."""
@@ -111,33 +117,30 @@ class ImuBuffer:
         parts = []
         for n, (a, b) in enumerate(pairwise(stamps), first):
             m = min(n + 1, len(times) - 1)
-            mean = (self._rates[n] + self._rates[m]) / 2, (self._forces[n] + self._forces[m]) / 2
-            parts.append(ImuInterval((b - a) / 1e9, *mean))
+            rates = (self._samples[n].rates + self._samples[m].rates) / 2
+            force = (self._at_origin(n) + self._at_origin(m)) / 2
+            parts.append(ImuInterval((b - a) / 1e9, rates, force))
         return parts
-
-    def forget_all(self) -> None:
-        """Forget all measurements."""
-        self._stamps_ns, self._rates, self._forces = [], [], []
 
     def forget(self, before_ns: int) -> None:
         """Forget older measurements, except the last of them."""
         count = max(bisect_right(self._stamps_ns, before_ns) - 1, 0)
-        del self._stamps_ns[:count], self._rates[:count], self._forces[:count]
+        del self._stamps_ns[:count], self._samples[:count]
 
 
-def propagate_by_imu(propagation: Propagation, parts: ImuIntervals, model: ImuNoise) -> None:
+def propagate_by_imu(state: State, parts: ImuIntervals, model: ImuNoise) -> None:
     """Propagate by all measurements of an interval, with one Jacobian for the whole of it.
 
-    Source: A. Barrau, S. Bonnabel, as in `ros_visualise.landmarks.navigation.robot`: the
+    Source: A. Barrau, S. Bonnabel, as in `ros_visualise.estimation.robot`: the
     propagation of errors of pose and velocity does not depend on the estimate; J. Sola, Quaternion
     kinematics for the error-state Kalman filter, 2017, section 5, for the biases; C. Forster et
     al., On-manifold preintegration for real-time visual-inertial odometry, 2017, for joining the
     intervals.
     """
-    robot = propagation.robot
+    robot = state.robot
     seconds = np.array([part.seconds for part in parts])[:, None]
     middles, R = _attitudes(robot, parts)
-    forces = np.array([part.force for part in parts]) - robot.accel
+    forces = np.array([part.force for part in parts]) - robot[ACCEL]
     pushes = ((middles @ forces[..., None])[..., 0] + robot.gravity) * seconds
     v = robot.v + pushes.cumsum(axis=0)
     p = robot.p + ((v - pushes / 2) * seconds).cumsum(axis=0)
@@ -146,18 +149,19 @@ def propagate_by_imu(propagation: Propagation, parts: ImuIntervals, model: ImuNo
     turned = _turned(p, v, left[..., None], fall)
     J = _motion(float(seconds.sum()), fall)
     lasting = middles * seconds[..., None]
-    J[:_MOVED, GYRO] = -(turned @ lasting).sum(axis=0)
-    J[:3, ACCEL] = -(lasting * (left + seconds / 2)[..., None]).sum(axis=0)
-    J[VELOCITY, ACCEL] = -lasting.sum(axis=0)
-    propagation.propagate(J, _noise(turned, seconds, left, model))
-    propagation.robot = replace(robot, R=R, p=p[-1], v=v[-1])
+    J[:_MOVED, GYRO.rows] = -(turned @ lasting).sum(axis=0)
+    J[:3, ACCEL.rows] = -(lasting * (left + seconds / 2)[..., None]).sum(axis=0)
+    J[VELOCITY, ACCEL.rows] = -lasting.sum(axis=0)
+    rates = R @ (parts[-1].rates - robot[GYRO])
+    moved = replace(robot, R=R, p=p[-1], v=v[-1], rates=rates)
+    state.propagate(moved, J, _noise(turned, seconds, left, model))
 
 
 def _attitudes(robot: RobotState, parts: ImuIntervals) -> tuple[Floats, Floats]:
     """Attitudes in the middle of each interval (K, 3, 3), and at the end (3, 3)."""
     R, middles = robot.R, []
     for part in parts:
-        half = cv2.Rodrigues((part.rates - robot.gyro) * (part.seconds / 2))[0]
+        half = cv2.Rodrigues((part.rates - robot[GYRO]) * (part.seconds / 2))[0]
         middles.append(R @ half)
         R = middles[-1] @ half
     return np.array(middles), R
@@ -180,8 +184,8 @@ def _turned(p: Floats, v: Floats, left: Floats, fall: Floats) -> Floats:
 
 
 def _motion(seconds: float, fall: Floats) -> Floats:
-    """(CORE, CORE) propagation of the errors over so many seconds, except the biases."""
-    J = np.eye(CORE)
+    """(n, n) propagation of the errors over so many seconds, except the biases."""
+    J = np.eye(core())
     J[:3, VELOCITY] = seconds * _EYE
     J[VELOCITY, 3:6] = fall * seconds
     J[:3, 3:6] = fall * (seconds**2 / 2)
@@ -191,8 +195,8 @@ def _motion(seconds: float, fall: Floats) -> Floats:
 
 
 def _noise(turned: Floats, seconds: Floats, left: Floats, model: ImuNoise) -> Floats:
-    """(CORE, CORE) covariance that all intervals add to the errors."""
-    noise = np.zeros((CORE, CORE))
+    """(n, n) covariance that all intervals add to the errors."""
+    noise = np.zeros((core(), core()))
     rows = np.concatenate(turned * (model.gyro * np.sqrt(seconds[..., None])), axis=1)
     noise[:_MOVED, :_MOVED] = rows @ rows.T
     of_v, of_both, of_p = (float((seconds * left**n).sum()) * model.accel**2 for n in range(3))
@@ -200,6 +204,6 @@ def _noise(turned: Floats, seconds: Floats, left: Floats, model: ImuNoise) -> Fl
     noise[VELOCITY, :3] += of_both * _EYE
     noise[:3, VELOCITY] += of_both * _EYE
     noise[:3, :3] += of_p * _EYE
-    noise[GYRO, GYRO] = model.gyro_walk**2 * seconds.sum() * _EYE
-    noise[ACCEL, ACCEL] = model.accel_walk**2 * seconds.sum() * _EYE
+    noise[GYRO.rows, GYRO.rows] = model.gyro_walk**2 * seconds.sum() * _EYE
+    noise[ACCEL.rows, ACCEL.rows] = model.accel_walk**2 * seconds.sum() * _EYE
     return noise

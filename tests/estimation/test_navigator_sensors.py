@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from flights import DRIFT, GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
+from ros_visualise.estimation.camera_view import view_of
+from ros_visualise.estimation.chart import MapMode, MapRules
+from ros_visualise.estimation.imu import ImuBuffer, ImuNoise, Mounting
+from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.navigator import Navigator
+from ros_visualise.estimation.odometry import OdometryNoise
+from ros_visualise.estimation.points import GroundPlane
+from ros_visualise.estimation.sensors import SENSORS, Reading
+from ros_visualise.estimation.sensors.gps import GpsErrorParams
+from ros_visualise.estimation.settings import NavigatorSettings
 from ros_visualise.geometry import rigid
 from ros_visualise.geometry.se3 import turn_between
-from ros_visualise.landmarks.navigation.camera_view import view_of
-from ros_visualise.landmarks.navigation.gps import GpsNoise
-from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise
-from ros_visualise.landmarks.navigation.landmark import KnownLandmark
-from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
-from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.navigator import Navigator
-from ros_visualise.landmarks.navigation.points import GroundPlane
-from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
-from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 LEVEL = np.radians(0.5)
-ODOMETRY = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
+ODOMETRY = OdometryNoise(0.01, 0.0, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
 IMU = ImuNoise(
     DRIFT.gyro_density,
     DRIFT.accel_density,
@@ -30,9 +30,11 @@ IMU = ImuNoise(
     DRIFT.gyro_walk,
     DRIFT.accel_walk,
 )
-GPS = GpsNoise(slow=0.966, origin=GPS_ORIGIN)
-BUILD = NavigatorSettings(MapRules(MapMode.BUILD), SensorNoise(ODOMETRY, IMU, GPS), LEVEL)
-IN_THE_MIDDLE = ImuMounting(np.eye(3), np.zeros(3))
+GPS = GpsErrorParams(gps_slow=0.966, gps_origin=", ".join(map(str, GPS_ORIGIN)))
+BUILD = NavigatorSettings(
+    MapRules(MapMode.BUILD), ODOMETRY, IMU, level_rad=LEVEL, sensors={"gps": GPS}
+)
+IN_THE_MIDDLE = Mounting(np.eye(3), np.zeros(3))
 
 
 @cache
@@ -66,8 +68,8 @@ def fly(navigator, one, told, imu=(), gps=(), mounting=IN_THE_MIDDLE):
             navigator.imu(one_imu.header.stamp_ns, rates, force, mounting)
         while gps and gps[0].header.stamp_ns <= stamp:
             fix = gps.pop(0)
-            place = np.array([fix.latitude, fix.longitude, fix.altitude])
-            navigator.fix(fix.header.stamp_ns, place, fix.covariance, np.zeros(3))
+            values = SENSORS.find("gps").read(fix, GPS)
+            navigator.read(Reading("gps", fix.header.stamp_ns, *values, IN_THE_MIDDLE))
         now = navigator.odometry(stamp, pose)
         if seen is not None:
             navigator.see(view_of(seen, T_BASE_CAMERA))
@@ -116,7 +118,7 @@ def test_a_map_that_is_built_with_an_imu_lies_level():
     def marks(imu):
         navigator = Navigator(BUILD)
         fly(navigator, one, told, imu)
-        used = [mark for mark in navigator.landmark_map.landmarks.values() if mark.is_used]
+        used = navigator.chart.used
         found = navigator.state.landmarks_p[navigator.state.indices([m.key for m in used])]
         true = [one.tags[int(mark.name.rpartition("_")[2])].T[:3, 3] for mark in used]
         return rms(found - np.array(true))
@@ -137,14 +139,14 @@ def test_an_imu_carries_the_robot_through_three_seconds_without_odometry():
     assert_expected(errors[-1], covariances[-1])
 
 
-def test_an_imu_that_is_mounted_otherwise_than_said_is_left_out(caplog):
+def test_an_imu_that_is_mounted_otherwise_than_said_is_left_out():
     one, told, imu, _ = flight()
-    askew = ImuMounting(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    askew = Mounting(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, imu, mounting=askew)
-    assert navigator.sensors.is_imu_rejected
-    assert "the IMU contradicts the odometry" in caplog.text
+    assert navigator.counts["imu rejected"]
+    assert any("the IMU contradicts the odometry" in text for text in navigator.news())
     assert rms(errors) < 2 * rms(without) + 0.5
 
 
@@ -154,24 +156,24 @@ def test_an_imu_that_counts_in_g_is_left_out():
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, in_g)
-    assert navigator.sensors.is_imu_rejected
+    assert navigator.counts["imu rejected"]
     assert rms(errors) < 2 * rms(without) + 0.5
 
 
-def test_a_stamp_of_another_time_costs_an_imu_little():
-    imu = Navigator(BUILD).sensors.imu
-    for stamp in (10, 20, 10**6, 30, 40, 50):
-        imu.add(stamp * 10**6, np.zeros(3), np.array([0, 0, 9.8]), IN_THE_MIDDLE)
-    imu.add(60 * 10**6, np.full(3, np.nan), np.zeros(3), IN_THE_MIDDLE)
-    parts = imu.between(30 * 10**6, 50 * 10**6)
-    assert sum(seconds for seconds, _, _ in parts) == pytest.approx(0.02)
-    assert imu.between(10 * 10**6, 20 * 10**6) is None
+def test_an_imu_may_come_in_any_order_and_what_is_no_number_is_refused():
+    imu = ImuBuffer()
+    for stamp in (10, 30, 20, 40, 50):
+        assert imu.add(stamp * 10**6, np.zeros(3), np.array([0, 0, 9.8]), IN_THE_MIDDLE)
+    assert not imu.add(60 * 10**6, np.full(3, np.nan), np.zeros(3), IN_THE_MIDDLE)
+    assert not imu.add(20 * 10**6, np.zeros(3), np.zeros(3), IN_THE_MIDDLE)
+    parts = imu.between(10 * 10**6, 50 * 10**6)
+    assert [seconds for seconds, _, _ in parts] == pytest.approx([0.01] * 4)
 
 
 def test_an_imu_away_from_the_middle_feels_its_turns():
     """Said to be elsewhere, and measured there: as if it were in the middle."""
-    at = ImuMounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))
-    imu = Navigator(BUILD).sensors.imu
+    at = Mounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))
+    imu = ImuBuffer()
     turn, speed_up = np.array([0.2, -0.5, 1.5]), np.array([0.5, 0.1, -0.3])
     for number in range(20):
         rates = turn + speed_up * number / 100
@@ -186,9 +188,9 @@ def test_an_imu_away_from_the_middle_feels_its_turns():
 def test_gps_holds_the_error_small_between_landmarks():
     one, told, _, gps = flight(length_m=200.0, tags=0)
     without, _ = fly(Navigator(BUILD), one, told)
-    navigator = Navigator(BUILD)
+    navigator = Navigator(BUILD, start=rigid.IDENTITY)
     errors, covariances = fly(navigator, one, told, gps=gps)
-    assert navigator.sensors.gps.used > 50
+    assert navigator.counts["gps used"] > 50
     end = len(errors) // 2
     assert rms(errors[end:]) < 0.8 * rms(without[end:])
     assert_expected(errors[-1], covariances[-1])
@@ -196,33 +198,38 @@ def test_gps_holds_the_error_small_between_landmarks():
 
 def test_gps_finds_out_where_it_counts_from():
     one, told, _, gps = flight(length_m=200.0, tags=0)
-    nobody = replace(BUILD, noise=replace(BUILD.noise, gps=replace(GPS, origin=None)))
+    nobody = replace(BUILD, sensors={"gps": replace(GPS, gps_origin="")})
     navigator = Navigator(nobody)
     errors, covariances = fly(navigator, one, told, gps=gps)
-    assert navigator.sensors.gps.used > 50
+    assert navigator.counts["gps used"] > 50
     assert abs(navigator.state.robot.datum_R[1, 0]) < 0.1  # the map's x axis points east
     assert_expected(errors[-1], covariances[-1])
 
 
-def test_gps_that_jumps_is_refused():
+def test_gps_that_jumps_is_refused_and_then_doubted_as_the_robot_is():
     one, told, _, gps = flight(length_m=200.0, tags=0)
     half = len(gps) // 2
     jumped = [*gps[:half], *(replace(fix, latitude=fix.latitude + 1e-3) for fix in gps[half:])]
-    navigator = Navigator(BUILD)
-    errors, _ = fly(navigator, one, told, gps=jumped)
-    assert navigator.sensors.gps.rejected >= len(gps) - half - 2
+    navigator = Navigator(BUILD, start=rigid.IDENTITY)
+    soon = gps[half].header.stamp_ns + 2 * 10**9
+    errors, _ = fly(navigator, one, [now for now in told if now[1] < soon], gps=jumped)
     assert np.linalg.norm(errors[-1]) < 5
+    errors, covariances = fly(navigator, one, [now for now in told if now[1] >= soon], gps=jumped)
+    assert any("gps has contradicted the estimate" in text for text in navigator.news())
+    later = covariances[60:]  # by then it has raised the uncertainty
+    for error, covariance in zip(errors[60:], later, strict=True):
+        assert_expected(error, covariance)
 
 
 def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
     one, told, _, _ = flight(length_m=120.0, tags=0, posts=25)
-    settings = replace(BUILD, rules=MapRules(MapMode.BUILD, plane=GroundPlane(0.0, 0.05)))
+    settings = replace(BUILD, rules=MapRules(MapMode.BUILD, plane=GroundPlane(0.0, 0.05, 0.02)))
     without, _ = fly(Navigator(settings), one, blind(told))
     navigator = Navigator(settings)
     errors, covariances = fly(navigator, one, told)
     assert rms(errors) < 0.5 * rms(without)
     assert_expected(errors[-1], covariances[-1])
-    used = [post for post in navigator.landmark_map.landmarks.values() if post.is_used]
+    used = navigator.chart.used
     found = navigator.state.landmarks_p[navigator.state.indices([post.key for post in used])]
     off = np.linalg.norm(found[:, None] - one.posts, axis=-1)
     assert len(used) > 10
@@ -236,9 +243,9 @@ def test_posts_of_a_map_correct_a_robot_that_a_tag_has_located():
         f"post_{n}": KnownLandmark.point(foot, np.eye(3) * 1e-4, "post", 7)
         for n, foot in enumerate(one.posts)
     }
-    begun = NavigatorSettings(MapRules(MapMode.BUILD), BUILD.noise, LEVEL)
+    begun = BUILD
     navigator = Navigator(begun, posts)
     errors, covariances = fly(navigator, one, told)
-    assert any(name.startswith("post_") for name in navigator.landmark_map.landmarks)
+    assert any(name.startswith("post_") for name in navigator.chart.landmarks)
     assert rms(errors) < 0.3
     assert_expected(errors[-1], covariances[-1])

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
-from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import param
+from ros_visualise.estimation.chart import MapMode, MapRules
+from ros_visualise.estimation.imu import ImuNoise
+from ros_visualise.estimation.odometry import OdometryNoise
+from ros_visualise.estimation.points import GroundPlane
+from ros_visualise.estimation.sensors import SENSORS
+from ros_visualise.estimation.settings import CameraErrors, NavigatorSettings
 from ros_visualise.landmarks.map_params import MapParams
-from ros_visualise.landmarks.navigation.gps import GpsNoise
-from ros_visualise.landmarks.navigation.imu import ImuNoise
-from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
-from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.points import GroundPlane
-from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
-from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 
 @dataclass(frozen=True)
@@ -23,18 +22,26 @@ class OdometryErrorParams:
 
     odom_scale: float = param(
         0.01,
-        "constant scale error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        "initial scale error of all distances (standard deviation), as a fraction: 0.01 is 1%",
         min=0,
         max=1,
         slider=(0, 0.1),
         group="odometry",
     )
     odom_turn_scale: float = param(
-        0.0,
-        "constant scale error of all rotations (standard deviation), as a fraction; wheels: 0.02",
+        0.02,
+        "initial scale error of all rotations (standard deviation), as a fraction",
         min=0,
         max=1,
         slider=(0, 0.1),
+        group="odometry",
+    )
+    odom_scale_walk: float = param(
+        0.001,
+        "change of both scale errors, growing with the distance (standard deviation), 1/sqrt(m)",
+        min=0,
+        max=0.1,
+        slider=(0, 0.01),
         group="odometry",
     )
     odom_noise: float = param(
@@ -116,71 +123,77 @@ class ImuErrorParams:
 
 
 @dataclass(frozen=True)
-class GpsErrorParams:
-    """Parameters of GPS errors."""
+class CameraErrorParams:
+    """Parameters of errors of a camera that are estimated with the robot's pose."""
 
-    gps: bool = param(True, "use GPS if available", group="gps")
-    gps_origin: str = param(
-        "",
-        "latitude, longitude, altitude of the origin of a map whose x axis points east, "
-        "such as 49.0, 8.4, 116; empty: estimated from the fixes",
-        group="gps",
-    )
-    gps_sigma: float = param(
-        2.0,
-        "standard deviation east and north if the receiver reports none, m",
-        min=1e-3,
-        max=1000,
-        slider=(0.01, 10),
-        group="gps",
-    )
-    gps_slow: float = param(
-        0.97,
-        "slowly changing fraction of a fix's variance; the rest is white noise",
+    corner_floor: float = param(
+        0.3,
+        "smallest corner error (standard deviation), pixels; 0.1 for rendered images",
         min=0,
-        max=0.999,
-        group="gps",
+        max=10,
+        slider=(0, 2),
+        group="camera",
     )
-    gps_time: float = param(
-        60.0,
-        "time constant of the slow part, seconds",
-        min=0.1,
-        max=1e5,
-        slider=(1, 600),
-        group="gps",
+    delay: float = param(
+        0.5,
+        "age up to which a measurement counts, at its own time, seconds",
+        min=0.01,
+        max=60,
+        slider=(0.1, 2),
+        group="camera",
+    )
+    camera_clock: float = param(
+        0.0,
+        "estimate an offset of the camera's clock: its standard deviation, s; 0: do not",
+        min=0,
+        max=1,
+        slider=(0, 0.2),
+        group="camera",
+        restart=True,
+    )
+    camera_turn: float = param(
+        0.0,
+        "estimate an error of the camera's mounting: its standard deviation, degrees; 0: do not",
+        min=0,
+        max=20,
+        slider=(0, 5),
+        group="camera",
+        restart=True,
+    )
+    camera_focal: float = param(
+        0.0,
+        "estimate an error of the focal length: its standard deviation, as a fraction; 0: do not",
+        min=0,
+        max=0.5,
+        slider=(0, 0.05),
+        group="camera",
+        restart=True,
     )
 
-    def __post_init__(self) -> None:
-        """Reject an invalid origin."""
-        _ = self.origin
 
-    @property
-    def origin(self) -> tuple[float, float, float] | None:
-        """The position given by `gps_origin`.
+def _sensor_params() -> type:
+    """The parameters of all sensors of `ros_visualise.estimation.sensors`."""
+    bases = tuple(reversed([sensor.params for sensor in SENSORS.all()]))
+    return dataclass(frozen=True)(type("SensorParams", bases, {"__doc__": "Of all sensors."}))
 
-        Raises:
-            ParameterError: it is invalid.
-        """
-        if not self.gps_origin.strip():
-            return None
-        try:
-            latitude, longitude, altitude = map(float, self.gps_origin.split(","))
-        except ValueError:
-            latitude = longitude = altitude = math.nan
-        if not (abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
-            raise ParameterError(
-                f"gps_origin={self.gps_origin}: give latitude, longitude, altitude: 49.0, 8.4, 116"
-            )
-        return latitude, longitude, altitude
+
+_SensorParams: Any = _sensor_params()
 
 
 @dataclass(frozen=True)
-class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorParams):
+class NavigatorParams(
+    MapParams,
+    _SensorParams,  # type: ignore[misc]
+    CameraErrorParams,
+    ImuErrorParams,
+    OdometryErrorParams,
+):
     """Parameters of `LandmarkNavigator`."""
 
     mode: MapMode = param(
         MapMode.BUILD,
         "use of the map: build a new one, extend the given one, or leave it unchanged (frozen)",
+        restart=True,
     )
     min_sightings: int = param(
         5,
@@ -198,21 +211,14 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
         slider=(0, 1),
         group="map",
     )
-    corner_floor: float = param(
-        0.1,
-        "smallest corner error (standard deviation), pixels; real cameras may need 0.3",
-        min=0,
-        max=10,
-        slider=(0, 2),
-        group="camera",
-    )
-    delay: float = param(
-        0.5,
-        "longest delay of images and their detections, seconds",
-        min=0.01,
-        max=60,
-        slider=(0.1, 2),
-        group="camera",
+
+    ground_roughness: float = param(
+        0.05,
+        "standard deviation of heights on the ground from its mean, metres",
+        min=1e-3,
+        max=100,
+        slider=(0.01, 1),
+        group="ground",
     )
 
     def settings(self) -> NavigatorSettings:
@@ -220,6 +226,7 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
         odometry = OdometryNoise(
             self.odom_scale,
             self.odom_turn_scale,
+            self.odom_scale_walk,
             self.odom_noise,
             math.radians(self.odom_heading_noise),
             math.radians(self.odom_tilt_noise),
@@ -233,12 +240,17 @@ class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorPa
             self.gyro_walk,
             self.accel_walk,
         )
-        gps = GpsNoise(self.gps_sigma, self.gps_slow, self.gps_time, self.origin)
-        plane = GroundPlane(self.ground_height, self.ground_sigma) if self.ground else None
+        ground = GroundPlane(self.ground_height, self.ground_sigma, self.ground_roughness)
+        plane = ground if self.ground else None
+        turn_rad = math.radians(self.camera_turn)
         return NavigatorSettings(
             MapRules(self.mode, self.min_sightings, self.min_parallax, plane),
-            SensorNoise(odometry, imu, gps),
+            odometry,
+            imu,
+            CameraErrors(self.camera_clock, turn_rad, self.camera_focal),
+            self.imu,
             math.radians(self.level_sigma),
             self.delay,
             self.max_speed,
+            {sensor.name: self for sensor in SENSORS.all()},
         )

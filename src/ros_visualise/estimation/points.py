@@ -14,13 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.estimation.camera_view import CameraView, Sighting
+from ros_visualise.estimation.gates import GATES, Innovation
+from ros_visualise.estimation.landmark import Landmark
+from ros_visualise.estimation.measuring import CameraPose, Pair, camera_of
+from ros_visualise.estimation.robot import POSE
+from ros_visualise.estimation.state import State
+from ros_visualise.estimation.updating import fits, stand_on
 from ros_visualise.geometry.se3 import cross
-from ros_visualise.landmarks.localization.estimate import GATES
-from ros_visualise.landmarks.navigation.camera_view import CameraView, Sighting
-from ros_visualise.landmarks.navigation.landmark import KnownLandmark, Landmark
-from ros_visualise.landmarks.navigation.measuring import CameraPose, Pair, camera_of
-from ros_visualise.landmarks.navigation.state import FilterState
-from ros_visualise.landmarks.navigation.updating import Innovation, fits, stand_on
 
 _FLAT = 0.09  # sine of the smallest angle between a ray and the ground
 _VAGUE = 0.5  # initial standard deviation along the ray, as a fraction of the range
@@ -29,19 +30,20 @@ _CLOSE = 25.0  # times the gate within which a sighting starts no new landmark
 
 
 class GroundPlane(NamedTuple):
-    """The ground in the map: its height and the standard deviation of that, metres."""
+    """The ground in the map: height, its standard deviation, and its roughness, metres."""
 
     height_m: float
     sigma_m: float
+    roughness_m: float = 0.05
 
 
-def nearby(known: KnownLandmark, view: CameraView, camera: CameraPose) -> bool:
-    """True if a point of a map may be among the sightings."""
-    away = camera.R.T @ (known.p - camera.p)
+def is_in_view(p: Floats, kind: str, view: CameraView, camera: CameraPose) -> bool:
+    """True if a point (3,) of a class may be among the sightings."""
+    away = camera.R.T @ (p - camera.p)
     cosines = [
         away @ pose.t / (np.linalg.norm(away) * np.linalg.norm(pose.t) + 1e-12)
         for sight in view.sights
-        if sight.name == known.kind
+        if sight.name == kind
         for pose in sight.poses[:1]
     ]
     return any(one > np.cos(_NEAR) for one in cosines)
@@ -56,7 +58,7 @@ class PointMatch(NamedTuple):
 
 
 def match(
-    state: FilterState, view: CameraView, sights: Sequence[Sighting], landmarks: Sequence[Landmark]
+    state: State, view: CameraView, sights: Sequence[Sighting], landmarks: Sequence[Landmark]
 ) -> list[PointMatch]:
     """Match points: each landmark at most once, and only unambiguous ones."""
     found = [_closest(state, view, sight, landmarks) for sight in sights]
@@ -70,10 +72,10 @@ def match(
 
 
 def begin(
-    state: FilterState, view: CameraView, sight: Sighting, name: str, plane: GroundPlane
-) -> Landmark | None:
+    state: State, view: CameraView, sight: Sighting, name: str, plane: GroundPlane
+) -> tuple[State, Landmark] | None:
     """Add a new point to a state; None if its ray does not meet the ground."""
-    camera = camera_of(view, state.R, state.p)
+    camera = camera_of(view, state.robot)
     seen = sight.poses[0]
     ray = camera.R @ seen.t / np.linalg.norm(seen.t)
     above = camera.p[2] - plane.height_m
@@ -81,14 +83,20 @@ def begin(
         return None
     range_m = above / -ray[2]
     p = camera.p + range_m * ray
+    state = state.copy()
     state.add(name, np.eye(3), p, _spread(camera, seen.covariance, seen.t, ray, range_m))
-    state.share(name, np.hstack([np.eye(6, 3), -np.eye(6, 3) @ cross(p)]))
-    stand_on(state, name, plane.height_m, plane.sigma_m)
-    return Landmark.first(sight, name, [name], [0.0], view, camera.p)
+    state.share(state.rows(name), np.vstack([by_robot(p), np.zeros((3, 6))]), POSE)
+    state = stand_on(state, name, plane.height_m, plane.roughness_m)
+    return state, Landmark.first(sight, name, [name], [0.0], view, camera.p)
+
+
+def by_robot(p: Floats) -> Floats:
+    """(3, 6) effect of the robot's twist on a point that is carried with it."""
+    return np.hstack([np.eye(3), -cross(p)])
 
 
 def _closest(
-    state: FilterState, view: CameraView, sight: Sighting, landmarks: Sequence[Landmark]
+    state: State, view: CameraView, sight: Sighting, landmarks: Sequence[Landmark]
 ) -> PointMatch:
     several = [one for one in landmarks if one.kind == sight.name]
     compared = fits(view, [Pair(sight, one.key) for one in several], state)

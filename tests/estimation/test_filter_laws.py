@@ -4,19 +4,18 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
-from ros_visualise.landmarks.navigation.imu import ImuInterval, ImuNoise, propagate_by_imu
-from ros_visualise.landmarks.navigation.measuring import Pair, measure
-from ros_visualise.landmarks.navigation.propagation import Propagation
-from ros_visualise.landmarks.navigation.robot import CORE, RobotState
-from ros_visualise.landmarks.navigation.state import FilterState
+from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.estimation.imu import ACCEL, GYRO, ImuInterval, ImuNoise, propagate_by_imu
+from ros_visualise.estimation.measuring import Pair, measure
+from ros_visualise.estimation.robot import RobotState, core
+from ros_visualise.estimation.state import State
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def seen_post(ray):
     """A post ahead and below of a robot, seen in a direction (3,) by a camera that looks down."""
-    state = FilterState(RobotState(p=np.array([1.0, 2, 10])), np.eye(CORE) * 1e-4)
+    state = State(RobotState(p=np.array([1.0, 2, 10])), np.eye(core()) * 1e-4)
     state.add("post", np.eye(3), np.array([4.0, 1, 0]), np.eye(6) * 1e-2)
     ray = np.asarray(ray) / np.linalg.norm(ray)
     along = np.multiply.outer(ray, ray)
@@ -43,12 +42,12 @@ def test_a_direction_tells_of_a_landmark_what_moving_it_changes():
     view, pair, state = seen_post([3.0, 1.0, 10.0])
     (before,) = measure(view, [pair], state)
     for axis in range(3):
-        moved = np.zeros(CORE + 6)
-        moved[CORE + axis] = 1e-5
+        moved = np.zeros(core() + 6)
+        moved[core() + axis] = 1e-5
         (after,) = measure(view, [pair], state.moved(moved))
         expected = before.of_landmark[:, axis] * 1e-5
         assert np.linalg.norm(after.residual) == pytest.approx(np.linalg.norm(expected), rel=1e-3)
-    away = np.array([4.0, 1, 0]) - state.p
+    away = np.array([4.0, 1, 0]) - state.robot.p
     np.testing.assert_allclose(before.of_landmark[:, :3] @ away, 0, atol=1e-12)
 
 
@@ -58,16 +57,16 @@ def test_measurements_of_an_imu_joined_are_those_one_by_one():
         R=cv2.Rodrigues(random.normal(size=3))[0],
         p=random.normal(size=3) * 20,
         v=random.normal(size=3) * 3,
-        gyro=random.normal(size=3) * 0.01,
-        accel=random.normal(size=3) * 0.1,
     )
-    spread = random.normal(size=(CORE, CORE))
-    state, noise = FilterState(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
+    robot = robot.with_own(GYRO, random.normal(size=3) * 0.01)
+    robot = robot.with_own(ACCEL, random.normal(size=3) * 0.1)
+    spread = random.normal(size=(core(), core()))
+    state, noise = State(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
     parts = [
         ImuInterval(0.01 + 0.002 * n, random.normal(size=3), random.normal(size=3) * 3)
         for n in range(5)
     ]
-    joined, alone = Propagation(state), Propagation(state)
+    joined, alone = state.copy(), state.copy()
     propagate_by_imu(joined, parts, noise)
     for part in parts:
         propagate_by_imu(alone, [part], noise)

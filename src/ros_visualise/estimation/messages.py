@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,28 +22,63 @@ from ros_visualise.data import (
     MarkerArray,
 )
 from ros_visualise.data.markers import MarkerType
+from ros_visualise.estimation.chart import ImageOutcome, MapMode
+from ros_visualise.estimation.landmark import Landmark
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
+from ros_visualise.estimation.navigator import Navigator, RobotEstimate
+from ros_visualise.estimation.odometry import SCALES
+from ros_visualise.estimation.robot import OwnStates
+from ros_visualise.estimation.state import State
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.se3 import about_itself
 from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.messages import ellipsoid
 from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
-from ros_visualise.landmarks.navigation.landmark import Landmark, message_covariance
-from ros_visualise.landmarks.navigation.landmark_map import MapMode
-from ros_visualise.landmarks.navigation.navigator import Navigator, RobotEstimate
-from ros_visualise.landmarks.navigation.state import FilterState
 
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
 _SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 
+_ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
+    ("odometry too short by (%)", SCALES, 0, 100),
+    ("odometry turns too little by (%)", SCALES, 1, 100),
+    *(
+        (f"camera {number} {what}", states, place, factor)
+        for number, states in enumerate(CAMERAS, 1)
+        for what, place, factor in (
+            ("stamped early by (ms)", CLOCK, 1000.0),
+            ("turned about x (deg)", 1, np.degrees(1)),
+            ("turned about y (deg)", 2, np.degrees(1)),
+            ("turned about z (deg)", 3, np.degrees(1)),
+            ("focal length too short by (%)", FOCAL, 100.0),
+        )
+    ),
+)
+
+
+class _Place(NamedTuple):
+    """A reading of a landmark: its pose, and the covariance (6, 6) as in messages."""
+
+    p: Floats
+    R: Floats
+    covariance: Floats
+
+
+def _places(state: State, landmarks: Iterable[Landmark], common: Floats) -> dict[str, _Place]:
+    """All readings of landmarks, by key; ``common`` (6, 6) is of the twist of the whole map."""
+    keys = [key for one in landmarks for key in one.keys]
+    R, p, twists = state.marginals(keys)
+    change = np.array([about_itself(at) for at in p]).reshape(-1, 6, 6)
+    covariances = change @ (twists + common) @ np.swapaxes(change, -1, -2)
+    return dict(zip(keys, map(_Place, p, R, covariances), strict=True))
+
 
 def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
     """The landmarks that correct the robot; an undecided one has both poses."""
-    chart, state = navigator.landmark_map, navigator.state
-    there = [
-        _detection(one, state, navigator.common) for one in chart.landmarks.values() if one.is_used
-    ]
-    return Detections3D(tuple(there), header)
+    used = navigator.chart.used
+    places = _places(navigator.belief.state, used, navigator.common)
+    return Detections3D(tuple(_detection(one, places) for one in used), header)
 
 
 def tracks_of(
@@ -53,22 +89,23 @@ def tracks_of(
     Args:
         given: the previous map; landmarks that were not seen stay unchanged.
     """
-    chart, state, common = navigator.landmark_map, navigator.state, navigator.common
-    if navigator.settings.rules.mode is MapMode.FROZEN:
+    chart, common = navigator.chart, navigator.common
+    mode = navigator.settings.rules.mode
+    if mode is MapMode.FROZEN:
         return list(given.values()), common
+    alone = np.zeros((6, 6)) if mode is MapMode.BUILD else common
+    places = _places(navigator.belief.state, chart.used, alone)
+    found = [_track(one, places[one.key]) for one in chart.used]
+    if mode is MapMode.BUILD:
+        return found, _common(navigator.state, [o.key for o in chart.used if o.has_orientation])
     before = [one for name, one in given.items() if name not in chart.landmarks]
-    found = [one for one in chart.landmarks.values() if one.is_used]
-    if navigator.settings.rules.mode is MapMode.BUILD:
-        common = _common(state, [one.key for one in found if one.has_orientation])
-        return [_track(one, state, 0.0) for one in found], common
-    return [*before, *(_track(one, state, common) for one in found)], common
+    return [*before, *found], common
 
 
-def _common(state: FilterState, keys: list[str]) -> Floats:
+def _common(state: State, keys: list[str]) -> Floats:
     """(6, 6) common covariance of the tags in the state."""
-    rows = np.array([np.arange(state.rows(key).start, state.rows(key).stop) for key in keys], int)
-    rows = rows.ravel()
-    return split(state.covariance[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
+    rows = state.rows_of(keys, robot=0)
+    return split(state.P[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
 def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> MarkerArray:
@@ -77,8 +114,10 @@ def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> Mark
     color = np.array([*(_BLUE if now.is_located else _RED), 0.4])
     place = now.T_map_base[:3, 3]
     drawn = [Marker(MarkerType.SPHERE, place, axes, axes_lengths, color, ns="robot", id=0)]
-    for one in navigator.landmark_map.landmarks.values():
-        drawn += _landmark(navigator, one, header.stamp_ns)
+    landmarks = navigator.chart.landmarks.values()
+    places = _places(navigator.belief.state, landmarks, navigator.common)
+    for one in landmarks:
+        drawn += _landmark(navigator.outcome, one, places[one.key], header.stamp_ns)
     return MarkerArray(tuple(replace(one, header=header) for one in drawn))
 
 
@@ -86,56 +125,64 @@ def diagnostics_of(
     navigator: Navigator, now: RobotEstimate | None, header: Header
 ) -> DiagnosticArray:
     """Diagnostics: localized or why not, the uncertainty, and the outcome of the last image."""
-    outcome = navigator.outcome
+    outcome, belief = navigator.outcome, navigator.belief
     lost = not navigator.is_located
-    said = navigator.reason or "localized"
-    if not lost and outcome.rejected:
+    said = belief.reason or "localized"
+    if not lost and belief.doubt.any():
+        metres = np.linalg.norm(belief.doubt[:3])
+        said = f"in doubt: the tags in view contradict the pose by {metres:.1f} m"
+    elif not lost and outcome.rejected:
         said = f"rejects {', '.join(outcome.rejected)}"
-    level = Level.ERROR if lost else Level.WARN if outcome.rejected else Level.OK
+    is_fine = not (outcome.rejected or belief.doubt.any() or belief.refusals)
+    level = Level.ERROR if lost else Level.OK if is_fine else Level.WARN
     sigmas = np.sqrt(np.diag(now.covariance)) if now else np.full(6, np.nan)
     values = {
         "mode": navigator.settings.rules.mode.value,
         "located": str(navigator.is_located),
         "position sigma (m)": f"{np.linalg.norm(sigmas[:3]):.3f}",
         "heading sigma (deg)": f"{np.degrees(sigmas[5]):.2f}",
-        "candidate supported by": ", ".join(sorted(navigator.found_by)),
+        "candidate supported by": ", ".join(sorted(belief.search.names)),
         "used": ", ".join(outcome.used),
         "pending": ", ".join(outcome.pending),
-        "landmarks": str(sum(one.is_used for one in navigator.landmark_map.landmarks.values())),
+        "landmarks": str(len(navigator.chart.used)),
         **{f"rejected {name}": why for name, why in outcome.rejected.items()},
-        **{name: str(count) for name, count in navigator.counts.items()},
         "imu": _imu(navigator),
-        "GPS fixes used": str(navigator.sensors.gps.used),
-        "GPS fixes rejected": str(navigator.sensors.gps.rejected),
+        **dict(_estimated(navigator)),
+        **{name: str(count) for name, count in navigator.counts.items()},
     }
     return DiagnosticArray((DiagnosticStatus("landmark_navigator", level, said, values),), header)
 
 
 def _imu(navigator: Navigator) -> str:
-    if navigator.sensors.is_imu_rejected:
+    belief = navigator.belief
+    if belief.stamp_ns is not None and belief.imu.ignored_until_ns > belief.stamp_ns:
         return "ignored: contradicts the odometry"
-    return "used" if navigator.sensors.imu.has_data else "none"
+    return "used" if navigator.has_imu else "none"
 
 
-def _pose(state: FilterState, key: str) -> tuple[Floats, Floats]:
-    (place,) = state.indices([key])
-    return state.landmarks_p[place], state.landmarks_R[place]
+def _estimated(navigator: Navigator) -> Iterator[tuple[str, str]]:
+    """Estimated errors of the sensors, with their standard deviations."""
+    state = navigator.belief.state
+    sigmas = np.sqrt(np.diag(state.P))
+    for label, states, place, factor in _ESTIMATED:
+        sigma = sigmas[states.rows][place]
+        if sigma > 0:
+            value = state.robot[states][place]
+            yield label, f"{value * factor:.2f} +- {sigma * factor:.2f}"
 
 
-def _detection(one: Landmark, state: FilterState, common: Floats) -> Detection3D:
+def _detection(one: Landmark, places: Mapping[str, _Place]) -> Detection3D:
     hypotheses = []
     for key, weight in zip(one.keys, one.weights, strict=True):
-        p, R = _pose(state, key)
-        covariance = message_covariance(state, key, common)
+        p, R, covariance = places[key]
         quat = rotations.from_matrix(R)
         hypotheses.append(Hypothesis(one.kind, weight, p, quat, covariance, one.number))
     first = hypotheses[0]
     return Detection3D(first.position_xyz, first.quat_xyzw, _size(one), tuple(hypotheses), one.name)
 
 
-def _track(one: Landmark, state: FilterState, common: Floats | float) -> LandmarkTrack:
-    p, R = _pose(state, one.key)
-    branch = Branch(known(p, R, message_covariance(state, one.key, common)), 0.0)
+def _track(one: Landmark, place: _Place) -> LandmarkTrack:
+    branch = Branch(known(*place), 0.0)
     return LandmarkTrack(
         one.kind,
         one.number,
@@ -153,14 +200,13 @@ def _size(one: Landmark) -> Floats:
     return np.array([one.side_m, one.side_m, 0.0])
 
 
-def _landmark(navigator: Navigator, one: Landmark, stamp_ns: int) -> list[Marker]:
+def _landmark(outcome: ImageOutcome, one: Landmark, place: _Place, stamp_ns: int) -> list[Marker]:
     """A plate in the colour of its outcome, the ellipsoid, and the reason of a rejection."""
-    state, why = navigator.state, navigator.outcome.rejected.get(one.name, "")
-    p, R = _pose(state, one.key)
-    is_fresh = one.name in navigator.outcome.used or stamp_ns - one.last_ns < _SHOWN_NS
+    (p, R, covariance), why = place, outcome.rejected.get(one.name, "")
+    is_fresh = one.name in outcome.used or stamp_ns - one.last_ns < _SHOWN_NS
     color = _RED if why else _GREEN if is_fresh and one.is_used else _GRAY
     number = zlib.crc32(one.name.encode()) & 0x7FFFFFFF
-    lengths, axes = ellipsoid(message_covariance(state, one.key, navigator.common)[:3, :3])
+    lengths, axes = ellipsoid(covariance[:3, :3])
     plate = np.array([one.side_m or _TEXT_M, one.side_m or _TEXT_M, _PLATE_M])
     quat, text = rotations.from_matrix(R), f"{one.name}: {why}" if why else one.name
     above = p + np.array([0, 0, plate[0] / 2 + _TEXT_M])

@@ -1,7 +1,7 @@
 """What a person is told: once, and only where it stays so."""
 
-from ros_visualise.landmarks.navigation.landmark_map import ImageOutcome
-from ros_visualise.landmarks.navigation.rejections import Rejections
+from ros_visualise.estimation.chart import ImageOutcome
+from ros_visualise.estimation.rejections import Rejections
 
 
 def refused():

@@ -1,0 +1,336 @@
+"""The filter: a belief and the next event give the next belief.
+
+Between events the robot is propagated by the IMU if it is trusted, and the odometry is compared
+with it; else by the odometry. Neither silently wins: while they disagree, the difference is part of
+the uncertainty, and an IMU that is ignored is tried again later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.estimation.belief import Belief, ImuTrust
+from ros_visualise.estimation.camera_view import CameraView, Sighting
+from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
+from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
+from ros_visualise.estimation.measuring import camera_of
+from ros_visualise.estimation.odometry import (
+    GAP_NS,
+    OdometryBuffer,
+    OdometryStep,
+    check_odometry,
+    clone_pose,
+    is_speed_known,
+    place_robot,
+    propagate_by_odometry,
+    up_of,
+)
+from ros_visualise.estimation.pose_search import SearchPrior
+from ros_visualise.estimation.robot import POSE, VELOCITY, core
+from ros_visualise.estimation.sensors import SENSORS, Reading
+from ros_visualise.estimation.settings import NavigatorSettings
+from ros_visualise.geometry import se3
+from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
+
+_LOST_AFTER = 3  # images in a row that contradict the estimate
+_PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
+_MEMORY = 0.99  # smoothing of the rate of disagreements of IMU and odometry
+_TOO_MUCH = 0.2  # of the odometry messages
+_CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
+_DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
+_SEARCHING = "not localized: needs one map tag in three images"
+
+
+class OdometryEvent(NamedTuple):
+    """An odometry message, whose pose is in the buffer."""
+
+    stamp_ns: int
+
+
+Event = OdometryEvent | CameraView | Reading
+
+
+@dataclass(eq=False)
+class ImuIsWrong(Exception):
+    """The IMU contradicts the odometry: go on from ``belief`` without it."""
+
+    belief: Belief
+
+
+class Filter:
+    """Turns events into beliefs.
+
+    Attributes:
+        settings: see `NavigatorSettings`.
+        odometer, imu: the last seconds of both.
+        start: T_map_odom at the start of a new map; None if unknown.
+        common: (6, 6) covariance of the twist of the whole map.
+    """
+
+    def __init__(self, settings: NavigatorSettings, start: Pose | None) -> None:
+        self.settings, self.start = settings, start
+        self.odometer, self.imu = OdometryBuffer(), ImuBuffer()
+
+    def begin(self, chart: Chart) -> Belief:
+        """The belief before any event."""
+        return Belief(self.settings.unknown(), chart, _SEARCHING, self.start is not None)
+
+    def reaches(self, belief: Belief, stamp_ns: int) -> bool:
+        """True if the robot can be propagated to a time by what was measured so far."""
+        newest_ns = self.odometer.newest_ns
+        if newest_ns is None or stamp_ns <= newest_ns:
+            return newest_ns is not None
+        imu_ns = self.imu.newest_ns
+        is_silent = imu_ns is not None and imu_ns > newest_ns + GAP_NS and stamp_ns <= imu_ns
+        return is_silent and self._intervals(belief, stamp_ns) is not None
+
+    def after(self, belief: Belief, event: Event) -> Belief:
+        """The belief after an event.
+
+        Raises:
+            ImuIsWrong: see there.
+        """
+        last, belief = belief, belief.copy()
+        if belief.stamp_ns is None:
+            if isinstance(event, OdometryEvent):
+                self._start(belief, event.stamp_ns)
+            else:
+                belief.counts["too early"] += 1
+            return belief
+        belief.after_odometry = last.after_odometry or last
+        self._advance(belief, event.stamp_ns)
+        if isinstance(event, OdometryEvent):
+            self._compare(belief, event.stamp_ns)
+        elif isinstance(event, Reading):
+            self._read(belief, event)
+        else:
+            self._see(belief, event)
+        return belief
+
+    # odometry and IMU
+
+    def _start(self, belief: Belief, stamp_ns: int) -> None:
+        """Begin at the odometry's frame: known when a map is built, except its tilt."""
+        belief.stamp_ns = stamp_ns
+        belief.is_by_imu = True
+        has_map = bool(belief.chart.used)
+        if belief.chart.rules.mode is MapMode.BUILD and not has_map:
+            begun = to_matrix(self.start or IDENTITY)
+            T = begun @ to_matrix(self.odometer.at(stamp_ns))
+            tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
+            change = se3.about_origin(begun[:3, 3])
+            covariance = change @ tilt @ change.T
+            belief.state = belief.state.copy()
+            place_robot(belief.state, T[:3, :3], T[:3, 3], covariance, self.settings.odometry)
+            belief.locate()
+
+    def _intervals(self, belief: Belief, to_ns: int) -> ImuIntervals | None:
+        """The IMU's intervals from a belief on; None if it cannot propagate the robot."""
+        is_usable = self.settings.has_imu and belief.is_located and is_speed_known(belief.state)
+        if not is_usable or belief.now_ns < belief.imu.ignored_until_ns:
+            return None
+        return self.imu.between(belief.now_ns, to_ns)
+
+    def _advance(self, belief: Belief, to_ns: int) -> None:
+        """Propagate a belief to a time."""
+        from_ns = belief.now_ns
+        if to_ns <= from_ns:
+            return
+        parts = self._intervals(belief, to_ns)
+        belief.state = belief.state.copy()
+        if parts is not None:
+            propagate_by_imu(belief.state, parts, self.settings.imu)
+        else:
+            belief.is_by_imu = False
+        steps = self.odometer.steps(from_ns, to_ns) if self.odometer.covers(to_ns) else []
+        steps = [step for step in steps if step.speed <= self.settings.fastest]
+        if parts is None:
+            for step in steps:
+                propagate_by_odometry(belief.state, step, self.settings.odometry)
+        if belief.search.places:
+            belief.search = belief.search.copy()
+            belief.search.predict(steps, self.settings.odometry)
+        belief.stamp_ns = to_ns
+
+    def _compare(self, belief: Belief, stamp_ns: int) -> None:
+        """Compare the motion since the last odometry message with that of the odometry."""
+        before_ns = self.odometer.before(stamp_ns)
+        if before_ns is not None:
+            step = self.odometer.step(before_ns, stamp_ns)
+            has_jumped = step.speed > self.settings.fastest
+            if belief.is_by_imu:
+                self._check(belief, step, has_jumped)
+            elif has_jumped and belief.has_pose and belief.is_located:
+                belief.search = belief.search.copy()
+                belief.search.clear()
+                belief.lose("the odometry jumped")
+        if self.imu.newest_ns is not None:
+            belief.state = belief.state.copy()
+            clone_pose(belief.state)
+        belief.is_by_imu = True
+        belief.after_odometry = None
+
+    def _check(self, belief: Belief, step: OdometryStep, has_jumped: bool) -> None:
+        trust = belief.imu
+        checked, difference = check_odometry(belief.state, step, self.settings.odometry)
+        if checked is not None:
+            belief.state = checked
+            belief.imu = replace(
+                trust,
+                agreed_s=trust.agreed_s + step.seconds,
+                disagreements=0,
+                rate=trust.rate * _MEMORY,
+            )
+        elif has_jumped or step.is_long:
+            belief.note("the odometry began elsewhere; the IMU has carried the robot")
+        else:
+            self._disagree(belief, step, difference)
+
+    def _disagree(self, belief: Belief, step: OdometryStep, difference: Floats) -> None:
+        """Follow a trusted IMU for a while; else go back and follow the odometry."""
+        trust = belief.imu
+        rate = _MEMORY * trust.rate + (1 - _MEMORY)
+        since_ns = trust.since_ns if trust.disagreements else step.from_ns
+        count, is_trusted = trust.disagreements + 1, trust.agreed_s >= _CONFIRMED_S
+        if is_trusted and step.to_ns - since_ns <= _DISAGREEMENT_NS and rate <= _TOO_MUCH:
+            if count == 2:
+                belief.note("odometry and IMU disagree: is a wheel slipping, or a sensor stuck?")
+            self._doubt_motion(belief, difference, step.seconds, 2 * count - 1)
+            belief.imu = replace(trust, disagreements=count, since_ns=since_ns, rate=rate)
+            belief.counts["odometry rejected"] += 1
+            return
+        assert belief.after_odometry is not None
+        back = belief.after_odometry.copy()
+        if is_trusted or rate > _TOO_MUCH:
+            until_ns = step.to_ns + round(trust.back_off_s * 1e9)
+            back.imu = ImuTrust(ignored_until_ns=until_ns, back_off_s=2 * trust.back_off_s)
+            back.note("the IMU contradicts the odometry: ignoring it; check its tf frame")
+        else:
+            back.imu = replace(trust, rate=rate, ignored_until_ns=step.to_ns)
+        back.counts["imu rejected"] += 1
+        raise ImuIsWrong(back)
+
+    @staticmethod
+    def _doubt_motion(belief: Belief, difference: Floats, seconds: float, weight: int) -> None:
+        """Count the difference of both as uncertainty; the ``weight`` of the n-th is 2n - 1."""
+        robot = belief.state.robot
+        apart = robot.before_R @ difference.reshape(2, 3).T
+        off = np.zeros(core())
+        off[POSE] = se3.about_origin(robot.p) @ apart.T.ravel()
+        off[VELOCITY] = apart[:, 0] / max(seconds, 1e-3)
+        belief.state = belief.state.copy()
+        belief.state.inflate(slice(0, core()), weight * np.multiply.outer(off, off))
+
+    # other sensors, and images
+
+    def _read(self, belief: Belief, reading: Reading) -> None:
+        sensor = SENSORS.find(reading.sensor)
+        if not belief.is_located or (sensor.needs_imu and not belief.is_by_imu):
+            belief.counts[f"{reading.sensor} unused"] += 1
+            return
+        self._age(belief)
+        sensor.apply(belief, reading, self.settings.sensor(reading.sensor))
+
+    def _age(self, belief: Belief) -> None:
+        """Let the errors of sensors change over the time since they did last."""
+        last_ns = belief.memory.get("aged")
+        belief.remember("aged", belief.now_ns)
+        if last_ns is not None and belief.now_ns > last_ns:
+            keep, noise = self.settings.aging((belief.now_ns - last_ns) / 1e9)
+            belief.state = belief.state.copy()
+            belief.state.age(keep, noise)
+            robot = belief.state.robot
+            belief.state.robot = replace(robot, own=robot.own * keep[core() - len(robot.own) :])
+
+    def _see(self, belief: Belief, view: CameraView) -> None:
+        """Apply an image."""
+        belief.counts["images"] += 1
+        if view.sights and view.print == belief.last_print:
+            belief.counts["frozen"] += 1
+            belief.outcome = ImageOutcome.same(one.name for one in view.sights)
+            return
+        belief.last_print = view.print
+        self._age(belief)
+        belief.chart, belief.search = belief.chart.copy(), belief.search.copy()
+        belief.chart.rules = self.settings.rules
+        if belief.is_located:
+            belief.state, belief.outcome = belief.chart.take(belief.state, view)
+            self._doubt(belief, view)
+            return
+        belief.outcome = ImageOutcome(rejected=dict(view.skipped))
+        self._search(belief, view)
+        self._recover(belief, 2 if belief.has_pose else 1)
+        if belief.reason and view.sights:
+            belief.outcome.advice["the robot"] = belief.reason
+
+    def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
+        """Look for other poses; names and keys of the map's tags in view."""
+        tags = [sight for sight in view.sights if sight.has_orientation]
+        belief.state = belief.chart.enter(belief.state, tags)
+        keys = belief.chart.keys_of(tags)
+        up = up_of(self.odometer.at(view.stamp_ns)) if self.odometer.covers(view.stamp_ns) else None
+        if keys and up is not None:
+            prior = SearchPrior(up, self.settings.level_rad, self.settings.odometry)
+            belief.search.look(view, belief.state, keys, prior)
+        return keys
+
+    def _doubt(self, belief: Belief, view: CameraView) -> None:
+        """Search for another pose while all map tags contradict this one; doubt it meanwhile."""
+        if belief.outcome.used:
+            belief.contradicted, belief.doubt = 0, np.zeros(6)
+            belief.tags_ns = belief.now_ns
+            belief.search.clear()
+            return
+        keys = self._search(belief, view)
+        if not keys:
+            return
+        belief.contradicted += 1
+        if belief.contradicted == 1:
+            belief.contradicted_ns = belief.now_ns
+        if belief.contradicted < _LOST_AFTER:
+            return
+        sights = [sight for sight in view.sights if sight.name in keys]
+        belief.doubt = max(
+            (self._implied(belief, view, one, keys[one.name]) for one in sights),
+            key=lambda off: float(np.linalg.norm(off[:3])),
+        )
+        if belief.contradicted == _LOST_AFTER:
+            belief.note(f"all tags in view contradict the pose: {', '.join(sorted(keys))}")
+        is_long = belief.now_ns - belief.contradicted_ns > _PATIENCE_NS
+        needed = 1 if is_long else 2
+        if belief.search.found(min(needed, belief.chart.tags)):
+            belief.lose("all landmarks contradict the estimated pose")
+            self._recover(belief, needed)
+
+    @staticmethod
+    def _implied(belief: Belief, view: CameraView, sight: Sighting, key: str) -> Floats:
+        """(6,) how far off the robot is if a tag is right: of the position, and about itself."""
+        poses = [pose for pose in sight.poses if pose.R is not None]
+        if not poses or poses[0].R is None:
+            return np.zeros(6)
+        (place,) = belief.state.indices([key])
+        robot, state = belief.state.robot, belief.state
+        camera = camera_of(view, robot)
+        R = state.landmarks_R[place] @ poses[0].R.T
+        p = state.landmarks_p[place] - R @ poses[0].t
+        turn = R @ camera.R.T
+        at = p + turn @ (robot.p - camera.p)
+        return np.concatenate([at - robot.p, se3.rotation_vector(turn)])
+
+    @staticmethod
+    def _recover(belief: Belief, least_names: int) -> None:
+        """Continue at the pose that the search has found."""
+        found = belief.search.found(min(least_names, belief.chart.tags))
+        if found is None:
+            return
+        if belief.has_pose:
+            belief.counts["recovered"] += 1
+            belief.note(f"relocalized by {', '.join(sorted(belief.search.names))}")
+        belief.state = found
+        belief.outcome = ImageOutcome(used=[])
+        belief.tags_ns = belief.now_ns
+        belief.locate()

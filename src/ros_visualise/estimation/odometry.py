@@ -1,0 +1,293 @@
+"""Odometry: propagates the robot, or is compared with an IMU that does.
+
+Its poses are a chain of motions. Each has random errors; its scales are wrong by a slowly changing
+fraction. Without these two states, ten metres with one error would look like a thousand independent
+ones.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.estimation.gates import GATES
+from ros_visualise.estimation.robot import BEFORE, POSE, VELOCITY, RobotState, core, own_states
+from ros_visualise.estimation.state import State
+from ros_visualise.geometry import se3
+from ros_visualise.geometry.rigid import Pose, compose, interpolate, inverse, to_matrix
+
+SCALES = own_states("scales of odometry", 2)
+"""Scale errors of distances and rotations, as fractions."""
+
+GAP_NS = 250_000_000
+"""Longest interval between two odometry poses; a longer one is a gap."""
+
+_EYE = np.eye(3)
+_LEAST = 1e-10  # variance, m^2 and rad^2, of exact odometry
+_SPEED_SIGMA = 1.0  # m/s, velocity uncertainty of one odometry step
+VAGUE_SPEED = 10.0
+"""Standard deviation of an unknown velocity, m/s."""
+_LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: jitter and rounding of odometry
+_SHORTEST_S = 0.02  # of the intervals by which speeds are judged
+
+
+class OdometryStep(NamedTuple):
+    """A motion measured by odometry.
+
+    Attributes:
+        motion: in the robot's axes at the beginning.
+        from_ns, to_ns: beginning and end.
+        up: (3,) the odometry's vertical, in the robot's axes at the end.
+        reported: growth of the variances of position and heading, by the odometry itself.
+        is_guess: True if it is interpolated across a gap.
+    """
+
+    motion: Pose
+    from_ns: int
+    to_ns: int
+    up: Floats
+    reported: tuple[float, float] = (0.0, 0.0)
+    is_guess: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """Duration, seconds."""
+        return (self.to_ns - self.from_ns) / 1e9
+
+    @property
+    def is_long(self) -> bool:
+        """True if the odometry may have restarted meanwhile."""
+        return self.is_guess or self.to_ns - self.from_ns > GAP_NS
+
+    @property
+    def speed(self) -> float:
+        """Mean speed, m/s."""
+        return math.hypot(*self.motion[:3]) / max(self.seconds, _SHORTEST_S)
+
+
+def up_of(pose: Pose) -> Floats:
+    """(3,) vertical in the axes of a robot at a pose."""
+    up: Floats = to_matrix(pose)[2, :3]
+    return up
+
+
+class OdometryPose(NamedTuple):
+    """A pose of the robot in the odometry's frame, with its variances of position and heading."""
+
+    pose: Pose
+    variances: tuple[float, float] = (0.0, 0.0)
+
+
+class OdometryBuffer:
+    """Poses of the robot in the odometry's frame, by time, in any order of arrival."""
+
+    def __init__(self) -> None:
+        self.stamps_ns: list[int] = []
+        self._poses: list[OdometryPose] = []
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Time of the last pose."""
+        return self.stamps_ns[-1] if self.stamps_ns else None
+
+    def add(self, stamp_ns: int, pose: OdometryPose) -> bool:
+        """Add a pose; False if there is one of that time."""
+        place = bisect_left(self.stamps_ns, stamp_ns)
+        if place < len(self.stamps_ns) and self.stamps_ns[place] == stamp_ns:
+            return False
+        self.stamps_ns.insert(place, stamp_ns)
+        self._poses.insert(place, pose)
+        return True
+
+    def at(self, stamp_ns: int) -> Pose:
+        """The pose at a time between the first and the last, interpolated."""
+        after = bisect_left(self.stamps_ns, stamp_ns)
+        if self.stamps_ns[after] == stamp_ns:
+            return self._poses[after].pose
+        start, end = self.stamps_ns[after - 1], self.stamps_ns[after]
+        a, b = self._poses[after - 1], self._poses[after]
+        return interpolate(a.pose, b.pose, (stamp_ns - start) / (end - start))
+
+    def covers(self, stamp_ns: int) -> bool:
+        """True if there are poses before and after a time, or at it."""
+        return bool(self.stamps_ns) and self.stamps_ns[0] <= stamp_ns <= self.stamps_ns[-1]
+
+    def steps(self, from_ns: int, to_ns: int) -> list[OdometryStep]:
+        """The motions from one time to another."""
+        inner = slice(bisect_right(self.stamps_ns, from_ns), bisect_left(self.stamps_ns, to_ns))
+        return [self.step(*pair) for pair in pairwise([from_ns, *self.stamps_ns[inner], to_ns])]
+
+    def step(self, from_ns: int, to_ns: int) -> OdometryStep:
+        """The motion from one time to another, no pose between them."""
+        after = max(bisect_left(self.stamps_ns, to_ns), 1)
+        start, end = self.stamps_ns[after - 1], self.stamps_ns[after]
+        a, b = self.at(from_ns), self.at(to_ns)
+        part = (to_ns - from_ns) / (end - start)
+        before, then = self._poses[after - 1].variances, self._poses[after].variances
+        grown = (max(then[0] - before[0], 0.0) * part, max(then[1] - before[1], 0.0) * part)
+        is_guess = part < 1 and end - start > GAP_NS
+        return OdometryStep(compose(inverse(a), b), from_ns, to_ns, up_of(b), grown, is_guess)
+
+    def before(self, stamp_ns: int) -> int | None:
+        """Time of the last pose before a time."""
+        place = bisect_left(self.stamps_ns, stamp_ns)
+        return self.stamps_ns[place - 1] if place else None
+
+    def forget(self, before_ns: int) -> None:
+        """Forget older poses, except the last of them."""
+        count = max(bisect_right(self.stamps_ns, before_ns) - 1, 0)
+        del self.stamps_ns[:count], self._poses[:count]
+
+
+@dataclass(frozen=True)
+class OdometryNoise:
+    """Standard deviations of odometry errors.
+
+    Attributes:
+        scale: initial scale error of all distances, as a fraction.
+        turn_scale: initial scale error of all rotations, as a fraction.
+        scale_walk: change of both, per sqrt(m).
+        walk: of the position, m/sqrt(m).
+        heading_walk: of the heading, rad/sqrt(m).
+        tilt_walk: of roll and pitch, rad/sqrt(m).
+        still_m, still_rad: of position and heading, per sqrt(s), also at standstill.
+    """
+
+    scale: float = 0.01
+    turn_scale: float = 0.02
+    scale_walk: float = 0.001
+    walk: float = 0.02
+    heading_walk: float = 0.003
+    tilt_walk: float = 0.0
+    still_m: float = 1e-3
+    still_rad: float = 1e-4
+
+    def of(self, step: OdometryStep, up: Floats) -> tuple[float, Floats]:
+        """Variance of a step's position, and covariance (3, 3) of its rotation."""
+        metres = math.hypot(*step.motion[:3])
+        tilt = self.tilt_walk**2 * metres + _LEAST
+        heading = self.heading_walk**2 * metres + self.still_rad**2 * step.seconds
+        heading = max(heading, step.reported[1])
+        turned = tilt * _EYE + (heading - tilt) * np.multiply.outer(up, up)
+        moved = self.walk**2 * metres + self.still_m**2 * step.seconds
+        return max(moved, step.reported[0]) + _LEAST, turned
+
+    @property
+    def scales(self) -> Floats:
+        """(2, 2) covariance of the scales in the beginning."""
+        return np.diag([self.scale**2, self.turn_scale**2])
+
+    def scales_walk(self, metres: float) -> Floats:
+        """(2, 2) covariance of the change of scales over a distance."""
+        known = np.array([self.scale, self.turn_scale]) > 0
+        return np.diag(known * self.scale_walk**2 * metres)
+
+
+def propagate_by_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> None:
+    """Propagate by a step of odometry."""
+    robot = state.robot
+    T = to_matrix(step.motion)
+    way, axis = robot.R @ T[:3, 3], robot.R @ _rotation_vector(step.motion)
+    ways, turns = 1 + robot[SCALES]
+    R = cv2.Rodrigues(turns * axis)[0] @ robot.R
+    p = robot.p + ways * way
+    seconds = step.seconds
+    v, rates = robot.v, robot.rates
+    if seconds > 0:
+        v, rates = ways * way / seconds, turns * axis / seconds
+    arm = se3.cross(p)
+    size, scale = core(), SCALES.rows.start
+    J = np.eye(size)
+    J[:3, scale] = way
+    J[:3, scale + 1], J[3:6, scale + 1] = arm @ axis, axis
+    J[VELOCITY] = 0
+    J[VELOCITY, scale] = v / ways
+    moved, turned = model.of(step, R @ step.up)
+    spread = arm @ turned
+    noise = np.zeros((size, size))
+    noise[:3, :3] = spread @ arm.T + moved * _EYE
+    noise[:3, 3:6], noise[3:6, :3], noise[3:6, 3:6] = spread, spread.T, turned
+    noise[VELOCITY, VELOCITY] = _SPEED_SIGMA**2 * _EYE
+    noise[SCALES.rows, SCALES.rows] = model.scales_walk(math.hypot(*step.motion[:3]))
+    state.propagate(replace(robot, R=R, p=p, v=v, rates=rates), J, noise)
+
+
+def clone_pose(state: State) -> None:
+    """Make the present pose the previous one (stochastic cloning)."""
+    state.forget(BEFORE)
+    state.share(BEFORE, np.eye(6))
+    state.robot = state.robot.standing()
+
+
+def check_odometry(
+    state: State, step: OdometryStep, model: OdometryNoise
+) -> tuple[State | None, Floats]:
+    """Compare a propagation since the previous pose with a step of odometry.
+
+    Returns:
+        The corrected state, None if they disagree; and the difference (6,) in the robot's axes at
+        the previous pose: the odometry's motion minus the propagated one.
+
+    Source: S. Roumeliotis, J. Burdick, Stochastic cloning: a generalized framework for processing
+    relative state measurements, 2002.
+    """
+    robot = state.robot
+    back = robot.before_R.T
+    T = to_matrix(step.motion)
+    turn = _rotation_vector(step.motion)
+    ways, turns = 1 + robot[SCALES]
+    between = back @ robot.R
+    way = back @ (robot.p - robot.before_p)
+    turned_by = se3.turn_between(cv2.Rodrigues(turns * turn)[0], between)
+    residual = np.concatenate([ways * T[:3, 3] - way, turned_by])
+    size, scale = core(), SCALES.rows.start
+    H = np.zeros((6, size))
+    H[:3, :3], H[:3, 3:6] = back, -back @ se3.cross(robot.p)
+    H[3:, 3:6] = back
+    H[:, BEFORE] = -H[:, POSE]
+    # as expected, not as measured: noise in both would look like a scale error
+    H[:3, scale], H[3:, scale + 1] = -way / ways, -se3.rotation_vector(between) / turns
+    moved, turned = model.of(step, T[:3, :3] @ step.up)
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = moved * _EYE, turned
+    columns = np.arange(size)
+    spread = H @ state.P[:size, :size] @ H.T + noise + np.diag(_LEEWAY**2)
+    if residual @ np.linalg.solve(spread, residual) > GATES[6]:
+        return None, residual
+    return state.corrected(columns, H, residual, noise), residual
+
+
+def is_speed_known(state: State) -> bool:
+    """True if the velocity is known well enough to propagate by an IMU."""
+    return bool(state.P[VELOCITY.start, VELOCITY.start] < VAGUE_SPEED**2 / 2)
+
+
+def place_robot(
+    state: State, R: Floats, p: Floats, covariance: Floats, noise: OdometryNoise
+) -> None:
+    """Put the robot at a pose, with an independent covariance (6, 6) of its twist.
+
+    Biases, and what is known of GPS and gravity, stay.
+    """
+    state.forget(POSE, VELOCITY, BEFORE, SCALES.rows)
+    state.inflate(POSE, covariance + _LEAST * np.eye(6))
+    state.inflate(SCALES.rows, noise.scales)
+    state.inflate(VELOCITY, VAGUE_SPEED**2 * _EYE)
+    robot: RobotState = state.robot.with_own(SCALES, np.zeros(2))
+    state.robot = replace(robot, R=R, p=p, v=np.zeros(3), before_R=R, before_p=p)
+
+
+def _rotation_vector(motion: Pose) -> Floats:
+    x, y, z, w = motion[3:]
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
+    if w < 0:
+        factor = 2 * math.atan2(-sine, -w) / sine
+    return np.array([factor * x, factor * y, factor * z])

@@ -1,0 +1,104 @@
+"""Settings of the navigator, in the units of its filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.estimation.chart import MapMode, MapRules
+from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN
+from ros_visualise.estimation.odometry import SCALES, OdometryNoise
+from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, OwnStates, core
+from ros_visualise.estimation.sensors import SENSORS
+from ros_visualise.estimation.state import State
+from ros_visualise.estimation.updating import GROUND
+
+_CLOCK_WALK = 1e-4  # s per sqrt(s)
+
+
+@dataclass(frozen=True)
+class CameraErrors:
+    """Standard deviations of errors that are estimated with the robot; 0: not estimated.
+
+    Attributes:
+        clock_s: of the camera's clock.
+        turn_rad: of its attitude on the robot.
+        focal: of its focal length, as a fraction.
+    """
+
+    clock_s: float = 0.0
+    turn_rad: float = 0.0
+    focal: float = 0.0
+
+    @property
+    def variances(self) -> Floats:
+        """(5,) variances of a camera's states."""
+        sigmas = np.zeros(5)
+        sigmas[CLOCK], sigmas[TURN], sigmas[FOCAL] = self.clock_s, self.turn_rad, self.focal
+        return sigmas**2
+
+
+@dataclass(frozen=True)
+class NavigatorSettings:
+    """Settings of the navigator.
+
+    Attributes:
+        rules: of the landmarks.
+        odometry, imu, camera: errors of these.
+        has_imu: use the IMU if there is one.
+        level_rad: standard deviation of the tilt of the odometry's frame.
+        delay_s: age up to which a measurement counts.
+        fastest: largest speed, m/s; faster odometry has jumped.
+        sensors: parameters of all other sensors, by name.
+    """
+
+    rules: MapRules = field(default_factory=MapRules)
+    odometry: OdometryNoise = field(default_factory=OdometryNoise)
+    imu: ImuNoise = field(default_factory=ImuNoise)
+    camera: CameraErrors = field(default_factory=CameraErrors)
+    has_imu: bool = True
+    level_rad: float = np.radians(0.5)
+    delay_s: float = 0.5
+    fastest: float = 30.0
+    sensors: Mapping[str, Any] = field(default_factory=dict)
+
+    def sensor(self, name: str) -> Any:
+        """The parameters of a sensor."""
+        return self.sensors[name] if name in self.sensors else SENSORS.find(name).params()
+
+    def unknown(self) -> State:
+        """The state before any measurement.
+
+        A new map is level by definition; a given one has an unknown tilt within ``level_rad``.
+        """
+        variances = np.zeros(core())
+        priors: list[tuple[OwnStates, Any]] = [
+            (SCALES, np.diag(self.odometry.scales)),
+            (GYRO, self.imu.gyro_bias**2),
+            (ACCEL, self.imu.accel_bias**2),
+            (GROUND, self.rules.plane.sigma_m**2 if self.rules.plane else 0.0),
+            *((one, self.camera.variances) for one in CAMERAS),
+        ]
+        for sensor in SENSORS.all():
+            params = self.sensor(sensor.name)
+            priors += [(one, p.sigma**2) for one, p in sensor.states(params).items()]
+        for states, variance in priors:
+            variances[states.rows] = variance
+        if self.rules.mode is not MapMode.BUILD:
+            variances[GRAVITY] = (GRAVITY_MS2 * self.level_rad) ** 2
+        return State(P=np.diag(variances))
+
+    def aging(self, seconds: float) -> tuple[Floats, Floats]:
+        """Factors (n,) on the sensors' states, and variances (n,) added, over some time."""
+        keep, noise = np.ones(core()), np.zeros(core())
+        for one in CAMERAS:
+            noise[one.rows.start + CLOCK] = (self.camera.clock_s > 0) * _CLOCK_WALK**2 * seconds
+        for sensor in SENSORS.all():
+            for states, prior in sensor.states(self.sensor(sensor.name)).items():
+                keep[states.rows], noise[states.rows] = prior.over(seconds)
+        return keep, noise
