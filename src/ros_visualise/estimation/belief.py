@@ -1,4 +1,4 @@
-"""A belief of the navigator, at one time: the filter's state, the map, and what is doubted.
+"""A belief of the navigator, at one time: the filter's state, the map, and what contradicts it.
 
 Beliefs are not changed after their event: the next one is a copy. So measurements that come late
 are put in by going on from an older belief, with the same result as if they had come in time.
@@ -39,7 +39,7 @@ class RefusalRun:
 
 @dataclass(frozen=True, eq=False)
 class ImuTrust:
-    """How well the IMU has agreed with the odometry.
+    """Agreement of the IMU with the odometry so far.
 
     Attributes:
         agreed_s: how long, since it was ignored last.
@@ -66,12 +66,12 @@ class Belief:
         stamp_ns: its time; None before the first odometry.
         state: the filter's state.
         chart: the landmarks.
-        search: candidate poses while lost, or in doubt.
+        search: candidate poses while lost, or contradicted.
         is_located: True if the robot is localized.
         has_pose: True if it has ever been.
         reason: why its pose is not published; empty while it is.
-        is_start_known: True if it was told where in the map the odometry began.
-        doubt: (6,) how far off the pose is if landmarks that contradict it are right: of the
+        is_start_known: True if it is known where in the map the odometry began.
+        contradiction: (6,) how far off the pose is if tags that contradict it are right: of the
             position, and about the robot.
         outcome: results of the last image.
         images: number of images applied since the beginning.
@@ -95,7 +95,7 @@ class Belief:
     search: PoseSearch = field(default_factory=PoseSearch)
     is_located: bool = False
     has_pose: bool = False
-    doubt: Floats = field(default_factory=lambda: np.zeros(6))
+    contradiction: Floats = field(default_factory=lambda: np.zeros(6))
     outcome: ImageOutcome = field(default_factory=ImageOutcome)
     contradicted: int = 0
     contradicted_ns: int = 0
@@ -146,7 +146,7 @@ class Belief:
     def locate(self) -> None:
         """The robot is localized."""
         self.is_located = self.has_pose = True
-        self.reason, self.contradicted, self.doubt = "", 0, np.zeros(6)
+        self.reason, self.contradicted, self.contradiction = "", 0, np.zeros(6)
         self.search = PoseSearch()
 
     def lose(self, why: str) -> None:

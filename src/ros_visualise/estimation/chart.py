@@ -173,9 +173,9 @@ class Chart:
             return []
         camera = camera_of(view, state.robot)
         for name, known in self.known.items():
-            if known.kind and name not in self.landmarks:
-                if is_in_view(known.p, known.kind, view, camera):
-                    self._enter(state, name)
+            is_new = known.kind and name not in self.landmarks
+            if is_new and is_in_view(known.p, known.kind, view, camera):
+                self._enter(state, name)
         at = state.positions()
         several = [
             one

@@ -199,7 +199,7 @@ class Filter:
         if is_trusted and step.to_ns - since_ns <= _DISAGREEMENT_NS and rate <= _TOO_MUCH:
             if count == 2:
                 belief.note("odometry and IMU disagree: is a wheel slipping, or a sensor stuck?")
-            self._doubt_motion(belief, difference, step.seconds, 2 * count - 1)
+            self._widen(belief, difference, step.seconds, 2 * count - 1)
             belief.imu = replace(trust, disagreements=count, since_ns=since_ns, rate=rate)
             belief.counts["odometry rejected"] += 1
             return
@@ -215,7 +215,7 @@ class Filter:
         raise ImuIsWrong(back)
 
     @staticmethod
-    def _doubt_motion(belief: Belief, difference: Floats, seconds: float, weight: int) -> None:
+    def _widen(belief: Belief, difference: Floats, seconds: float, weight: int) -> None:
         """Count the difference of both as uncertainty; the ``weight`` of the n-th is 2n - 1."""
         robot = belief.state.robot
         apart = robot.before_R @ difference.reshape(2, 3).T
@@ -259,7 +259,7 @@ class Filter:
         belief.chart.rules = self.settings.rules
         if belief.is_located:
             belief.state, belief.outcome = belief.chart.take(belief.state, view)
-            self._doubt(belief, view)
+            self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))
         self._search(belief, view)
@@ -278,10 +278,10 @@ class Filter:
             belief.search.look(view, belief.state, keys, prior)
         return keys
 
-    def _doubt(self, belief: Belief, view: CameraView) -> None:
-        """Search for another pose while all map tags contradict this one; doubt it meanwhile."""
+    def _verify(self, belief: Belief, view: CameraView) -> None:
+        """Search for another pose while all map tags contradict this one."""
         if belief.outcome.used:
-            belief.contradicted, belief.doubt = 0, np.zeros(6)
+            belief.contradicted, belief.contradiction = 0, np.zeros(6)
             belief.tags_ns = belief.now_ns
             belief.search.clear()
             return
@@ -294,7 +294,7 @@ class Filter:
         if belief.contradicted < _LOST_AFTER:
             return
         sights = [sight for sight in view.sights if sight.name in keys]
-        belief.doubt = max(
+        belief.contradiction = max(
             (self._implied(belief, view, one, keys[one.name]) for one in sights),
             key=lambda off: float(np.linalg.norm(off[:3])),
         )

@@ -128,12 +128,12 @@ def diagnostics_of(
     outcome, belief = navigator.outcome, navigator.belief
     lost = not navigator.is_located
     said = belief.reason or "localized"
-    if not lost and belief.doubt.any():
-        metres = np.linalg.norm(belief.doubt[:3])
-        said = f"in doubt: the tags in view contradict the pose by {metres:.1f} m"
+    if not lost and belief.contradiction.any():
+        metres = np.linalg.norm(belief.contradiction[:3])
+        said = f"uncertain: the tags in view contradict the pose by {metres:.1f} m"
     elif not lost and outcome.rejected:
         said = f"rejects {', '.join(outcome.rejected)}"
-    is_fine = not (outcome.rejected or belief.doubt.any() or belief.refusals)
+    is_fine = not (outcome.rejected or belief.contradiction.any() or belief.refusals)
     level = Level.ERROR if lost else Level.OK if is_fine else Level.WARN
     sigmas = np.sqrt(np.diag(now.covariance)) if now else np.full(6, np.nan)
     values = {

@@ -215,7 +215,7 @@ class Navigator:
         T[:3, :3], T[:3, 3] = robot.R, robot.p
         change = about_itself(robot.p)
         covariance = change @ (belief.state.P[POSE, POSE] + self.common) @ change.T
-        covariance += np.multiply.outer(belief.doubt, belief.doubt)
+        covariance += np.multiply.outer(belief.contradiction, belief.contradiction)
         T_map_odom = T @ inverse(to_matrix(odometry))
         is_located = belief.is_located and not belief.reason
         return RobotEstimate(belief.now_ns, T, T_map_odom, covariance, is_located)

@@ -96,7 +96,7 @@ class Sensor(ABC):
 
     @abstractmethod
     def read(self, message: Any, params: Any) -> tuple[Floats, Floats] | str:
-        """A message's values (k,) and covariance (k, k); a text: why it has none."""
+        """A message's values (k,) and covariance (k, k); or the reason why it is useless."""
 
     @abstractmethod
     def expect(self, robot: RobotState, reading: Reading, params: Any) -> Expected | None:
