@@ -8,6 +8,8 @@ mean of many landmarks look far too certain. Errors are twists of the map here
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ros_visualise.data import Floats
@@ -26,18 +28,32 @@ def split(joint: Floats) -> tuple[Floats, Floats]:
         joint: (M, 6, M, 6) covariance of the twists of M landmarks.
     """
     count = len(joint)
+
+    def times(weights: Floats) -> Floats:
+        product: Floats = np.einsum("iajb,jbc->iac", joint, weights)
+        return product
+
+    return split_by(joint[np.arange(count), :, np.arange(count)], times)
+
+
+def split_by(blocks: Floats, times: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """`split` of a covariance that is not written out.
+
+    Args:
+        blocks: (M, 6, 6) its blocks.
+        times: it times (M, 6, C).
+    """
+    count = len(blocks)
     if count < 2:
-        return np.zeros((6, 6)), joint[np.arange(count), :, np.arange(count)]
-    whole = joint.reshape(6 * count, 6 * count)
+        return np.zeros((6, 6)), blocks
     own = np.tile(np.eye(6), (count, 1, 1))
-    mean = np.zeros((6, 6 * count))
     for _ in range(_ROUNDS):
         weights = np.linalg.inv(own + _LEAST * np.eye(6))
-        mean = np.linalg.solve(weights.sum(axis=0), np.hstack([*weights]))
-        apart = np.eye(6 * count) - np.tile(mean, (count, 1))
-        blocks = (apart @ whole @ apart.T).reshape(count, 6, count, 6)
-        own = blocks[np.arange(count), :, np.arange(count)] * count / (count - 1)
-    common = mean @ whole @ mean.T
+        mean = np.linalg.solve(weights.sum(axis=0), weights)  # (M, 6, 6), their sum is 1
+        across = times(np.swapaxes(mean, 1, 2))
+        common = (mean @ across).sum(axis=0)
+        apart = blocks - across - np.swapaxes(across, 1, 2) + common
+        own = apart * count / (count - 1)
     return (common + common.T) / 2, (own + np.swapaxes(own, 1, 2)) / 2
 
 

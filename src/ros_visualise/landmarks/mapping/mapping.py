@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import about_itself, about_origin, from_parts, inverse
-from ros_visualise.landmarks.localization.common_error import split
+from ros_visualise.landmarks.localization.common_error import split_by
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 from ros_visualise.landmarks.mapping.mounting import (
@@ -110,9 +110,12 @@ def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
     kept = _kept(found)
     tags = list(kept)
     change = np.array([about_origin(at) for at in found.tags.t[tags]]).reshape(-1, 6, 6)
-    joint = found.joint[np.ix_(tags, range(6), tags, range(6))]
-    twists = np.einsum("iab,ibjc,jdc->iajd", change, joint, change, optimize=True)
-    common, own = split(twists)
+    twists = change @ found.covariances[tags] @ np.swapaxes(change, 1, 2)
+
+    def times(weights: Floats) -> Floats:
+        return change @ found.times(tags, np.swapaxes(change, 1, 2) @ weights)
+
+    common, own = split_by(twists, times)
     tracks = []
     for (tag, rows), of_twist in zip(kept.items(), own + common, strict=True):
         back = about_itself(found.tags.t[tag])

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.mapping.normal import NormalEquations, Solution, solve
+from ros_visualise.landmarks.mapping.normal import Factor, NormalEquations
 from ros_visualise.landmarks.mapping.priors import add_known
 from ros_visualise.landmarks.mapping.problem import Flags
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import SHARED, Unknowns
+from ros_visualise.landmarks.mapping.unknowns import Unknowns
 
 Weigh = Callable[[Floats], tuple[Floats, Floats]]
 """Squared residuals (S,) -> weights (S,), and the contribution of each sighting to the sum."""
@@ -60,8 +60,7 @@ def minimise(terms: Terms, state: Unknowns, weigh: Weigh, rounds: int = 30) -> U
     damping = _DAMPING
     normal, cost = linearised(terms, state, weigh)
     for _ in range(rounds):
-        step = solve(normal, damping)
-        new = state.moved(step.views, step.rest)
+        new = state.moved(*Factor(normal, damping).step())
         new_normal, new_cost = linearised(terms, new, weigh)
         if new_cost <= cost:
             gain, state, normal, cost = cost - new_cost, new, new_normal, new_cost
@@ -77,8 +76,7 @@ def minimise(terms: Terms, state: Unknowns, weigh: Weigh, rounds: int = 30) -> U
 
 def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquations, float]:
     """The normal equations at a state, and the sum to be minimised."""
-    views, tags = terms.problem.counts
-    normal = NormalEquations(views, tags, SHARED)
+    normal = NormalEquations(terms.structure)
     weights, losses = weigh(chi2_of(terms, state))
     terms.add_seen(normal, state, weights)
     of_odometry = terms.add_gone(normal, state)
@@ -86,6 +84,6 @@ def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquat
     return normal, float(losses.sum() + (of_odometry**2).sum() + known)
 
 
-def final(terms: Terms, state: Unknowns, inliers: Flags) -> Solution:
-    """The covariance of tags and shared numbers."""
-    return solve(linearised(terms, state, kept(inliers))[0])
+def final(terms: Terms, state: Unknowns, inliers: Flags) -> Factor:
+    """The equations at the minimum, whose inverse is the covariance."""
+    return Factor(linearised(terms, state, kept(inliers))[0])

@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ros_visualise.landmarks.mapping.minimising import kept, linearised
-from ros_visualise.landmarks.mapping.normal import solve
+from ros_visualise.landmarks.mapping.minimising import final
 from ros_visualise.landmarks.mapping.problem import Flags, Problem
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise, Unknowns
 
 _MOST_PX = 100.0
-_PROBES = 8
 _LEAST_VIEWS = 10  # needed to estimate the noise of odometry
 
 
@@ -48,31 +46,18 @@ def _left(problem: Problem) -> float:
 def scales_of_odometry(terms: Terms, state: Unknowns, inliers: Flags) -> MeasurementNoise:
     """Noise of odometry that makes its residuals as large as expected.
 
-    Separately for distances, tilts and headings. The redundancy of each is a trace, estimated by
-    random signs.
+    Separately for distances, tilts and headings, by the redundancy of each.
 
-    Source: W. Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979;
-    M. Hutchinson, A stochastic estimator of the trace of the influence matrix, 1989.
+    Source: W. Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979.
     """
     residuals = terms.gone(state)[0]
     if len(residuals) < _LEAST_VIEWS or not inliers.any():
         return terms.noise
-    normal, _ = linearised(terms, state, kept(inliers))
+    explained = terms.explained(state, final(terms, state, inliers).inverse())
     parts = {"way_m": [0, 1, 2], "tilt_rad": [3, 4], "heading_rad": [5]}
-    random = np.random.default_rng(0)
-    signs = random.choice([-1.0, 1.0], (_PROBES, *residuals.shape))
-    probes = []
-    for rows in parts.values():
-        only = np.zeros(6)
-        only[rows] = 1
-        probes += [terms.probe(state, one * only, normal) for one in signs]
-    of_views, of_rest = np.stack([p[0] for p in probes], 2), np.stack([p[1] for p in probes], 1)
-    traces = (
-        solve(normal, 0.0, (of_views, of_rest)).traced.reshape(len(parts), _PROBES).mean(axis=1)
-    )
     found = {}
-    for (name, rows), trace in zip(parts.items(), traces, strict=True):
-        redundancy = max(residuals[:, rows].size - trace, 1.0)
+    for name, rows in parts.items():
+        redundancy = max(float((1 - explained[:, rows]).sum()), 1.0)
         factor = np.sqrt((residuals[:, rows] ** 2).sum() / redundancy)
         found[name] = float(getattr(terms.noise, name) * np.clip(factor, 0.1, 10))
     return replace(terms.noise, **found)

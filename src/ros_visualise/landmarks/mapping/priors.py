@@ -9,13 +9,13 @@ from ros_visualise.landmarks.mapping.motions import logarithm, offsets
 from ros_visualise.landmarks.mapping.normal import NormalEquations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Poses, Problem, TagPrior
 from ros_visualise.landmarks.mapping.unknowns import (
-    SHARED,
     SharedPrior,
     Unknowns,
     differences,
     mounting,
 )
 
+_FIXED = 1e-9  # standard deviation of a shared number that is not estimated
 _ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
 """Metres and radians, standard deviation that fixes the map to a tag."""
 FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
@@ -26,13 +26,10 @@ def add_known(
     normal: NormalEquations, state: Unknowns, problem: Problem, prior: SharedPrior
 ) -> float:
     """Add the map's frame, the survey, and the priors of the shared numbers; returns their sum."""
-    sigmas = prior.sigmas
-    free = sigmas > 0
-    G = slice(6 * normal.tags, None)
-    information = np.where(free, 1 / np.where(free, sigmas, 1) ** 2, 1e18)
-    normal.rest[G, G] += np.diag(information)
-    normal.slope_rest[G] += information * state.shared
-    total = float(information @ state.shared**2)
+    sigmas = np.where(prior.sigmas > 0, prior.sigmas, _FIXED)
+    off = state.shared / sigmas
+    normal.add(off[None], (), np.diag(1 / sigmas)[None])
+    total = float(off @ off)
     if not problem.surveyed:
         total += _add_anchor(normal, state, problem)
     for one in problem.surveyed:
@@ -61,7 +58,7 @@ def _add_anchor(normal: NormalEquations, state: Unknowns, problem: Problem) -> f
     by_shared = differences(residuals, state.shared)
     J = np.diag(1 / FIRST)[None]
     there = residuals(state.shared)
-    normal.add(there, by_shared, (np.array([0]), J))
+    normal.add(there, ((np.array([0]), J),), by_shared)
     return float((there**2).sum())
 
 
@@ -81,12 +78,12 @@ def _add_distance(normal: NormalEquations, state: Unknowns, known: DistancePrior
     off = (length - known.distance_m) / known.sigma_m
     J = np.zeros((1, 1, 6))
     J[0, 0, :3] = apart / length / known.sigma_m
-    ends = (np.array([a]), -J), (np.array([b]), J)
-    normal.add(np.array([[off]]), np.zeros((1, 1, SHARED)), tags=ends)
+    views = normal.structure.views
+    ends = (np.array([views + a]), -J), (np.array([views + b]), J)
+    normal.add(np.array([[off]]), ends)
     return off**2
 
 
 def _add_tag(normal: NormalEquations, tag: int, residual: Floats, J: Floats) -> float:
-    shared = np.zeros((1, len(residual), SHARED))
-    normal.add(residual[None], shared, tags=((np.array([tag]), J[None]),))
+    normal.add(residual[None], ((np.array([normal.structure.views + tag]), J[None]),))
     return float(residual @ residual)

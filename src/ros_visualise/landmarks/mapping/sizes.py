@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.mapping.minimising import kept, linearised
+from ros_visualise.landmarks.mapping.minimising import final
 from ros_visualise.landmarks.mapping.motions import between
-from ros_visualise.landmarks.mapping.normal import solve
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import PRINTED, Unknowns
+
+_AT_ONCE = 32  # tags
 
 
 class SizeErrors(NamedTuple):
@@ -43,17 +44,18 @@ def larger(found: SmoothedMap) -> SizeErrors:
     views, tags = terms.corners.views[found.inliers], terms.corners.tags[found.inliers]
     by_view, by_tag = between(by_pose, state.views, state.tags, views, tags)
     by_size = by_shared[..., PRINTED]
-    normal, _ = linearised(terms, state, kept(found.inliers))
-    count = len(found.problem.names)
-    of_views = np.zeros((len(found.views.t), count, 6))
-    of_rest = np.zeros((count, len(normal.rest)))
-    np.add.at(of_views, (views, tags), np.einsum("ski,sk->si", by_view, by_size))
-    G = slice(6 * count, None)
-    for tag in range(count):
-        rows = tags == tag
-        of_rest[tag, 6 * tag : 6 * tag + 6] = np.einsum("ski,sk->i", by_tag[rows], by_size[rows])
-        of_rest[tag, G] = np.einsum("ski,sk->i", by_shared[rows], by_size[rows])
-    told = solve(normal, probes=(np.swapaxes(of_views, 1, 2), of_rest.T)).traced
+    factor, count = final(terms, state, found.inliers), len(found.problem.names)
+    structure = terms.structure
+    parts = structure.parts(((views, by_view), (tags + structure.views, by_tag)), by_shared)
+    told = np.zeros(count)
+    for begin in range(0, count, _AT_ONCE):
+        rows = (tags >= begin) & (tags < begin + _AT_ONCE)
+        right = np.zeros((structure.size, 6, _AT_ONCE))
+        for block, by in parts:
+            slopes = np.einsum("ski,sk->si", by[rows], by_size[rows])
+            np.add.at(np.swapaxes(right, 1, 2), (block[rows], tags[rows] - begin), slopes)
+        some = (right * factor.solve(right)).sum(axis=(0, 1))
+        told[begin : begin + _AT_ONCE] = some[: count - begin]
     whole = np.bincount(tags, (by_size**2).sum(axis=1), minlength=count)
     slope = np.bincount(tags, (by_size * residuals).sum(axis=1), minlength=count)
     left = np.maximum(whole - told, 1e-9 * whole + 1e-12)

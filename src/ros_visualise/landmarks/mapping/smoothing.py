@@ -13,6 +13,7 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.branches import turn_tags, turn_views
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, final, kept, minimise, robust
 from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
+from ros_visualise.landmarks.mapping.normal import Factor
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
 from ros_visualise.landmarks.mapping.terms import Terms
@@ -38,7 +39,8 @@ class SmoothedMap:
     Attributes:
         problem: the connected part of the data.
         views, tags: the poses in the map.
-        joint: (M, 6, M, 6) covariance of the tags: x, y, z and rotations about them, in the map.
+        covariances: (M, 6, 6) of each tag: x, y, z and rotations about them, in the map.
+        factor: of the equations, for the covariances between tags.
         shared, shared_covariance: (9,) and (9, 9), see `terms`.
         inliers: (S,) mask of the sightings that fit.
         residuals_px: (S,) rms distance of a sighting's corners.
@@ -50,7 +52,8 @@ class SmoothedMap:
     problem: Problem
     views: Poses
     tags: Poses
-    joint: Floats
+    covariances: Floats
+    factor: Factor
     shared: Floats
     shared_covariance: Floats
     inliers: Flags
@@ -59,11 +62,14 @@ class SmoothedMap:
     undecided: Flags
     is_estimated: bool
 
-    @property
-    def covariances(self) -> Floats:
-        """(M, 6, 6) of each tag."""
-        every = np.arange(len(self.joint))
-        return self.joint[every, :, every]
+    def times(self, tags: list[int], weights: Floats) -> Floats:
+        """(K, 6, C) the joint covariance of K tags times weights (K, 6, C)."""
+        structure = self.factor.structure
+        right = np.zeros((structure.size, 6, weights.shape[2]))
+        blocks = structure.views + np.array(tags, int)
+        right[blocks] = weights
+        product: Floats = self.factor.solve(right)[blocks]
+        return product
 
 
 def smooth(
@@ -140,16 +146,17 @@ def result_of(
     Raises:
         numpy.linalg.LinAlgError: the problem is underdetermined.
     """
-    covariance = final(terms, state, inliers).covariance
-    tags = terms.problem.counts[1]
+    factor = final(terms, state, inliers)
+    covariance, structure = factor.inverse(), terms.structure
     residuals = terms.residuals_px(state)
     return SmoothedMap(
         terms.problem,
         state.views,
         state.tags,
-        covariance[: 6 * tags, : 6 * tags].reshape(tags, 6, tags, 6),
+        covariance.own[structure.views : structure.count],
+        factor,
         state.shared,
-        covariance[6 * tags :, 6 * tags :],
+        structure.shared_covariance(covariance),
         inliers,
         np.sqrt((residuals**2).sum(axis=1) / 4),
         terms.noise,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.motions import between, in_view, offsets, relative
-from ros_visualise.landmarks.mapping.normal import NormalEquations
+from ros_visualise.landmarks.mapping.normal import NormalEquations, SparseInverse, Structure
 from ros_visualise.landmarks.mapping.problem import Corners, Poses, Problem, corners_of
 from ros_visualise.landmarks.mapping.unknowns import (
     LARGER,
@@ -38,9 +38,16 @@ class Terms:
     noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     prior: SharedPrior = UNKNOWN
     corners: Corners = field(init=False)
+    structure: Structure = field(init=False)
 
     def __post_init__(self) -> None:
         self.corners = corners_of(self.problem.sightings)
+        views, tags = self.problem.counts
+        links = [np.column_stack([self.corners.views, self.corners.tags + views])]
+        links += [np.reshape([one.tags for one in self.problem.distances], (-1, 2)) + views]
+        if self.problem.odometry is not None:
+            links.append(np.column_stack([np.arange(views - 1), np.arange(1, views)]))
+        self.structure = Structure(views, tags, SHARED, np.concatenate(links))
 
     def with_noise(self, **noise: float) -> None:
         """Set other standard deviations."""
@@ -63,9 +70,8 @@ class Terms:
         residuals, root = np.where(bad[:, None], 0, residuals), np.where(bad[:, None], 0, root)
         views, tags = self.corners.views, self.corners.tags
         by_view, by_tag = between(by_pose * root[..., None], state.views, state.tags, views, tags)
-        normal.add(
-            residuals * root, by_shared * root[..., None], (views, by_view), tags=((tags, by_tag),)
-        )
+        parts = (views, by_view), (tags + self.structure.views, by_tag)
+        normal.add(residuals * root, parts, by_shared * root[..., None])
 
     def add_gone(self, normal: NormalEquations, state: Unknowns) -> Floats:
         """Add the odometry; returns its whitened residuals (N - 1, 6)."""
@@ -73,21 +79,17 @@ class Terms:
         first = np.arange(len(residuals))
         if len(first):
             by_view, by_next = between(whiten, state.views, state.views, first, first + 1)
-            normal.add(residuals, by_shared, (first, by_view), by_next)
+            normal.add(residuals, ((first, by_view), (first + 1, by_next)), by_shared)
         return residuals
 
-    def probe(
-        self, state: Unknowns, signs: Floats, normal: NormalEquations
-    ) -> tuple[Floats, Floats]:
-        """J'b of the odometry, as right-hand sides of `solve`, for b (N - 1, 6)."""
+    def explained(self, state: Unknowns, covariance: SparseInverse) -> Floats:
+        """(N - 1, 6) variances of the odometry's whitened residuals that the unknowns explain."""
         _, whiten, by_shared = self.gone(state)
-        first = np.arange(len(signs))
-        by_view, by_next = between(whiten, state.views, state.views, first, first + 1)
-        of_views, of_rest = np.zeros_like(normal.slope_own), np.zeros_like(normal.slope_rest)
-        of_views[:-1] += np.einsum("nki,nk->ni", by_view, signs)
-        of_views[1:] += np.einsum("nki,nk->ni", by_next, signs)
-        of_rest[6 * normal.tags :] = np.einsum("nki,nk->i", by_shared, signs)
-        return of_views, of_rest
+        first = np.arange(len(whiten))
+        parts = between(whiten, state.views, state.views, first, first + 1)
+        return self.structure.variances(
+            covariance, ((first, parts[0]), (first + 1, parts[1])), by_shared
+        )
 
     def gone(self, state: Unknowns) -> tuple[Floats, Floats, Floats]:
         """Odometry residuals (N - 1, 6), their whitening, and derivatives by shared numbers."""

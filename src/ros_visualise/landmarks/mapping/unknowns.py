@@ -73,14 +73,12 @@ class Unknowns(NamedTuple):
     tags: Poses
     shared: Floats
 
-    def moved(self, of_views: Floats, rest: Floats) -> Unknowns:
-        """The same, changed by steps (N, 6) and (D,)."""
-        count = len(self.tags.t)
-        of_tags = rest[: 6 * count].reshape(count, 6)
+    def moved(self, of_views: Floats, of_tags: Floats, of_shared: Floats) -> Unknowns:
+        """The same, changed by steps (N, 6), (M, 6) and (9,)."""
         return Unknowns(
             Poses(*moved(*self.views, of_views)),
             Poses(*moved(*self.tags, of_tags)),
-            self.shared + rest[6 * count :],
+            self.shared + of_shared,
         )
 
 
