@@ -47,13 +47,19 @@ class WorldOptions:
     """A simulated robot's world and mission."""
 
     world: str | None = option(None, f"{OURS}, or one from a plug-in (default: field)")
+    profile: str | None = option(
+        None,
+        "errors of sensors and world; --set changes single ones (default: ideal)",
+        choices=("ideal", "realistic", "hard"),
+    )
     seed: int | None = option(None, "seed of all random errors (default: 0)", type=seed)
     mission: str | None = mission_option("wait for commands")
 
     @property
     def scenario(self) -> dict[str, str | int]:
         """The given ones, by the robot's parameters."""
-        given = {"world": self.world, "mission": self.mission, "seed": self.seed}
+        names = ("world", "profile", "mission", "seed")
+        given = {name: getattr(self, name) for name in names}
         return {name: value for name, value in given.items() if value is not None}
 
 

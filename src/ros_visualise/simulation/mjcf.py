@@ -34,6 +34,7 @@ class WorldBuilder:
 
     Args:
         pictures: draw the textures; otherwise all is gray, and ready much sooner.
+        soil: changes the picture of a tag with that id.
 
     Attributes:
         assets: file names in the MJCF -> images.
@@ -42,8 +43,10 @@ class WorldBuilder:
         path_xy: a closed path through the world.
     """
 
-    def __init__(self, pictures: bool) -> None:
-        self._pictures = pictures
+    def __init__(
+        self, pictures: bool, soil: Callable[[int, Canvas], Canvas] = lambda tag_id, canvas: canvas
+    ) -> None:
+        self._pictures, self._soil = pictures, soil
         self.assets: dict[str, bytes] = {}
         self.landmarks: list[SimulatedLandmark] = []
         self.starts: dict[str, Pose2] = {}
@@ -123,7 +126,7 @@ class WorldBuilder:
         """Add an AprilTag as on a sheet of paper; returns half the side of the sheet."""
         name = f"tag_{tag_id}"
         if f"{name}.png" not in self.assets:
-            self.add_material(name, lambda: draw_tag(tag_id))
+            self.add_material(name, lambda: self._soil(tag_id, draw_tag(tag_id)))
         half = size * BOARD_CELLS / CELLS / 2
         behind = np.asarray(position) - R[:, 2] * PRINT_THICKNESS / 2
         self.add("box", (half, half, PRINT_THICKNESS / 2), behind, name, SHOWN, R)

@@ -15,9 +15,11 @@ from ros_visualise.simulation.mjcf import Pose2, WorldBuilder
 from ros_visualise.simulation.pad import add_pad
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.sensors.camera import CameraSensorParams, ideal_camera
+from ros_visualise.simulation.wear import Wear
 from ros_visualise.simulation.worlds import WORLDS
 
 BASE = "base_link"
+_NEW = Wear()
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,11 @@ class BuiltWorld:
 
 @cache
 def build_world(
-    name: str, pictures: bool = True, pad: Pose2 | None = None, pad_tags: bool = True
+    name: str,
+    pictures: bool = True,
+    pad: Pose2 | None = None,
+    pad_tags: bool = True,
+    wear: Wear = _NEW,
 ) -> BuiltWorld:
     """The world of that name.
 
@@ -54,12 +60,14 @@ def build_world(
         pictures: draw the textures; otherwise it is gray, and ready much sooner.
         pad: initial pose of a landing pad; None for no pad.
         pad_tags: put tags on it.
+        wear: of its tags, and clutter.
 
     Raises:
         UsageError: no such world.
     """
-    scene = WorldBuilder(pictures)
+    scene = WorldBuilder(pictures, wear.soil)
     WORLDS.find(name).build(scene)
+    wear.apply(scene)
     assets, landmarks = scene.assets, tuple(scene.landmarks)
     if pad is not None:
         add_pad(scene, pad, pad_tags)

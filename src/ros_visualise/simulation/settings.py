@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ros_visualise.simulation.missions import SHAPES
+from ros_visualise.simulation.profiles import Profile, settings_of
 from ros_visualise.simulation.sensors import setting
 from ros_visualise.simulation.sensors.camera import CameraSensorParams
 from ros_visualise.simulation.sensors.gps import GpsParams
@@ -17,6 +18,7 @@ from ros_visualise.simulation.sensors.imu import ImuParams
 from ros_visualise.simulation.sensors.lidar import LidarParams
 from ros_visualise.simulation.sensors.odometry import OdometryParams
 from ros_visualise.simulation.sensors.truth import TruthParams
+from ros_visualise.simulation.wear import WearParams
 from ros_visualise.simulation.worlds import OURS
 
 
@@ -43,6 +45,7 @@ class RobotParams(
     ImuParams,
     CameraSensorParams,
     TruthParams,
+    WearParams,
     _CommonParams,
 ):
     """Parameters of all robots."""
@@ -50,9 +53,14 @@ class RobotParams(
 
 @dataclass(frozen=True)
 class ScenarioParams:
-    """World, mission and seed of a simulation."""
+    """World, profile, mission and seed of a simulation."""
 
     world: str = setting("field", f"world: {OURS}, or one from a plug-in")
+    profile: Profile = setting(
+        Profile.IDEAL,
+        "errors of sensors and world: a preset of the other parameters, from ideal to hard",
+        preset=settings_of,
+    )
     mission: str = setting(
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",

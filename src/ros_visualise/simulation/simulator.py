@@ -25,6 +25,7 @@ from ros_visualise.simulation.scenery import scenery
 from ros_visualise.simulation.schedule import Schedule, SensorOutput, streams_of
 from ros_visualise.simulation.sensors import Fitting, sensors_of
 from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.wear import Wear
 from ros_visualise.simulation.worlds import WORLDS
 
 LATCHED = ("robot_description", "tf_static", "scenery")
@@ -67,7 +68,8 @@ class Simulation:
         self.settings = with_pad(settings or kind.params(), self._mission)
         start = build_world(world, pictures=False).start(robot)
         pad = place_pad(self.settings, start)
-        self.world: BuiltWorld = build_world(world, self.settings.camera, *pad)
+        wear = Wear.of(self.settings, seed)
+        self.world: BuiltWorld = build_world(world, self.settings.camera, *pad, wear)
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
         self.pad: Pad | None = None
