@@ -52,7 +52,7 @@ class _Front:
 
 
 class Structure:
-    """Where the equations have entries, and the order of elimination.
+    """Entries of the equations, and the order of elimination.
 
     Args:
         views, tags: numbers of both.
