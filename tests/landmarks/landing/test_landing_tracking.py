@@ -136,14 +136,14 @@ def test_a_sighting_that_contradicts_is_refused():
 
 
 def test_a_first_sighting_that_was_wrong_gives_way_to_those_that_follow():
-    """1 m off, then 199 right ones: the second that agrees with the first of these outvotes it."""
+    """1 m off, then 199 right ones at 20 Hz: it is replaced after three of them."""
     tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     seen(tracker, 0, pose((1, 0, 0), camera))
     for step in range(1, 200):
         seen(tracker, step / 20, pose((0, 0, 0), camera))
         told = known(tracker, step / 20)
         assert abs(told.position_xyz[0]) < 3 * math.sqrt(told.covariance[0, 0])
-    assert (tracker.refused, tracker.replaced) == (2, 1)
+    assert (tracker.refused, tracker.replaced) == (3, 1)
     assert told.position_xyz == pytest.approx([0, 0, 0], abs=1e-6)
 
 
@@ -152,15 +152,15 @@ def test_a_pad_that_was_moved_is_believed_after_the_stated_time_and_doubted_befo
     for step in range(100):
         seen(tracker, step / 20, pose((0, 0, 0), camera), motion=motion)
     sigmas, places = [], []
-    for step in range(100, 115):
+    for step in range(100, 130):
         seen(tracker, step / 20, pose((1, 0, 0), camera), motion=motion)
         told = known(tracker, step / 20, motion)
         sigmas.append(math.sqrt(told.covariance[0, 0]))
         places.append(told.position_xyz[0])
-    assert places == pytest.approx([0] * 10 + [1] * 5, abs=0.02)
+    assert places == pytest.approx([0] * 10 + [1] * 20, abs=0.02)
     assert sigmas[:10] == sorted(sigmas[:10])
-    assert sigmas[5] > 0.5
-    assert max(sigmas[10:]) < 0.02
+    assert sigmas[5] > 0.3
+    assert sigmas[-1] < 0.01
     assert tracker.replaced == 1
 
 

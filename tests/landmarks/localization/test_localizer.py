@@ -109,13 +109,13 @@ def test_a_tag_that_was_moved_is_less_sure_before_it_is_elsewhere():
         offs.append(track.best.position_xyz[0] - 1)
         sigmas.append(math.sqrt(track.covariance[0, 0]))
     assert offs == pytest.approx([-1, -1, 0, 0, 0, 0], abs=1e-3)
-    assert sigmas[0] > 0.05
-    assert sigmas[1] > 0.25
+    assert sigmas[0] > 0.2
+    assert sigmas[1] > 0.4
     assert sigmas[5] < 0.01
 
 
 @pytest.mark.parametrize("share", [0.05, 0.2])
-def test_false_sightings_of_a_tag_that_is_seen_do_not_move_it(share):
+def test_false_sightings_of_a_tag_that_is_seen_move_it_only_three_in_a_row(share):
     random, localizer, off = np.random.default_rng(3), Localizer(), []
     for number in range(300):
         is_false = number > 5 and random.random() < share
@@ -123,7 +123,6 @@ def test_false_sightings_of_a_tag_that_is_seen_do_not_move_it(share):
         see_tag(localizer, above(0), number / 10, (place, np.eye(3)))
         off.append(np.linalg.norm(localizer.landmarks[1].best.position_xyz) if number > 3 else 0)
     assert np.mean(np.array(off) < 0.05) > 0.97
-    assert off[-1] < 0.05
     assert localizer.skipped["elsewhere"] > 0.8 * share * 300
 
 

@@ -3,11 +3,11 @@
 All quantities are in a fixed frame, such as ``odom``. The error state has nine numbers, along its
 axes: position in metres, orientation as a rotation vector, velocity in m/s. The target moves at
 constant velocity, disturbed by white acceleration noise; its rotation is a random walk, and so is
-the drift of the fixed frame. A sighting that contradicts the estimate begins a rival estimate, and
-the covariance includes the rival until one of the two prevails.
+the drift of the fixed frame. Sightings that contradict the estimate begin another one, see
+`ros_visualise.landmarks.localization.branches`; they cost the former in proportion to time.
 
 Source: Bar-Shalom, Li and Kirubarajan, Estimation with applications to tracking and navigation,
-2001, sections 6.2 (the noise), 5.4 (the gate) and 1.4.16 (the covariance of two alternatives).
+2001, sections 6.2 (the noise) and 5.4 (the gate).
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.localization.estimate import GATES
-from ros_visualise.landmarks.localization.seen import Equations, Ground, PoseReading
+from ros_visualise.landmarks.localization import branches
+from ros_visualise.landmarks.localization.branches import LOSS, MOVED, Branch, Branches
+from ros_visualise.landmarks.localization.estimate import CandidateUpdate, compare
+from ros_visualise.landmarks.localization.seen import Expect, Ground, PoseReading
 
 _VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, unknown orientation
 _TURNS = 0.1  # rad/sqrt(s), of a target that moves
@@ -39,7 +41,8 @@ class TargetMotion:
         tilt: standard deviation of its tilt, radians: of two readings of an image, the more level
             one is likelier.
         drift: of the fixed frame, standard deviation in one second, metres.
-        patience_s: how long sightings may contradict the estimate before they replace it.
+        patience_s: how long sightings may contradict the estimate before they replace it; less if
+            it was seen a few times only.
     """
 
     speed: float = 1.0
@@ -72,89 +75,48 @@ class TargetEstimate:
         covariance = F @ self.covariance @ F.T + noise
         return TargetEstimate(position, self.R, self.velocity_xyz, covariance)
 
-    def distance(self, equations: Equations) -> float:
-        """Squared Mahalanobis distance of a measurement."""
-        residual = equations.residual
-        return float(residual @ np.linalg.solve(self._spread(equations), residual))
+    def minus(self, other: TargetEstimate) -> Floats:
+        """(9,) error of another estimate relative to this one."""
+        moved, turned = self.position_xyz - other.position_xyz, se3.turn_between(self.R, other.R)
+        return np.concatenate([moved, turned, self.velocity_xyz - other.velocity_xyz])
 
-    def corrected(self, equations: Equations) -> TargetEstimate:
-        """The estimate updated by a measurement."""
-        H = _nine(equations.H)
-        gain = np.linalg.solve(self._spread(equations), H @ self.covariance).T
+    def fit(self, expect: Expect) -> CandidateUpdate[TargetEstimate]:
+        """The estimate updated by a measurement, unless that is an outlier."""
+        equations = expect(self.position_xyz, self.R)
+        H = np.hstack([equations.H, np.zeros((len(equations.H), 3))])  # of pose, not of velocity
+        spread = H @ self.covariance @ H.T + equations.noise
+        found = compare(self, equations, spread)
+        if not found.is_inlier:
+            return found
+        gain = np.linalg.solve(spread, H @ self.covariance).T
         step = gain @ equations.residual
         rest = np.eye(9) - gain @ H
         covariance = rest @ self.covariance @ rest.T + gain @ equations.noise @ gain.T
         position, velocity = self.position_xyz + step[:3], self.velocity_xyz + step[6:]
-        return TargetEstimate(position, se3.exp(step[:6])[0] @ self.R, velocity, covariance)
-
-    def covering(self, other: TargetEstimate, share: float) -> TargetEstimate:
-        """The same with the covariance of two alternatives; ``share``: the other's probability."""
-        off = np.concatenate(
-            [
-                other.position_xyz - self.position_xyz,
-                se3.turn_between(other.R, self.R),
-                other.velocity_xyz - self.velocity_xyz,
-            ]
-        )
-        there = other.covariance + np.outer(off, off)
-        return replace(self, covariance=(1 - share) * self.covariance + share * there)
-
-    def _spread(self, equations: Equations) -> Floats:
-        H = _nine(equations.H)
-        spread: Floats = H @ self.covariance @ H.T + equations.noise
-        return spread
-
-
-@dataclass(frozen=True)
-class _Track:
-    """An estimate at the time of its last sighting, and the number of sightings."""
-
-    estimate: TargetEstimate
-    stamp_ns: int
-    seen: int = 1
-
-    def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate:
-        return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
-
-    def follow(self, stamp_ns: int, reading: PoseReading, motion: TargetMotion) -> _Track | None:
-        """The track with one more sighting; None if that contradicts it."""
-        now = self.at(stamp_ns, motion)
-        equations = reading.expect(now.position_xyz, now.R)
-        if now.distance(equations) > GATES[len(equations.residual)]:
-            return None
-        return _Track(now.corrected(equations), stamp_ns, self.seen + 1)
+        R = se3.exp(step[:6])[0] @ self.R
+        return replace(found, updated=TargetEstimate(position, R, velocity, covariance))
 
 
 class TargetTracker:
     """Tracks one target; sightings of its parts are fused by their covariances.
 
     Attributes:
-        refused: number of contradicting sightings.
-        replaced: number of estimates that contradicting sightings have replaced.
+        seen_ns: time of the last sighting; None before the first.
+        refused: number of sightings that contradicted the estimate.
+        replaced: number of estimates that such sightings have replaced.
     """
 
     def __init__(self) -> None:
-        self._track: _Track | None = None
-        self._rival: _Track | None = None
-        self._contested = 0  # sightings in a row that contradict the track
-        self._contested_ns = 0  # time of the first of these
+        self._branches: Branches[TargetEstimate] = ()
+        self._stamp_ns, self._seen = 0, 1
+        self.seen_ns: int | None = None
         self.refused = self.replaced = 0
-
-    @property
-    def seen_ns(self) -> int | None:
-        """Time of the last sighting of the estimate or its rival; None before the first."""
-        tracks = [one.stamp_ns for one in (self._track, self._rival) if one is not None]
-        return max(tracks, default=None)
 
     def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate | None:
         """The predicted target at a time; None if unknown."""
-        if self._track is None:
+        if not (now := self._predicted(stamp_ns, motion)):
             return None
-        estimate = self._track.at(stamp_ns, motion)
-        if self._rival is None:
-            return estimate
-        doubt = self._doubt(self._track, self._rival, motion)
-        return estimate.covering(self._rival.at(stamp_ns, motion), doubt)
+        return replace(now[0].estimate, covariance=branches.covariance(now))
 
     def observe(
         self,
@@ -174,49 +136,37 @@ class TargetTracker:
         reading = max(sightings, key=lambda one: _likelihood(one, motion.tilt), default=None)
         if reading is None:
             return
-        if self._track is None:
-            self._track = _begin(stamp_ns, reading, motion, ground)
-        elif (followed := self._track.follow(stamp_ns, reading, motion)) is not None:
-            self._track, self._rival, self._contested = followed, None, 0
+        now = self._predicted(stamp_ns, motion)
+        fits = [branch.estimate.fit(reading.expect) for branch in now]
+        waited_s = abs(stamp_ns - self._stamp_ns) / 1e9
+        loss = min(LOSS, MOVED * waited_s / motion.patience_s)
+        if any(one.is_inlier for one in fits):
+            found = branches.take(now, fits, loss)
+            self._seen += 1
         else:
-            self._contest(self._track, stamp_ns, reading, motion, ground)
+            begun = _begin(reading, motion, ground)
+            new = () if begun is None else (Branch(begun),)
+            found = branches.contradict(now, new, self._seen, loss) if now else new
+        if not found:
+            return
+        self.refused += bool(fits) and not fits[0].is_inlier
+        self._branches, has_moved = branches.settled(found)
+        self.replaced += has_moved
+        self._stamp_ns = self.seen_ns = stamp_ns
 
     def forget(self) -> None:
         """Restart with the next sighting."""
-        self._track = self._rival = None
-        self._contested = 0
+        self._branches, self._seen, self.seen_ns = (), 1, None
 
-    def _contest(
-        self,
-        track: _Track,
-        stamp_ns: int,
-        reading: PoseReading,
-        motion: TargetMotion,
-        ground: Ground | None,
-    ) -> None:
-        """Follow sightings that contradict the estimate; they replace it when they prevail."""
-        self.refused += 1
-        self._contested_ns = self._contested_ns if self._contested else stamp_ns
-        self._contested += 1
-        followed = self._rival.follow(stamp_ns, reading, motion) if self._rival else None
-        self._rival = followed or _begin(stamp_ns, reading, motion, ground) or self._rival
-        if self._rival is not None and self._doubt(track, self._rival, motion) >= 1:
-            self._track, self._rival, self._contested = self._rival, None, 0
-            self.replaced += 1
-
-    def _doubt(self, track: _Track, rival: _Track, motion: TargetMotion) -> float:
-        """Probability of the rival, by its share of sightings and by time; 1: it has prevailed."""
-        if rival.seen > track.seen:
-            return 1.0
-        share = self._contested / (self._contested + track.seen)
-        lasted_s = abs(rival.stamp_ns - self._contested_ns) / 1e9
-        return min(1.0, max(share, lasted_s / motion.patience_s))
+    def _predicted(self, stamp_ns: int, motion: TargetMotion) -> Branches[TargetEstimate]:
+        since_s = (stamp_ns - self._stamp_ns) / 1e9
+        return tuple(replace(b, estimate=b.estimate.after(since_s, motion)) for b in self._branches)
 
 
 def _begin(
-    stamp_ns: int, reading: PoseReading, motion: TargetMotion, ground: Ground | None
-) -> _Track | None:
-    """A track from one sighting, with an unknown velocity; None if its position is unknown."""
+    reading: PoseReading, motion: TargetMotion, ground: Ground | None
+) -> TargetEstimate | None:
+    """The estimate from one sighting, with an unknown velocity; None if its position is unknown."""
     R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
     position = reading.position_xyz if reading.has_range else None
     if position is None and ground is not None:
@@ -231,9 +181,8 @@ def _begin(
     covariance[6:, 6:] = motion.speed**2 * np.eye(3)
     first = TargetEstimate(position, R, np.zeros(3), covariance)
     if ground is not None and not reading.has_range:
-        first = first.corrected(ground.expect(position, R))
-    seen = first.corrected(reading.expect(first.position_xyz, first.R))
-    return _Track(seen, stamp_ns)
+        first = first.fit(ground.expect).updated
+    return first.fit(reading.expect).updated
 
 
 def _likelihood(reading: PoseReading, tilt: float) -> float:
@@ -243,8 +192,3 @@ def _likelihood(reading: PoseReading, tilt: float) -> float:
         return score
     slope = math.acos(float(np.clip(reading.R_fixed_landmark[2, 2], -1, 1)))
     return score - slope**2 / (2 * tilt**2)
-
-
-def _nine(H: Floats) -> Floats:
-    """Pad H with zeros: a pose measurement does not depend on the velocity."""
-    return np.hstack([H, np.zeros((len(H), 3))])

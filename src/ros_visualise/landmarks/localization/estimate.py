@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ GATES = {1: 10.83, 2: 13.82, 3: 16.27, 6: 22.46, 8: 26.12}
 """Number of measured values -> 99.9 % point of the chi-square distribution, for squared Mahalanobis
 distances."""
 
+E = TypeVar("E")
 _VAGUE_M2, _VAGUE_RAD2 = 1e8, 1e6
 _ROUNDS = 5  # of linearization: directions are not linear in the position
 _CONVERGED = 1e-6  # metres, radians
@@ -41,6 +42,11 @@ class LandmarkEstimate:
         covariance: Floats = self.joint[:6, :6]
         return covariance
 
+    def minus(self, other: LandmarkEstimate) -> Floats:
+        """(6,) error of another estimate relative to this one."""
+        turn = se3.turn_between(self.R_fixed_landmark, other.R_fixed_landmark)
+        return np.concatenate([self.position_xyz - other.position_xyz, turn])
+
     def propagated(self, kept: Floats, covariance: Floats) -> LandmarkEstimate:
         """The same after the robot's error changed: its new covariance, and how much of it was
         kept.
@@ -52,7 +58,8 @@ class LandmarkEstimate:
         return replace(self, joint=joint)
 
 
-class CandidateUpdate(NamedTuple):
+@dataclass(frozen=True)
+class CandidateUpdate(Generic[E]):
     """An estimate updated by a measurement, and their consistency.
 
     Attributes:
@@ -62,7 +69,7 @@ class CandidateUpdate(NamedTuple):
             noise alone; comparable between measurements of different precision.
     """
 
-    updated: LandmarkEstimate
+    updated: E
     distance2: float
     size: int
     evidence: float
@@ -91,7 +98,7 @@ def known(position_xyz: Floats, R_fixed_landmark: Floats, covariance: Floats) ->
     return LandmarkEstimate(position_xyz, R_fixed_landmark, joint, covariance)
 
 
-def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
+def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate[LandmarkEstimate]:
     """Update an estimate by a measurement; the robot's error is considered, not estimated.
 
     Many views with the same robot error would reveal that error, but the gain ignores this. The
@@ -102,9 +109,10 @@ def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
     IEEE Trans. Automatic Control 38 (1993), for the rounds.
     """
     first = expect(estimate.position_xyz, estimate.R_fixed_landmark)
-    distance2, evidence = _compare(first, estimate.joint)
-    if distance2 >= GATES[len(first.residual)]:
-        return CandidateUpdate(estimate, distance2, len(first.residual), evidence)
+    whole = np.hstack([first.H, first.J])
+    found = compare(estimate, first, whole @ estimate.joint @ whole.T + first.noise)
+    if not found.is_inlier:
+        return found
     step, equations, moved = np.zeros(6), first, estimate
     for _ in range(_ROUNDS):
         gain = _gain(equations, estimate)
@@ -113,7 +121,7 @@ def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
         if np.abs(step - before).max() < _CONVERGED:
             break
         equations = expect(moved.position_xyz, moved.R_fixed_landmark)
-    return CandidateUpdate(_after(moved, gain, equations), distance2, len(first.residual), evidence)
+    return replace(found, updated=_after(moved, gain, equations))
 
 
 def _gain(equations: Equations, estimate: LandmarkEstimate) -> Floats:
@@ -137,14 +145,12 @@ def _after(moved: LandmarkEstimate, gain: Floats, equations: Equations) -> Landm
     return replace(moved, joint=(joint + joint.T) / 2, weight=(weight + weight.T) / 2)
 
 
-def _compare(equations: Equations, joint: Floats) -> tuple[float, float]:
-    """Squared Mahalanobis distance and evidence of a measurement."""
-    residual, H, J, noise = equations
-    whole = np.hstack([H, J])
-    spread = whole @ joint @ whole.T + noise
+def compare(estimate: E, equations: Equations, spread: Floats) -> CandidateUpdate[E]:
+    """Consistency of a measurement, whose residual has the covariance ``spread`` (k, k)."""
+    residual, noise = equations.residual, equations.noise
     distance2 = float(residual @ np.linalg.solve(spread, residual))
     volume = np.linalg.slogdet(noise)[1] - np.linalg.slogdet(spread)[1]
-    return distance2, float(volume - distance2) / 2
+    return CandidateUpdate(estimate, distance2, len(residual), float(volume - distance2) / 2)
 
 
 def _moved(estimate: LandmarkEstimate, step: Floats) -> LandmarkEstimate:

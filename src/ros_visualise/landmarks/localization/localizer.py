@@ -11,7 +11,7 @@ from itertools import combinations, count
 import numpy as np
 
 from ros_visualise.data import Detection, Detections, Floats
-from ros_visualise.landmarks.localization.estimate import CandidateUpdate
+from ros_visualise.landmarks.localization.estimate import CandidateUpdate, LandmarkEstimate
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading, sighting_of
 from ros_visualise.landmarks.localization.sizes import SizeMeasurement
@@ -149,7 +149,7 @@ class Localizer:
 
     def _match(
         self, rest: Sequence[_Located]
-    ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]]:
+    ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate[LandmarkEstimate]]]]:
         """Pairs of detections and their landmarks, the best first."""
         pairs = []
         for one in rest:
@@ -158,7 +158,7 @@ class Localizer:
                     fits = track.fits(one.sightings)
                     if inliers := [fit.distance2 for fit in fits if fit.is_inlier]:
                         pairs.append((min(inliers), one, track, fits))
-        found: list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]] = []
+        found: list[tuple[_Located, LandmarkTrack, list[CandidateUpdate[LandmarkEstimate]]]] = []
         for _, one, track, fits in sorted(pairs, key=lambda pair: pair[0]):
             if not any(one is taken or track is full for taken, full, _ in found):
                 found.append((one, track, fits))
@@ -168,12 +168,12 @@ class Localizer:
         self, one: _Located, there: list[LandmarkTrack], stamp_ns: int, rules: LocalizerRules
     ) -> None:
         """Start a landmark if none fits."""
-        branches = begin(one.sightings, self._robot.covariance, rules.ground)
-        if not branches:
+        found = begin(one.sightings, self._robot.covariance, rules.ground)
+        if not found:
             self.skipped["not on the ground"] += 1
             return
         number = one.detection.hypotheses[0].number
-        new = LandmarkTrack(one.class_id, number, one.turned, branches, stamp_ns)
+        new = LandmarkTrack(one.class_id, number, one.turned, found, stamp_ns)
         same = [t for t in self._tracks if t.turned and t.class_id == one.class_id]
         if one.turned and same:
             self._contest(same[0], new, there)
