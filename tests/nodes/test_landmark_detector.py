@@ -209,6 +209,22 @@ def test_what_counts_as_found_is_a_parameter(changes, count, model):
     assert len(run(model, spot(), **changes)["detections"].detections) == count
 
 
+def test_a_large_image_is_searched_in_tiles_when_asked_and_at_once(model, monkeypatch):
+    sizes = []
+    detect = module.Network.detect
+
+    def watched(self, pixels, order, choice):
+        sizes.append(pixels.shape[:2])
+        return detect(self, pixels, order, choice)
+
+    monkeypatch.setattr(module.Network, "detect", watched)
+    node, params = make(model)
+    node.step(image=spot(), params=params)
+    assert sizes == [(96, 128)]
+    node.step(image=spot(), params=update(params, {"tile": 64}))
+    assert sizes[1:] == [(96, 128)] + [(64, 64)] * 6
+
+
 def test_a_refused_change_leaves_what_was(model, tmp_path):
     node, params = make(model)
     for changes, error in [

@@ -14,6 +14,7 @@ pytest.importorskip("mujoco")
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
 
 from ros_visualise.landmarks.networks.network import Network
+from ros_visualise.landmarks.networks.tiles import detect_in_tiles
 
 _LEAST_PX = 32
 _HELIPAD = CLASSES.index("helipad")
@@ -101,3 +102,14 @@ def test_it_finds_nothing_on_plain_ground(network):
     for level in (0, 80, 160, 255):
         picture = np.clip(random.normal(level, 6, (480, 640, 3)), 0, 255).astype(np.uint8)
         assert len(network.detect(picture, "RGB", SelectionRules(min_score=0.4))) == 0
+
+
+def test_tiles_find_more_in_4k_pictures(network, opengl):
+    found = dict.fromkeys((0, 640), 0)
+    for picture, seen, _ in render_world((4000, 0), 4, (3840, 2160)):
+        for side in found:
+            some = detect_in_tiles(network, picture, "RGB", SelectionRules(min_score=0.4), side)
+            for one in (each for each in seen if each.share > 0.5):
+                same = some.boxes_xyxy[some.classes == one.kind]
+                found[side] += bool((iou(one.box, same) > 0.5).any())
+    assert found[640] > found[0]

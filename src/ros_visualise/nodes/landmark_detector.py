@@ -17,6 +17,7 @@ from ros_visualise.landmarks.networks.finding import GroundPoint, GroundPointRul
 from ros_visualise.landmarks.networks.names import load_names, numbers_of
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
+from ros_visualise.landmarks.networks.tiles import detect_in_tiles
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
@@ -61,6 +62,14 @@ class LandmarkParams:
         min=1,
         max=1_000,
         slider=(1, 300),
+    )
+    tile: int = param(
+        0,
+        "side of the overlapping tiles in which a large image is searched at full resolution, in"
+        " addition to the whole, pixels; 640 suits our own network; 0 is off",
+        min=0,
+        max=4096,
+        slider=(0, 1280),
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
@@ -129,7 +138,7 @@ class LandmarkDetector:
             color.demosaiced(image.pixels, image.encoding),
             color.order_of(image.encoding),
         )
-        candidates = self._network.detect(pixels, order, self._choice)
+        candidates = detect_in_tiles(self._network, pixels, order, self._choice, params.tile)
         found = self._locate(candidates, image)
         size = (image.height, image.width, 3)
         shown = Deferred(size, np.uint8, lambda: draw_detections(pixels, order, found))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -44,6 +45,31 @@ class Candidates:
             None if points is None else points[which],
             None if covariances is None else covariances[which],
         )
+
+    def moved(self, right: float, down: float) -> Candidates:
+        """The same, moved by so many pixels."""
+        by = np.array([right, down], np.float64)
+        points = self.points_uv
+        return Candidates(
+            self.boxes_xyxy + np.tile(by, 2),
+            self.scores,
+            self.classes,
+            None if points is None else points + by,
+            self.covariances,
+        )
+
+
+def join(parts: Sequence[Candidates]) -> Candidates:
+    """Candidates of one network in several places."""
+    points = [each.points_uv for each in parts if each.points_uv is not None]
+    covariances = [each.covariances for each in parts if each.covariances is not None]
+    return Candidates(
+        np.concatenate([each.boxes_xyxy for each in parts]),
+        np.concatenate([each.scores for each in parts]),
+        np.concatenate([each.classes for each in parts]),
+        np.concatenate(points) if points else None,
+        np.concatenate(covariances) if covariances else None,
+    )
 
 
 @dataclass(frozen=True)
