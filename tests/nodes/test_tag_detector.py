@@ -2,7 +2,7 @@
 
 import logging
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import cv2
 import drawn_tags
@@ -211,3 +211,10 @@ def test_a_calibration_without_uncertainty_is_refused_at_once(tmp_path):
     path.write_text(to_yaml(INFO, "camera"))
     with pytest.raises(ParameterError, match=r"calibration=.*no intrinsics_covariance"):
         update(TagParams(), {"calibration": str(path)})
+
+
+def test_parameters_hold_nothing_but_what_was_declared():
+    """Recordings write them as they are."""
+    params = TagParams()
+    assert params.camera.focal == 0
+    assert vars(params).keys() == {field.name for field in fields(TagParams)}

@@ -230,7 +230,7 @@ class Localizer:
         del self.landmarks[newer.number]
 
     def _tell_if_moved(self, track: LandmarkTrack, has_moved: bool) -> None:
-        if has_moved:
+        if has_moved and track.number:
             self._tell(f"{track.name} moved; following it from there")
 
     def _tell(self, what: str) -> None:

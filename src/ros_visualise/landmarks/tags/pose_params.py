@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.limits import MAX_TAG_M
 from ros_visualise.core.params import param
 from ros_visualise.landmarks.pose import CameraError
-from ros_visualise.sources.calibration import read_uncertainty
+from ros_visualise.sources.calibration import CalibrationUncertainty, read_uncertainty
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class PoseParams:
     calibration: str = param(
         "",
         "camera calibration written by ros-visualise calibrate: its uncertainty, instead of "
-        "focal_sigma and center_sigma",
+        "focal_sigma and center_sigma; read once",
         file=bool,
         group="poses",
     )
@@ -67,10 +67,15 @@ class PoseParams:
         except OpenError as error:
             raise ParameterError(f"calibration={self.calibration!r}: {error}") from None
 
-    @cached_property
+    @property
     def camera(self) -> CameraError:
         """Errors of the camera and its calibration."""
         if not self.calibration:
             return CameraError(self.corner_floor, self.focal_sigma / 100, self.center_sigma)
-        found = read_uncertainty(self.calibration)
+        found = _read_once(self.calibration)
         return CameraError(self.corner_floor, found.focal, found.center_px)
+
+
+@lru_cache(maxsize=8)
+def _read_once(url: str) -> CalibrationUncertainty:
+    return read_uncertainty(url)
