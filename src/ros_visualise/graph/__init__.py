@@ -24,8 +24,9 @@ SOURCE_TOPICS = {
     "mag": "/imu/mag",
     "truth": "/ground_truth/odom",
     "pad": "/ground_truth/pad",
+    "estimate": "/navigation/pose",
 }
-"""Output of a source -> its topic, where that is not named after the output."""
+"""Output or input of a source -> its topic, where that is not named after it."""
 
 IMAGE_NODES = ("fps_control", "filters", "edge_detector")
 """The nodes that images pass in the pipelines, in order."""
@@ -354,7 +355,7 @@ def place_source(
     declared: SourceType, outputs: Mapping[str, str] = MappingProxyType({})
 ) -> SourceNode:
     """A source in a graph, with its own parameters, on its usual topics but for those given."""
-    inputs = {port: f"/{port}" for port in declared.inputs}
+    inputs = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in declared.inputs}
     usual = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in declared.outputs}
     return SourceNode(declared.name, declared, declared.params(), inputs, {**usual, **outputs})
 

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ros_visualise.data import Floats, Odometry, PoseStamped, Twist
+from ros_visualise.data import Floats, Odometry, PoseStamped, PoseWithCovarianceStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.monitoring import MissionMonitor, TipOverDetector
+
+
+class BodyState(NamedTuple):
+    """Pose and motion of the body: velocity in the world's axes, angular velocity in its own."""
+
+    position: Vector
+    attitude: Quat
+    velocity: Vector
+    rates: Vector
+
+    @classmethod
+    def of(cls, data: Any) -> BodyState:
+        """The state of the robot's base in an ``mjData``."""
+        x, y, z, qw, qx, qy, qz = data.qpos[:7].tolist()
+        vx, vy, vz, p, q, r = data.qvel[:6].tolist()
+        return cls((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
 
 
 class Body:
@@ -111,3 +127,6 @@ class Robot(Protocol):
 
     def see(self, target: Odometry) -> None:
         """Process the observed pose of the landing target, in the frame of the robot's odometry."""
+
+    def localize(self, pose: PoseWithCovarianceStamped, time_ns: int) -> None:
+        """Process a navigator's estimate of its pose in ``map``, at a time."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ros_visualise.simulation.estimated_state import ControlParams
 from ros_visualise.simulation.missions import SHAPES
 from ros_visualise.simulation.profiles import Profile, settings_of
 from ros_visualise.simulation.sensors import setting
@@ -46,6 +47,7 @@ class RobotParams(
     CameraSensorParams,
     TruthParams,
     WearParams,
+    ControlParams,
     _CommonParams,
 ):
     """Parameters of all robots."""

@@ -6,11 +6,12 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ros_visualise.core.errors import OpenError, UsageError
-from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Twist
+from ros_visualise.data import Floats, Odometry, PoseStamped, PoseWithCovarianceStamped, Text, Twist
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.camera_mount import CameraMount
@@ -196,6 +197,17 @@ class Simulation:
         """
         self._orders.append(lambda: self._robot.see(target))
 
+    def localize(self, pose: PoseWithCovarianceStamped) -> None:
+        """Process a navigator's estimate of the robot's pose, used under ``control=estimate``.
+
+        Raises:
+            UsageError: the pose is in another frame than ``map``, or not finite.
+        """
+        _check_finite("a pose", pose.position_xyz, pose.quat_xyzw)
+        if pose.header.frame_id != frames.MAP:
+            raise UsageError(f"poses must be in the frame map, not {pose.header.frame_id}")
+        self._orders.append(lambda: self._robot.localize(pose, self.time_ns))
+
     def add_mission(self, mission: Mission | str | Path) -> None:
         """Start another mission now.
 
@@ -285,4 +297,5 @@ def with_pad(settings: RobotParams, mission: Mission | None) -> RobotParams:
         return settings
     if not isinstance(settings, PadParams):
         raise OpenError("land_on requires a flying robot: use the quadrotor")
-    return replace(settings, **{"pad": True})
+    changes: dict[str, Any] = {"pad": True}
+    return replace(settings, **changes)

@@ -9,8 +9,16 @@ from typing import Any, TypeVar
 
 from ros_visualise.core.declarations import action
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.data import MarkerArray, PoseStamped, Text, Transforms, Twist
+from ros_visualise.data import (
+    MarkerArray,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Text,
+    Transforms,
+    Twist,
+)
 from ros_visualise.simulation.delivery import longest_delay_s, restamped
+from ros_visualise.simulation.estimated_state import ControlPose
 from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.schedule import SensorOutput
 from ros_visualise.simulation.sensors import equipped, outputs_of, sensors_of
@@ -23,8 +31,8 @@ T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
-TARGET = "landing_target_odom"
-INPUTS = {"cmd_vel": Twist, "goal": PoseStamped}
+TARGET, ESTIMATE = "landing_target_odom", "estimate"
+INPUTS = {"cmd_vel": Twist, "goal": PoseStamped, ESTIMATE: PoseWithCovarianceStamped}
 OUTPUTS = {
     "tf": Transforms,
     "tf_static": Transforms,
@@ -100,6 +108,7 @@ class SimulatedRobot:
         delay_s = longest_delay_s(sensors_of(settings), settings)
         self._look_back_ns = round(1e9 * (period_s + delay_s))
         self._sees = settings.camera
+        self._needs_estimate = settings.control is ControlPose.ESTIMATE
         self._is_awaited: Callable[[str], bool] = lambda output: True
         self._timeout_ns = round(settings.command_timeout * 1e9)
         self._told: tuple[float, ...] | None = None
@@ -176,13 +185,15 @@ class SimulatedRobot:
         self._is_awaited = is_wanted
 
     def receive(self, port: str, message: Any) -> None:
-        """Process a velocity (``cmd_vel``), a goal, or the observed landing target.
+        """Process a velocity (``cmd_vel``), a goal, or an estimated pose of target or robot.
 
         An action or a goal overrides the present velocity. If the same velocity keeps arriving, it
         is ignored until it changes or pauses.
         """
         if port == TARGET:
             self._simulation.see(restamped(message, -self._shift_ns))
+        elif port == ESTIMATE:
+            self._simulation.localize(restamped(message, -self._shift_ns))
         elif port != "cmd_vel":
             self._ended = self._told
             self._simulation.goto(message)
@@ -190,7 +201,9 @@ class SimulatedRobot:
             self._simulation.command(message)
 
     def awaits(self, port: str) -> bool:
-        """True for the landing target while it lands on one."""
+        """True for the landing target while it lands on one, and for the pose it steers by."""
+        if port == ESTIMATE:
+            return self._needs_estimate
         return port == TARGET and self._simulation.lands_by_sight
 
     def close(self) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ros_visualise.data import Odometry, PoseStamped, Twist
-from ros_visualise.simulation.attitude import Quat, Vector, wrap, yaw_of
+from ros_visualise.data import Odometry, PoseStamped, PoseWithCovarianceStamped, Twist
+from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
+from ros_visualise.simulation.estimated_state import ControlPose, EstimatedState
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.monitoring import (
     MissionMonitor,
@@ -16,7 +17,7 @@ from ros_visualise.simulation.monitoring import (
     TipOverDetector,
     tell_place,
 )
-from ros_visualise.simulation.robot import Body, Robot
+from ros_visualise.simulation.robot import Body, BodyState, Robot
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
@@ -25,6 +26,7 @@ MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
 _NAVIGATION_STEPS = 4  # of the physics: 20 ms
 _LOOKAHEAD_M = 0.5
+_NO_ESTIMATE = "no estimate of its pose"
 _THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
 _INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
@@ -52,7 +54,11 @@ class Wheels:
 
 
 class Husky(Robot):
-    """Turns commands, goals and missions into a velocity, and that into wheel speeds."""
+    """Turns commands, goals and missions into a velocity, and that into wheel speeds.
+
+    Goals and missions are steered by its true pose, or by the estimate of a navigator: without a
+    new one it stands still, then aborts its mission.
+    """
 
     def __init__(self, model: Any, data: Any, params: HuskyParams, seed: int) -> None:
         self.body = Body(model, data)
@@ -60,6 +66,13 @@ class Husky(Robot):
         self._dt_s = float(model.opt.timestep)
         self._wheels = _wheels(model)
         self._odometry = WheelOdometry(params, seed)
+        self._state = BodyState.of(data)  # that it steers by
+        self._estimated: EstimatedState | None = None
+        if params.control is ControlPose.ESTIMATE:
+            start = self._state
+            self._estimated = EstimatedState(start.position, yaw_of(start.attitude))
+        self._held_s = 0.0  # without an estimate
+        self._time_ns = 0
         self._last_turns = (0.0, 0.0)
         self._wanted = (0.0, 0.0)  # m/s and rad/s
         self._speed = self._turn = 0.0  # as limited
@@ -79,6 +92,8 @@ class Husky(Robot):
         """Its present activity, in a few words."""
         if self.mission.failure:
             return f"failed: {self.mission.failure}"
+        if self._held_s:
+            return f"waiting: {_NO_ESTIMATE}"
         if self._carrot is not None:
             is_mission = self.mission.under_way
             return f"mission: {self._carrot.place}" if is_mission else "driving to goal"
@@ -114,6 +129,7 @@ class Husky(Robot):
 
     def control(self, time_s: float) -> None:
         """Set the wheels' speeds for the next step."""
+        self._time_ns = round(1e9 * time_s)
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s)
         self._steps += 1
@@ -126,12 +142,34 @@ class Husky(Robot):
 
     def _navigate(self, time_s: float) -> None:
         """Choose speed and angular velocity, and check that the robot moves."""
+        self._state = BodyState.of(self._data)
+        if self._estimated is not None:
+            self._state = self._estimated.state(self._state, self._time_ns)
         self._give_up_if_stuck()
-        if self._carrot is not None:
+        if self._is_lost():
+            self._wanted = (0.0, 0.0)
+        elif self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
         elif time_s - self._commanded_s > self._params.command_timeout:
             self._wanted = (0.0, 0.0)
         self._watch()
+
+    def _is_lost(self) -> bool:
+        """True if it has to wait for an estimate; after a while, abort the mission."""
+        if self._estimated is None:
+            return False
+        is_new = self._estimated.age_s(self._time_ns) < self._params.estimate_timeout
+        is_lost = self._carrot is not None and not is_new
+        self._held_s = self._held_s + self._dt_s * _NAVIGATION_STEPS if is_lost else 0.0
+        if self._held_s > self._params.estimate_patience and self.mission.under_way:
+            reason = f"{_NO_ESTIMATE} for {self._params.estimate_patience:g} s"
+            self.mission.end(f"husky aborted its mission at {tell_place(self._place())}: {reason}")
+            self.stop()
+        return is_lost
+
+    def localize(self, pose: PoseWithCovarianceStamped, time_ns: int) -> None:
+        if self._estimated is not None:
+            self._estimated.estimate(pose, time_ns)
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
         """Odometry from the rotation of the wheels on each side."""
@@ -143,7 +181,10 @@ class Husky(Robot):
         )
         self._last_turns = turns
         way, turn = (left + right) / 2, (right - left) / self._wheels.effective_track
-        return self._odometry.advance(stamp_ns, way, turn)
+        odometry = self._odometry.advance(stamp_ns, way, turn)
+        if self._estimated is not None:
+            self._estimated.odometry(odometry)
+        return odometry
 
     @property
     def wheel_speed(self) -> float:
@@ -163,7 +204,8 @@ class Husky(Robot):
 
     def _watch(self) -> None:
         """Compare the true motion with the command; rotations count as wheel speeds."""
-        yaw, (x, y, _) = self._yaw(), self._place()
+        true = BodyState.of(self._data)
+        yaw, (x, y, _) = yaw_of(true.attitude), true.position
         vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
         track = self._wheels.track
@@ -173,7 +215,7 @@ class Husky(Robot):
     def _give_up_if_stuck(self) -> None:
         """Stop if it lies on its side, or its mission makes no progress."""
         dt_s, place = self._dt_s * _NAVIGATION_STEPS, self._place()
-        if self.tip_over.watch(self._attitude(), dt_s):
+        if self.tip_over.watch(BodyState.of(self._data).attitude, dt_s):
             self.mission.end(f"husky lies on its side at {tell_place(place)}")
             self.stop()
         gone_m = 0.0 if self._carrot is None else self._carrot.progress_m(place)
@@ -181,15 +223,11 @@ class Husky(Robot):
             self.stop()
 
     def _place(self) -> Vector:
-        x, y = self._data.qpos[:2].tolist()
+        x, y, _ = self._state.position
         return x, y, 0.0
 
-    def _attitude(self) -> Quat:
-        w, x, y, z = self._data.qpos[3:7].tolist()
-        return w, x, y, z
-
     def _yaw(self) -> float:
-        return yaw_of(self._attitude())
+        return yaw_of(self._state.attitude)
 
     def _follow(self, route: Route, laps: int, speed: float) -> None:
         flat = [(x, y, 0.0) for x, y, _ in route.points]

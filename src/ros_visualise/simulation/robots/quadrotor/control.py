@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ros_visualise.data import Odometry, PoseStamped, Twist
+from ros_visualise.data import Odometry, PoseStamped, PoseWithCovarianceStamped, Twist
 from ros_visualise.simulation.attitude import Vector, yaw_of
+from ros_visualise.simulation.estimated_state import ControlPose, EstimatedState
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.monitoring import (
     MissionMonitor,
@@ -15,12 +16,8 @@ from ros_visualise.simulation.monitoring import (
     TipOverDetector,
     tell_place,
 )
-from ros_visualise.simulation.robot import Body, Robot
-from ros_visualise.simulation.robots.quadrotor.flight import (
-    BodyState,
-    FlightController,
-    read_airframe,
-)
+from ros_visualise.simulation.robot import Body, BodyState, Robot
+from ros_visualise.simulation.robots.quadrotor.flight import FlightController, read_airframe
 from ros_visualise.simulation.robots.quadrotor.lander import Lander
 from ros_visualise.simulation.robots.quadrotor.mode import (
     FlightMode,
@@ -44,13 +41,15 @@ _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, the robot is blocked
+_NO_ESTIMATE = "no estimate of its pose"
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
 class Quadrotor(Robot):
-    """Controlled by its true state; estimating that is left to users of its sensors.
+    """Controlled by its true state, or by the estimate of a navigator.
 
-    The pad is known only from its odometry and observed poses.
+    Without a new estimate it holds, then aborts its mission and lands where it is. The pad is known
+    only from its odometry and observed poses.
     """
 
     def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
@@ -58,11 +57,16 @@ class Quadrotor(Robot):
         self._data, self._params = data, params
         self._dt_s = float(model.opt.timestep)
         self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
-        self._steps = 0
+        self._steps = self._time_ns = 0
         self._controller = FlightController(read_airframe(model))
         self._wind = Wind(model, data, params, seed)
         state = BodyState.of(self._data)
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
+        self._estimated: EstimatedState | None = None
+        if params.control is ControlPose.ESTIMATE:
+            self._estimated = EstimatedState(state.position, yaw_of(state.attitude))
+        self._held_s = 0.0  # without an estimate
+        self._is_rising = False
         self._mode = FlightMode.LANDED
         self._home = state.position
         self._reference = Reference(state.position, yaw_of(state.attitude))
@@ -86,6 +90,9 @@ class Quadrotor(Robot):
     @property
     def doing(self) -> str:
         """Its present activity, in a few words."""
+        if self._held_s:
+            landing = "landing" if self._mode is FlightMode.LANDING else "holding"
+            return f"{landing}: {_NO_ESTIMATE}"
         return tell_flight(self._mode, self.mission, self._carrot, self._route)
 
     def take_off(self) -> None:
@@ -102,7 +109,7 @@ class Quadrotor(Robot):
         self._carrot = None
         if self._mode is not FlightMode.LANDED:
             self._mode = FlightMode.FLYING
-            place = BodyState.of(self._data).position
+            place = self._state().position
             if math.dist(self._reference.position, place) > _HELD_M:
                 self._reference.move(place, (0.0, 0.0, 0.0))
             self._fly([], _CLIMB)
@@ -171,9 +178,14 @@ class Quadrotor(Robot):
         if self._lander is not None:
             self._lander.see(target)
 
+    def localize(self, pose: PoseWithCovarianceStamped, time_ns: int) -> None:
+        if self._estimated is not None:
+            self._estimated.estimate(pose, time_ns)
+
     def control(self, time_s: float) -> None:
         self._wind.advance()
-        state = BodyState.of(self._data)
+        self._time_ns = round(1e9 * time_s)
+        state = self._state()
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s, state)
         self._steps += 1
@@ -184,15 +196,21 @@ class Quadrotor(Robot):
         target = self._reference.set_point
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
 
+    def _state(self) -> BodyState:
+        """The state that it is controlled by."""
+        true = BodyState.of(self._data)
+        return true if self._estimated is None else self._estimated.state(true, self._time_ns)
+
     def _navigate(self, time_s: float, state: BodyState) -> None:
         """Choose the motion of the reference, and check that the robot follows it."""
         self._give_up_if_stuck(state)
+        self._hold_if_lost(state)
         if self._mode is FlightMode.LANDED:
             return
         self._steer(time_s, state)
         self._keep_near(state)
         if self._goes_down(state):
-            self._detect_landing(state)
+            self._detect_landing()
         else:
             self._touch_down.reset()
 
@@ -200,11 +218,13 @@ class Quadrotor(Robot):
         """Visual-inertial odometry."""
         body = self.body
         self._own = self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
+        if self._estimated is not None:
+            self._estimated.odometry(self._own)
         return self._own
 
     def _begin_flight(self) -> None:
         """Turn the motors on."""
-        state = BodyState.of(self._data)
+        state = self._state()
         self._controller.reset()
         self._mode = FlightMode.FLYING
         self._home = state.position
@@ -216,6 +236,7 @@ class Quadrotor(Robot):
         self._mode = FlightMode.FLYING
         x, y, z = self._reference.position
         self._fly([(x, y, max(z, height_m))], _CLIMB)
+        self._is_rising = True
 
     def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
         if self._mode is FlightMode.LANDED:
@@ -231,7 +252,7 @@ class Quadrotor(Robot):
         self._go_along(Carrot(route, speed * _LOOKAHEAD_S), speed)
 
     def _go_along(self, carrot: Carrot, speed: float) -> None:
-        self._carrot, self._cruise = carrot, speed
+        self._carrot, self._cruise, self._is_rising = carrot, speed, False
         self.mission.begin_leg()
 
     def _descend(self) -> None:
@@ -249,13 +270,29 @@ class Quadrotor(Robot):
     def _give_up_if_stuck(self, state: BodyState) -> None:
         """Turn the motors off if it has tipped over; hover if its mission makes no progress."""
         place = state.position
-        if self.tip_over.watch(state.attitude, self._long_dt_s):
+        if self.tip_over.watch(BodyState.of(self._data).attitude, self._long_dt_s):
             self.mission.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
             self._cancel()
             self._carrot, self._mode = None, FlightMode.LANDED
         gone_m = self._carrot.progress_m(place) if self._carrot else -place[2]
         if self.mission.watch(gone_m, place, self._long_dt_s):
             self.stop()
+
+    def _hold_if_lost(self, state: BodyState) -> None:
+        """Hold without a new estimate; after a while abort the mission and land.
+
+        It rises without one, and it lands on a target that it sees.
+        """
+        if self._estimated is None or self._mode is FlightMode.LANDING:
+            return
+        is_new = self._estimated.age_s(self._time_ns) < self._params.estimate_timeout
+        is_free = self._mode is not FlightMode.FLYING or self._is_rising
+        self._held_s = 0.0 if is_new or is_free else self._held_s + self._long_dt_s
+        if self._held_s > self._params.estimate_patience and self.mission.under_way:
+            reason = f"{_NO_ESTIMATE} for {self._params.estimate_patience:g} s"
+            failure = f"quadrotor aborted its mission at {tell_place(state.position)}: {reason}"
+            self._lander, self._next = None, [lambda: self.mission.end(failure)]
+            self._descend()
 
     def _steer(self, time_s: float, state: BodyState) -> None:
         """Set the acceleration of the reference."""
@@ -266,6 +303,8 @@ class Quadrotor(Robot):
             self._command.expire(time_s, self._params.command_timeout)
         if self._mode is FlightMode.HOMING and self._lander is not None:
             self._lander.steer(self._reference, self._own, state)
+        elif self._mode is FlightMode.FLYING and self._held_s:
+            self._reference.take_up((0.0, 0.0, 0.0), 0.0)
         elif self._mode is FlightMode.FLYING and self._carrot is not None:
             self._follow(self._carrot, state.position)
         else:
@@ -298,9 +337,10 @@ class Quadrotor(Robot):
         is_held = self._reference.position[2] < state.position[2] - _HELD_M
         return self._mode is FlightMode.LANDING or (sinks and is_held)
 
-    def _detect_landing(self, state: BodyState) -> None:
+    def _detect_landing(self) -> None:
         """Turn the motors off when it stands."""
-        if self._touch_down.watch(state.position, state.velocity, self._long_dt_s):
-            self._mode = FlightMode.LANDED
+        true = BodyState.of(self._data)
+        if self._touch_down.watch(true.position, true.velocity, self._long_dt_s):
+            self._mode, self._held_s = FlightMode.LANDED, 0.0
             if self._next:
                 self._next.pop(0)()

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from ros_visualise.simulation.attitude import Quat, Vector, conjugate, from_yaw, multiply, rows
 from ros_visualise.simulation.model import BASE
+from ros_visualise.simulation.robot import BodyState
 
 GRAVITY = 9.81
 _MAX_TILT = math.radians(35)
@@ -37,22 +38,6 @@ class Airframe:
     arm: float
     drag: float
     max_thrust: float
-
-
-class BodyState(NamedTuple):
-    """Pose and motion of the body: velocity in the world's axes, angular velocity in its own."""
-
-    position: Vector
-    attitude: Quat
-    velocity: Vector
-    rates: Vector
-
-    @classmethod
-    def of(cls, data: Any) -> BodyState:
-        """The state of the robot's base in an ``mjData``."""
-        x, y, z, qw, qx, qy, qz = data.qpos[:7].tolist()
-        vx, vy, vz, p, q, r = data.qvel[:6].tolist()
-        return cls((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
 
 
 class SetPoint(NamedTuple):

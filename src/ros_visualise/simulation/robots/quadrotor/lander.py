@@ -14,7 +14,7 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry
 from ros_visualise.geometry import rotations
 from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
-from ros_visualise.simulation.robots.quadrotor.flight import BodyState
+from ros_visualise.simulation.robot import BodyState
 from ros_visualise.simulation.robots.quadrotor.reference import Reference
 
 _STIFFNESS = 4.0  # 1/s: of the spring from the reference to a moving target
