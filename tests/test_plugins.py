@@ -268,7 +268,7 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
         " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
         " ros_visualise.robots, ros_visualise.sensors, ros_visualise.worlds,"
-        " ros_visualise.commands",
+        " ros_visualise.measurements, ros_visualise.commands",
     }
     assert done.returncode == 1
     film = write_video(tmp_path / "film.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)

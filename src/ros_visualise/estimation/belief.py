@@ -78,6 +78,8 @@ class Belief:
         contradicted: images in a row that contradict the pose, the first at ``contradicted_ns``.
         last_print: of the last image.
         imu: how far the IMU is trusted.
+        rival: the state by the odometry, while the trusted IMU disagrees with that.
+        rival_lead: log-likelihood of tags for the rival, relative to ``state``.
         is_by_imu: True if the IMU alone has propagated it since the last odometry.
         tags_ns: time of the last image that corrected the robot.
         refusals: by sensor, while its measurements are refused.
@@ -101,6 +103,8 @@ class Belief:
     contradicted_ns: int = 0
     last_print: bytes = b""
     imu: ImuTrust = ImuTrust()
+    rival: State | None = None
+    rival_lead: float = 0.0
     is_by_imu: bool = False
     tags_ns: int = -(1 << 62)
     refusals: Mapping[str, RefusalRun] = field(default_factory=dict)
@@ -147,6 +151,7 @@ class Belief:
         """The robot is localized."""
         self.is_located = self.has_pose = True
         self.reason, self.contradicted, self.contradiction = "", 0, np.zeros(6)
+        self.rival = None
         self.search = PoseSearch()
 
     def lose(self, why: str) -> None:

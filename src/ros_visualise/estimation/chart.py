@@ -21,13 +21,14 @@ from ros_visualise.estimation.robot import core
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, update
 
-_SIDES = 0.1  # largest relative difference between two sizes of a tag
+_SIDES = 0.02  # largest relative difference between two sizes of a tag
 _MOVED = 8  # images in a row that contradict a landmark, while others fit
 _MOST_ACTIVE = 30  # landmarks in the state that are not at rest
 _LEFT_ACTIVE = 12
 _MOST_CONSIDERED = 60  # landmarks of a frozen map in the state
 _FORGOTTEN_NS = 20_000_000_000  # how long a pending landmark waits to be seen again
-_MOST_PENDING = 40
+_FORGOTTEN_SOON_NS = 3_000_000_000  # if it has been seen once
+_MOST_PENDING = 10
 
 
 class MapMode(Enum):
@@ -125,8 +126,7 @@ class Chart:
     def take(self, state: State, view: CameraView) -> tuple[State, ImageOutcome]:
         """Correct the state by an image."""
         outcome = ImageOutcome(rejected=dict(view.skipped))
-        tags = [sight for sight in view.sights if sight.has_orientation]
-        tags = [sight for sight in tags if self._has_its_side(sight, outcome)]
+        tags = self.usable(view, outcome)
         state = self.enter(state, tags)
         there = [(one, self._own(one.name)) for one in tags if one.name in self.landmarks]
         matches = self._points(state, view)
@@ -139,6 +139,11 @@ class Chart:
             self._begin(state, view, tags, outcome)
             state = self._begin_points(state, view, matches, outcome)
         return self._tidied(state, view.stamp_ns), outcome
+
+    def usable(self, view: CameraView, outcome: ImageOutcome) -> list[Sighting]:
+        """The tags of an image that have the size of the map."""
+        tags = [sight for sight in view.sights if sight.has_orientation]
+        return [sight for sight in tags if self._has_its_side(sight, outcome)]
 
     def _own(self, name: str) -> Landmark:
         """A copy of a landmark, to be changed: older beliefs keep theirs."""
@@ -320,8 +325,10 @@ class Chart:
         """
         several = sorted(self.landmarks.values(), key=lambda one: one.last_ns)
         pending = [one for one in several if not one.is_used]
-        old = [one for one in pending if stamp_ns - one.last_ns > _FORGOTTEN_NS]
-        for landmark in old + pending[len(old) : max(len(pending) - _MOST_PENDING, len(old))]:
+        waits = {True: _FORGOTTEN_SOON_NS, False: _FORGOTTEN_NS}
+        old = [one for one in pending if stamp_ns - one.last_ns > waits[one.seen == 1]]
+        left = [one for one in pending if one not in old]
+        for landmark in old + left[: max(len(left) - _MOST_PENDING, 0)]:
             self._drop(state, landmark)
         if self.is_frozen:
             for landmark in several[: max(len(several) - _MOST_CONSIDERED, 0)]:

@@ -16,8 +16,9 @@ from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, ImuTrust
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
+from ros_visualise.estimation.gates import DECIDED
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
-from ros_visualise.estimation.measuring import camera_of
+from ros_visualise.estimation.measuring import Pair, camera_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
@@ -29,16 +30,18 @@ from ros_visualise.estimation.odometry import (
     propagate_by_odometry,
     up_of,
 )
-from ros_visualise.estimation.pose_search import SearchPrior
-from ros_visualise.estimation.robot import POSE, VELOCITY, core
+from ros_visualise.estimation.pose_search import SearchPrior, apart, completed
+from ros_visualise.estimation.robot import POSE, core
 from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
+from ros_visualise.estimation.updating import fits
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
 _MEMORY = 0.99  # smoothing of the rate of disagreements of IMU and odometry
+_WORST = -40.0  # evidence of a tag that fits badly
 _TOO_MUCH = 0.2  # of the odometry messages
 _CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
 _DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
@@ -84,6 +87,8 @@ class Filter:
         newest_ns = self.odometer.newest_ns
         if newest_ns is None or stamp_ns <= newest_ns:
             return newest_ns is not None
+        if belief.stamp_ns is None or stamp_ns <= belief.stamp_ns:
+            return belief.stamp_ns is not None
         imu_ns = self.imu.newest_ns
         is_silent = imu_ns is not None and imu_ns > newest_ns + GAP_NS and stamp_ns <= imu_ns
         return is_silent and self._intervals(belief, stamp_ns) is not None
@@ -151,6 +156,10 @@ class Filter:
         if parts is None:
             for step in steps:
                 propagate_by_odometry(belief.state, step, self.settings.odometry)
+        if belief.rival is not None:
+            belief.rival = belief.rival.copy()
+            for step in steps:
+                propagate_by_odometry(belief.rival, step, self.settings.odometry)
         if belief.search.places:
             belief.search = belief.search.copy()
             belief.search.predict(steps, self.settings.odometry)
@@ -176,9 +185,12 @@ class Filter:
 
     def _check(self, belief: Belief, step: OdometryStep, has_jumped: bool) -> None:
         trust = belief.imu
-        checked, difference = check_odometry(belief.state, step, self.settings.odometry)
+        checked = check_odometry(belief.state, step, self.settings.odometry)
         if checked is not None:
             belief.state = checked
+            if belief.rival is not None and not trust.disagreements:
+                self._widen(belief, apart(belief.rival, belief.state))  # no tag has decided
+                belief.rival = None
             belief.imu = replace(
                 trust,
                 agreed_s=trust.agreed_s + step.seconds,
@@ -188,42 +200,76 @@ class Filter:
         elif has_jumped or step.is_long:
             belief.note("the odometry began elsewhere; the IMU has carried the robot")
         else:
-            self._disagree(belief, step, difference)
+            self._disagree(belief, step)
 
-    def _disagree(self, belief: Belief, step: OdometryStep, difference: Floats) -> None:
-        """Follow a trusted IMU for a while; else go back and follow the odometry."""
+    def _disagree(self, belief: Belief, step: OdometryStep) -> None:
+        """Follow a trusted IMU for a while, beside the odometry; else go back to the odometry."""
         trust = belief.imu
         rate = _MEMORY * trust.rate + (1 - _MEMORY)
         since_ns = trust.since_ns if trust.disagreements else step.from_ns
-        count, is_trusted = trust.disagreements + 1, trust.agreed_s >= _CONFIRMED_S
+        is_trusted = trust.agreed_s >= _CONFIRMED_S
         if is_trusted and step.to_ns - since_ns <= _DISAGREEMENT_NS and rate <= _TOO_MUCH:
+            if belief.rival is None and belief.after_odometry is not None:
+                belief.rival = belief.after_odometry.state.copy()
+                belief.rival_lead = 0.0
+                propagate_by_odometry(belief.rival, step, self.settings.odometry)
+            count = trust.disagreements + 1
             if count == 2:
                 belief.note("odometry and IMU disagree: is a wheel slipping, or a sensor stuck?")
-            self._widen(belief, difference, step.seconds, 2 * count - 1)
             belief.imu = replace(trust, disagreements=count, since_ns=since_ns, rate=rate)
             belief.counts["odometry rejected"] += 1
             return
+        if belief.rival is not None:
+            self._follow_odometry(belief)
+            return
         assert belief.after_odometry is not None
         back = belief.after_odometry.copy()
-        if is_trusted or rate > _TOO_MUCH:
-            until_ns = step.to_ns + round(trust.back_off_s * 1e9)
-            back.imu = ImuTrust(ignored_until_ns=until_ns, back_off_s=2 * trust.back_off_s)
-            back.note("the IMU contradicts the odometry: ignoring it; check its tf frame")
+        if rate > _TOO_MUCH:
+            self._ignore_imu(back)
         else:
             back.imu = replace(trust, rate=rate, ignored_until_ns=step.to_ns)
         back.counts["imu rejected"] += 1
         raise ImuIsWrong(back)
 
     @staticmethod
-    def _widen(belief: Belief, difference: Floats, seconds: float, weight: int) -> None:
-        """Count the difference of both as uncertainty; the ``weight`` of the n-th is 2n - 1."""
-        robot = belief.state.robot
-        apart = robot.before_R @ difference.reshape(2, 3).T
-        off = np.zeros(core())
-        off[POSE] = se3.about_origin(robot.p) @ apart.T.ravel()
-        off[VELOCITY] = apart[:, 0] / max(seconds, 1e-3)
+    def _ignore_imu(belief: Belief) -> None:
+        until_ns = belief.now_ns + round(belief.imu.back_off_s * 1e9)
+        belief.imu = ImuTrust(ignored_until_ns=until_ns, back_off_s=2 * belief.imu.back_off_s)
+        belief.note("the IMU contradicts the odometry: ignoring it; check its tf frame")
+
+    def _follow_odometry(self, belief: Belief) -> None:
+        """Go over to the rival; if no tag has decided, their difference stays uncertain."""
+        assert belief.rival is not None
+        off = apart(belief.rival, belief.state)
+        belief.state, belief.rival = belief.rival, None
+        if belief.rival_lead <= DECIDED:
+            self._widen(belief, off)
+        self._ignore_imu(belief)
+        belief.counts["imu rejected"] += 1
+
+    @staticmethod
+    def _widen(belief: Belief, off: Floats) -> None:
+        """Add a difference (6,), of the position and about the robot, to the uncertainty."""
+        twist = se3.about_origin(belief.state.robot.p) @ off
         belief.state = belief.state.copy()
-        belief.state.inflate(slice(0, core()), weight * np.multiply.outer(off, off))
+        belief.state.inflate(POSE, np.multiply.outer(twist, twist))
+
+    def _judge(self, belief: Belief, view: CameraView) -> None:
+        """Let the tags of an image decide between IMU and odometry."""
+        tags = belief.chart.usable(view, ImageOutcome())
+        belief.state = belief.chart.enter(belief.state, tags)
+        keys = belief.chart.keys_of(tags)
+        if belief.rival is None or not keys:
+            return
+        belief.rival = completed(belief.rival, belief.state, list(keys.values()))
+        pairs = [Pair(sight, keys[sight.name]) for sight in tags if sight.name in keys]
+        several = [fits(view, pairs, one) for one in (belief.rival, belief.state)]
+        odometry, imu = (sum(max(fit.evidence, _WORST) for fit in one) for one in several)
+        belief.rival_lead += odometry - imu
+        if belief.rival_lead > DECIDED:
+            self._follow_odometry(belief)
+        elif belief.rival_lead < -DECIDED:
+            belief.rival = None
 
     # other sensors, and images
 
@@ -258,6 +304,8 @@ class Filter:
         belief.chart, belief.search = belief.chart.copy(), belief.search.copy()
         belief.chart.rules = self.settings.rules
         if belief.is_located:
+            if belief.rival is not None:
+                self._judge(belief, view)
             belief.state, belief.outcome = belief.chart.take(belief.state, view)
             self._verify(belief, view)
             return
@@ -269,7 +317,7 @@ class Filter:
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""
-        tags = [sight for sight in view.sights if sight.has_orientation]
+        tags = belief.chart.usable(view, belief.outcome)
         belief.state = belief.chart.enter(belief.state, tags)
         keys = belief.chart.keys_of(tags)
         up = up_of(self.odometer.at(view.stamp_ns)) if self.odometer.covers(view.stamp_ns) else None
@@ -291,8 +339,6 @@ class Filter:
         belief.contradicted += 1
         if belief.contradicted == 1:
             belief.contradicted_ns = belief.now_ns
-        if belief.contradicted < _LOST_AFTER:
-            return
         sights = [sight for sight in view.sights if sight.name in keys]
         belief.contradiction = max(
             (self._implied(belief, view, one, keys[one.name]) for one in sights),
@@ -300,6 +346,8 @@ class Filter:
         )
         if belief.contradicted == _LOST_AFTER:
             belief.note(f"all tags in view contradict the pose: {', '.join(sorted(keys))}")
+        if belief.contradicted < _LOST_AFTER:
+            return
         is_long = belief.now_ns - belief.contradicted_ns > _PATIENCE_NS
         needed = 1 if is_long else 2
         if belief.search.found(min(needed, belief.chart.tags)):

@@ -21,7 +21,7 @@ ACCEL = own_states("bias of the accelerometer", 3)
 _EYE = np.eye(3)
 _MOVED = VELOCITY.stop  # the first errors: pose and velocity
 _GAP_NS = 100_000_000  # longest gap between measurements
-_LONGEST_NS = 30_000_000_000  # that is kept, with no odometry to use it
+_LONGEST_NS = 10_000_000_000  # that is kept, with no odometry to use it
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,11 @@ class ImuBuffer:
         self.forget(self._stamps_ns[-1] - _LONGEST_NS)
         return True
 
+    def before(self, stamp_ns: int) -> int:
+        """Time of the last measurement before a time; that time if there is none."""
+        place = bisect_left(self._stamps_ns, stamp_ns)
+        return self._stamps_ns[place - 1] if place else stamp_ns
+
     def _at_origin(self, n: int) -> Floats:
         """(3,) specific force at the robot's origin: elsewhere an IMU also feels its rotation."""
         w, f, at = self._samples[n]
@@ -123,8 +128,8 @@ class ImuBuffer:
         return parts
 
     def forget(self, before_ns: int) -> None:
-        """Forget older measurements, except the last of them."""
-        count = max(bisect_right(self._stamps_ns, before_ns) - 1, 0)
+        """Forget older measurements, except the last two of them."""
+        count = max(bisect_right(self._stamps_ns, before_ns) - 2, 0)
         del self._stamps_ns[:count], self._samples[:count]
 
 

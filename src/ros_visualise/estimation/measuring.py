@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -150,7 +150,21 @@ def _best_pose(camera: CameraPose, pair: Pair, state: State) -> LinearizedPair:
     (place,) = state.indices([pair.key])
     R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
     several = [_pose(camera, pose, R, p, first) for pose in pair.sight.poses]
+    if not pair.sight.has_orientation:
+        several = [_widened(one, state, pair, p - camera.p) for one in several]
     return min(several, key=lambda one: one.residual @ np.linalg.solve(one.noise, one.residual))
+
+
+def _widened(one: LinearizedPair, state: State, pair: Pair, away: Floats) -> LinearizedPair:
+    """A pair of a point, with the second-order error of its linearization as noise."""
+    rows = state.rows(pair.key).start + np.arange(3)
+    at = state.landmarks_p[state.keys.index(pair.key)]
+    J = np.hstack([np.eye(3), -np.eye(3), cross(at)])
+    columns = np.concatenate([rows, np.arange(6)])
+    spread = J @ state.P[np.ix_(columns, columns)] @ J.T
+    scale = 1.0 if len(one.residual) == 2 else float(away @ away)
+    second = (float(np.trace(spread)) / float(away @ away)) ** 2 * scale
+    return replace(one, noise=one.noise + second * np.eye(len(one.residual)))
 
 
 def _pose(

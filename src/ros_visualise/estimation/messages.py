@@ -133,7 +133,12 @@ def diagnostics_of(
         said = f"uncertain: the tags in view contradict the pose by {metres:.1f} m"
     elif not lost and outcome.rejected:
         said = f"rejects {', '.join(outcome.rejected)}"
+    if not outcome.used and (advice := [t for n, t in outcome.advice.items() if n != "the robot"]):
+        said = f"{said}; {max(advice, key=advice.count)}"
+    for sensor, late_s in navigator.late_s.items():
+        said = f"{said}; {sensor} comes {late_s:.1f} s late and is dropped: raise delay"
     is_fine = not (outcome.rejected or belief.contradiction.any() or belief.refusals)
+    is_fine = is_fine and not navigator.late_s
     level = Level.ERROR if lost else Level.OK if is_fine else Level.WARN
     sigmas = np.sqrt(np.diag(now.covariance)) if now else np.full(6, np.nan)
     values = {

@@ -17,6 +17,7 @@ from ros_visualise.estimation.filter import Filter, OdometryEvent
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.odometry import OdometryPose
+from ros_visualise.estimation.pose_search import apart
 from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.sensors import Reading
 from ros_visualise.estimation.settings import NavigatorSettings
@@ -139,6 +140,11 @@ class Navigator:
         """Numbers of measurements dropped, by sensor and reason."""
         return self._dropped + self._window.dropped
 
+    @property
+    def late_s(self) -> dict[str, float]:
+        """Age of the last measurement dropped as too old, by sensor."""
+        return self._window.late_s
+
     def news(self) -> list[str]:
         """Warnings for the user, each once."""
         new = [note for note in self.belief.notes if note not in self._said]
@@ -174,14 +180,12 @@ class Navigator:
         """Process an angular velocity (3,), rad/s, and specific force (3,), m/s^2, in the IMU's
         axes.
         """
-        if not self._is_present("imu", stamp_ns):
+        if not self._is_present("imu", stamp_ns) or self._window.is_past("imu", stamp_ns):
             return
         if not self._window.filter.imu.add(stamp_ns, rates, force, mounting):
             self._dropped["imu: repeated stamp, or no number"] += 1
             return
-        newest_ns = self.belief.stamp_ns
-        if newest_ns is not None and stamp_ns < newest_ns:
-            self._window.redo(stamp_ns)
+        self._window.redo(self._window.filter.imu.before(stamp_ns))
         self._window.run()
 
     def read(self, reading: Reading) -> None:
@@ -215,7 +219,10 @@ class Navigator:
         T[:3, :3], T[:3, 3] = robot.R, robot.p
         change = about_itself(robot.p)
         covariance = change @ (belief.state.P[POSE, POSE] + self.common) @ change.T
-        covariance += np.multiply.outer(belief.contradiction, belief.contradiction)
+        offs = [belief.contradiction]
+        if belief.rival is not None:
+            offs.append(apart(belief.rival, belief.state))
+        covariance += sum(np.multiply.outer(off, off) for off in offs)
         T_map_odom = T @ inverse(to_matrix(odometry))
         is_located = belief.is_located and not belief.reason
         return RobotEstimate(belief.now_ns, T, T_map_odom, covariance, is_located)

@@ -226,14 +226,8 @@ def clone_pose(state: State) -> None:
     state.robot = state.robot.standing()
 
 
-def check_odometry(
-    state: State, step: OdometryStep, model: OdometryNoise
-) -> tuple[State | None, Floats]:
-    """Compare a propagation since the previous pose with a step of odometry.
-
-    Returns:
-        The corrected state, None if they disagree; and the difference (6,) in the robot's axes at
-        the previous pose: the odometry's motion minus the propagated one.
+def check_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> State | None:
+    """The state corrected by a step of odometry since the previous pose; None if they disagree.
 
     Source: S. Roumeliotis, J. Burdick, Stochastic cloning: a generalized framework for processing
     relative state measurements, 2002.
@@ -260,8 +254,8 @@ def check_odometry(
     columns = np.arange(size)
     spread = H @ state.P[:size, :size] @ H.T + noise + np.diag(_LEEWAY**2)
     if residual @ np.linalg.solve(spread, residual) > GATES[6]:
-        return None, residual
-    return state.corrected(columns, H, residual, noise), residual
+        return None
+    return state.corrected(columns, H, residual, noise)
 
 
 def is_speed_known(state: State) -> bool:

@@ -143,7 +143,7 @@ class CameraErrorParams:
         group="camera",
     )
     camera_clock: float = param(
-        0.0,
+        0.05,
         "estimate an offset of the camera's clock: its standard deviation, s; 0: do not",
         min=0,
         max=1,

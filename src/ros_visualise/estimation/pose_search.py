@@ -107,7 +107,7 @@ class PoseSearch:
         if not sights:
             return
         for place in self.places:
-            _complete(place, state, list(keys.values()))
+            place.state = completed(place.state, state, list(keys.values()))
             self._compare(place, view, sights, keys)
         self.places = [one for one in self.places if one.misses < _MISSES]
         if not any(one.misses == 0 for one in self.places):
@@ -178,17 +178,18 @@ class PoseSearch:
         self.places = kept
 
 
-def _complete(place: PoseCandidate, state: State, keys: Sequence[str]) -> None:
-    """Add the landmarks in view to a candidate that began without them."""
-    missing = [key for key in keys if key not in place.state.keys]
+def completed(other: State, state: State, keys: Sequence[str]) -> State:
+    """Another state that began without some of the landmarks in view, with these."""
+    missing = [key for key in keys if key not in other.keys]
     if not missing:
-        return
-    place.state = place.state.copy()
-    place.state.activate(key for key in missing if _rests(place.state, key))
+        return other
+    other = other.copy()
+    other.activate(key for key in missing if _rests(other, key))
     for key in missing:
-        if key not in place.state.keys:  # new from the map, independent of all others
+        if key not in other.keys:  # new from the map, independent of all others
             n, rows = state.keys.index(key), state.rows(key)
-            place.state.add(key, state.landmarks_R[n], state.landmarks_p[n], state.P[rows, rows])
+            other.add(key, state.landmarks_R[n], state.landmarks_p[n], state.P[rows, rows])
+    return other
 
 
 def _rests(state: State, key: str) -> bool:
@@ -212,6 +213,12 @@ def _stand(
     place_robot(placed, R, p_camera - R @ view.p_base_camera, seen, noise)
     placed.share(POSE, np.eye(6), placed.rows(key))
     return placed
+
+
+def apart(one: State, other: State) -> Floats:
+    """(6,) from the robot of the other state to that of one: of the position, and about itself."""
+    a, b = one.robot, other.robot
+    return np.concatenate([a.p - b.p, se3.turn_between(a.R, b.R)])
 
 
 def _are_same(one: State, other: State) -> bool:

@@ -31,7 +31,7 @@ class CameraErrors:
         focal: of its focal length, as a fraction.
     """
 
-    clock_s: float = 0.0
+    clock_s: float = 0.05
     turn_rad: float = 0.0
     focal: float = 0.0
 

@@ -35,11 +35,13 @@ class EventWindow:
     Attributes:
         filter: what makes beliefs of events.
         dropped: numbers of events dropped, by reason.
+        late_s: by sensor, the age of the last one dropped as too old.
     """
 
     def __init__(self, filter: Filter, first: Belief) -> None:
         self.filter = filter
         self.dropped: Counter[str] = Counter()
+        self.late_s: dict[str, float] = {}
         self._known = [_Known((-(1 << 62), "", 0), first)]
         self._entries: list[_Entry] = []
         self._count = 0
@@ -61,7 +63,7 @@ class EventWindow:
         self._count += 1
         key = event.stamp_ns, _kind(event), self._count
         if key <= self._known[0].key:
-            self.dropped[f"{_name(event)}: older than delay"] += 1
+            self._drop_late(_name(event), event.stamp_ns)
             return False
         insort(self._entries, _Entry(key, event), key=lambda one: one.key)
         if isinstance(event, OdometryEvent):
@@ -70,6 +72,19 @@ class EventWindow:
         while self._known[-1].key > key:
             self._known.pop()
         return True
+
+    def is_past(self, name: str, stamp_ns: int) -> bool:
+        """True if a measurement of that time comes too late, which is counted."""
+        is_past = stamp_ns < self._known[0].key[0]
+        if is_past:
+            self._drop_late(name, stamp_ns)
+        return is_past
+
+    def _drop_late(self, name: str, stamp_ns: int) -> None:
+        self.dropped[f"{name}: older than delay"] += 1
+        newest_ns = self.filter.odometer.newest_ns
+        if newest_ns is not None:
+            self.late_s = {**self.late_s, name: (newest_ns - stamp_ns) / 1e9}
 
     def redo(self, after_ns: int) -> None:
         """Make the beliefs after a time again: more is known of the motion since."""
@@ -133,4 +148,4 @@ def _kind(event: Event) -> str:
 def _name(event: Event) -> str:
     if isinstance(event, OdometryEvent):
         return "odometry"
-    return f"image {event.camera}" if isinstance(event, CameraView) else event.sensor
+    return f"camera {event.camera + 1}" if isinstance(event, CameraView) else event.sensor

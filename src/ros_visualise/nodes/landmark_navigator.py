@@ -273,9 +273,10 @@ class LandmarkNavigator:
         for text in navigator.news():
             log.warning("landmark_navigator: %s", text)
         belief, outcome = navigator.belief, navigator.outcome
-        if belief.stamp_ns is None or belief.counts["images"] == self._images:
+        news = belief.counts["images"] + navigator.dropped.total()
+        if belief.stamp_ns is None or news == self._images:
             return {}
-        self._images = belief.counts["images"]
+        self._images = news
         for text in self._rejections.look(outcome):
             log.warning("landmark_navigator: %s (further occurrences suppressed)", text)
         at = Header(belief.stamp_ns, self._frame)
