@@ -93,7 +93,7 @@ class ImuBuffer:
         return True
 
     def before(self, stamp_ns: int) -> int:
-        """Time of the last measurement before a time; that time if there is none."""
+        """Time of the last measurement before a time, or that time itself."""
         place = bisect_left(self._stamps_ns, stamp_ns)
         return self._stamps_ns[place - 1] if place else stamp_ns
 
