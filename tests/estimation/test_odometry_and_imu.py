@@ -1,0 +1,89 @@
+"""Laws of odometry and IMU: of two that disagree neither wins silently, and both come back."""
+
+import numpy as np
+import pytest
+from driven import drive, params
+from world import Sensor, World, along, exp, map_text, square, surveyed, tags_on_ground
+
+GRID = [(x, y, -5) for x in range(0, 13, 4) for y in range(0, 13, 4)]
+TAGS = tags_on_ground(GRID)
+
+
+def known_map(tmp_path, tags, **values):
+    """Parameters with a map surveyed to 1 cm."""
+    found, covariance = surveyed(tags, 0.01, 0.01, 0)
+    (tmp_path / "map.yaml").write_text(map_text(found, covariance))
+    given = {"map": str(tmp_path / "map.yaml"), "mode": "frozen", "level_sigma": 0.2}
+    return params(**given | values)
+
+
+FAULTS = {
+    "stalls": {"slips": [(10, 10.6, 0.0), (15, 15.6, 0.0)]},
+    "repeats its pose": {"frozen": [(10, 10.6), (15, 15.6)]},
+    "slips": {"slips": [(10, 12, 0.5), (15, 16, 0.7)]},
+    "jumps": {"slides": [(10, 10.1, (0, 2.5, 0)), (15, 15.1, (1, -1, 1))]},
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_odometry_fails_and_comes_back(fault, tmp_path):
+    world = World(along(*square()), TAGS, imu=Sensor(50, priority=-1), **FAULTS[fault])
+    run = drive(world.events(22), known_map(tmp_path, TAGS))
+    assert run.located(3, 22) > 0.95, run.lines
+    assert run.falsely_certain(world, 3, 22) < 0.02, run.nees(world, 3).max()
+    assert run.off(world, 3).max() < 1.0
+    assert run.counted("loss") == 0
+    assert "used" in run.values["imu"], run.values["imu"]
+    healthy = World(along(*square()), TAGS, imu=Sensor(50, priority=-1))
+    sigma = [
+        np.sqrt(np.trace(one.poses[-1][2][:3, :3]))
+        for one in (run, drive(healthy.events(22), known_map(tmp_path, TAGS)))
+    ]
+    assert sigma[0] < 1.5 * sigma[1], "one of them is no longer used"
+
+
+def test_an_imu_in_a_wrong_frame_is_named_and_comes_back(tmp_path):
+    turned = [(8, 13, exp([0, 0, 1.57]) @ exp([1.57, 0, 0]))]
+    world = World(along(*square()), TAGS, imu=Sensor(50, priority=-1), imu_turned=turned)
+    run = drive(world.events(22), known_map(tmp_path, TAGS))
+    assert run.located(3, 22) > 0.95
+    assert run.falsely_certain(world, 3, 22) < 0.05, run.nees(world, 3).max()
+    assert run.counted("loss") == 0
+    assert run.says("imu[^\n]*(contradict|disagree|frame)", 8)
+    assert "used" in run.values["imu"], run.values["imu"]
+
+
+def test_scales_that_change_in_flight_are_followed(tmp_path):
+    """By 2%, twice the deviation that is given, between tags 20 m apart."""
+    tags = tags_on_ground([(20 * n, 0.3, -5) for n in range(12)], side=0.6)
+    several = []
+    for seed in range(3):
+        world = World(
+            along((0, 0, 0), (300, 0, 0), speed=6.0),
+            tags,
+            seed,
+            scales=[(0, 18, 0.01), (18, 99, -0.01)],
+            walk=0.01,
+        )
+        run = drive(world.events(32), known_map(tmp_path, tags, odom_noise=0.01))
+        several.append(run.nees(world, 18).mean())
+    mean = float(np.mean(several))
+    assert mean < 6, f"NEES {mean:.1f} of 3: {several}"
+
+
+def test_covariance_in_the_odometry_is_used():
+    """It states an error ten times that of the parameters, and has it."""
+    several = []
+    for seed in range(10):
+        world = World(
+            along((0, 0, 0), (300, 0, 0), speed=3.0),
+            seed=seed,
+            images=Sensor(0.01),
+            walk=0.2,
+            heading=np.radians(2.0),
+            scale=0.0,
+            states_covariance=True,
+        )
+        several.append(drive(world.events(12), params()).nees(world, 6).mean())
+    mean = float(np.mean(several))
+    assert mean < 6, f"NEES {mean:.1f} of 3: {several}"

@@ -1,0 +1,78 @@
+"""Laws of localization in a map: honest from the first pose, and after the robot was moved."""
+
+import numpy as np
+import pytest
+from driven import FALSE, drive, params
+from world import T0, S, World, along, map_text, surveyed, tags_on_ground
+
+SEEDS = 30
+
+
+def given(tmp_path, tags, sigma_m, sigma_rad, seed, **values):
+    found, covariance = surveyed(tags, sigma_m, sigma_rad, seed)
+    (tmp_path / "map.yaml").write_text(map_text(found, covariance))
+    several = {"map": str(tmp_path / "map.yaml"), "mode": "frozen", "level_sigma": 0.5}
+    return params(**several | values)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_pose_by_uncertain_tags_is_as_uncertain_as_they_are(count, tmp_path):
+    """Robot and tags are correlated from the first moment: their errors are not counted twice."""
+    tags = tags_on_ground([(3, 0.5, -5), (4.5, -1, -5)][:count])
+    nees, below = [], []
+    for seed in range(SEEDS):
+        world = World(along((0, 0, 0), (60, 0, 0), speed=1.5), tags, seed)
+        run = drive(world.events(3.5), given(tmp_path, tags, 0.2, 0.02, seed))
+        assert run.poses, run.sentence(0, 9)
+        nees.append(run.nees(world, size=6)[-1])
+        below += [np.sqrt(np.linalg.eigvalsh(P[:3, :3])[0]) for *_, P in run.poses]
+    told = f"NEES {np.mean(nees):.1f} of 6, sigma {min(below):.3f} m"
+    assert min(below) > 0.98 * 0.2 / np.sqrt(count), told
+    spread = 3 * np.sqrt(12 / SEEDS)
+    assert abs(np.mean(nees) - 6) < spread, told
+
+
+def test_a_pose_found_again_is_honest_a_second_later(tmp_path):
+    """The robot is moved 25 m; there are other tags."""
+    near, far = [(x, y, -5) for x in (1, 4) for y in (-1, 1)], [(9, 24, -5), (10.5, 26, -5)]
+    tags = tags_on_ground(near + far, side=0.6)
+    nees, off = [], []
+    for seed in range(12):
+        world = World(
+            along((0, 0, 0), (60, 0, 0), speed=2.0), tags, seed, kidnapped=(2.6, (2, 25, 0))
+        )
+        run = drive(world.events(6), given(tmp_path, tags, 0.1, 0.01, seed))
+        after = [n for n, (t, *_) in enumerate(run.poses) if t > 2.6]
+        right = [
+            n
+            for n in after
+            if np.linalg.norm(run.poses[n][1].p - world.truth(run.poses[n][0]).p) < 3
+        ]
+        if not right:
+            off.append(seed)
+            continue
+        found_s = run.poses[right[0]][0]
+        nees.append(run.nees(world, found_s + 1, size=6)[:1])
+    assert not off
+    assert 3 < np.mean(nees) < 9, f"NEES {np.mean(nees):.1f} of 6"
+
+
+@pytest.mark.parametrize("there", ["one tag", "two tags"])
+def test_a_robot_that_was_moved_is_not_falsely_certain(there, tmp_path):
+    """From 2 s after the first sight that contradicts it."""
+    near = [(x, y, -5) for x in range(0, 12, 3) for y in (-1, 1)]
+    far = {"one tag": [(9, 25.5, -5)], "two tags": [(9, 24, -5), (10, 26, -5)]}[there]
+    tags = tags_on_ground(near + far, side=0.6)
+    world = World(
+        along((0, 0, 0), (60, 0, 0), speed=1.0), tags, kidnapped=(6.2, (2, 25, 0)), seed=3
+    )
+    run = drive(world.events(12), given(tmp_path, tags, 0.02, 0.01, 0))
+    seen_s = min(
+        one.message.header.stamp_ns / S - T0
+        for one in world.events(12)
+        if one.port == "detections" and one.arrival_s > 6.2 and one.message.detections
+    )
+    from_s = seen_s + 2
+    assert run.nees(world, 3, 6).max() < FALSE
+    assert run.falsely_certain(world, from_s, 12) < 0.02, f"{run.off(world, from_s).max():.0f} m"
+    assert run.says("contradict|moved|kidnap", 6.2)
