@@ -82,7 +82,7 @@ def rolled(points_xyz, uv, random):
     return points_xyz + (uv[:, 1:] / SIZE[1] - 0.5) * random.normal(0, 0.005, 3)
 
 
-@pytest.mark.parametrize("kind", ["white", "shared", "rolling", "bent", "film"])
+@pytest.mark.parametrize("kind", ["white", "shared", "rolling", "bent", "print", "film"])
 @pytest.mark.parametrize("count", [8, 25])
 def test_errors_are_as_large_as_their_covariance_says(kind, count):
     """Means of 30 cameras: 4 squared errors of variance 1 each; the deviation is about 0.13."""
@@ -90,6 +90,7 @@ def test_errors_are_as_large_as_their_covariance_says(kind, count):
     for seed in range(30):
         random, views = np.random.default_rng(seed), []
         bend, start = random.normal(0, 0.001, 2), random.uniform(0, 100)
+        printed = random.normal(0, 0.00015, xy.shape)
         for number, pose in enumerate(poses_of(BOARD, count, random, 1.1, spread=0.3)):
             if kind == "film":  # neighbours are alike
                 at = start + number * np.array([0.17, 0.23, 0.08, 0.13, 0.11, 0.09])
@@ -98,6 +99,7 @@ def test_errors_are_as_large_as_their_covariance_says(kind, count):
             x, y = (xy - xy.mean(axis=0)).T / 0.1
             height = (bend[0] * x * x + bend[1] * x * y) * (kind in ("bent", "film"))
             board = np.column_stack([xy, height])
+            board[:, :2] += printed * (kind == "print")
             seen = board @ cv2.Rodrigues(pose[:3])[0].T + pose[3:]
             uv = pinhole(seen, true)
             if kind == "rolling":

@@ -7,12 +7,13 @@ of what all views share: the camera's numbers, and the bend of the board, which 
 The inverse of that matrix is the covariance if the errors of all points are independent. Those of
 one view are not: they share its light, blur and motion, and a model of the lens that is not quite
 right. So whole views are what counts: the covariance is that of the results without one view each
-(the jackknife), and larger where views that follow one another share errors too.
+(the jackknife), and larger where views that follow one another share errors too. All sightings of
+one point of the board share the error of its print, which is added likewise.
 
 Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1; D. Kogan,
 mrcal: the bend of the board; B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans,
 1982, chapter 3; A. Cameron, D. Miller, A Practitioner's Guide to Cluster-Robust Inference, Journal
-of Human Resources 50, 2015, section VI.B (the same for clusters).
+of Human Resources 50, 2015, sections VI.B (the same for clusters) and V.A (views and points).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.landmarks.calibration.boards import Ints
 from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_rays
 from ros_visualise.landmarks.calibration.views import BoardView
 
@@ -36,7 +38,7 @@ _HOPELESS = 1e12
 _FLAT_PX = 20.0  # weight of the bend: 0.2 px for 1 % of half the board's diagonal
 _BENDS = 3
 _BLOCK = 3  # consecutive views that may share errors
-_BLOCKS = 6  # least number of blocks of views
+_BLOCKS = 4  # least number of blocks of views
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +143,9 @@ class _System:
         self._held = held
         numbers, bend = shared[:-_BENDS], shared[-_BENDS:]
         prior = np.concatenate([np.zeros(len(numbers)), np.full(_BENDS, _FLAT_PX**2)])
-        self._U, self._ga = np.diag(prior), prior * shared
+        self._prior = np.diag(prior)
+        self._views = views
+        self._by: list[tuple[Floats, Floats]] = []
         self._blocks: list[tuple[Floats, Floats, Floats, Floats, Floats]] = []
         self.residuals: list[Floats] = []
         for view, pose in zip(views, poses, strict=True):
@@ -151,9 +155,10 @@ class _System:
             residual = uv - view.points.uv
             flat = residual.ravel()
             self.residuals.append(residual)
+            self._by.append((A, B))
             self._blocks.append((B.T @ B, A.T @ B, B.T @ flat, A.T @ A, A.T @ flat))
-        self._U = self._U + sum(U for *_, U, _ in self._blocks)
-        self._ga = self._ga + sum(ga for *_, ga in self._blocks)
+        self._U = self._prior + sum(U for *_, U, _ in self._blocks)
+        self._ga = prior * shared + sum(ga for *_, ga in self._blocks)
         cost = sum(float((one**2).sum()) for one in self.residuals) + float(prior @ shared**2)
         self.cost = cost if np.isfinite(cost) else np.inf
 
@@ -179,23 +184,34 @@ class _System:
         With few views the jackknife is itself uncertain, and blind in some directions. So it is
         averaged with the covariance of independent errors, enlarged to the same size.
         """
-        reduced = [self._reduced(*block) for block in self._blocks]
-        S = self._U - sum(W @ np.linalg.pinv(V) @ W.T for V, W, *_ in self._blocks)
-        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._blocks), 1)
+        information, scores = [], []
+        for (A, B), residual in zip(self._by, self.residuals, strict=True):
+            J = A - B @ (np.linalg.pinv(B) @ A)  # without the view's pose
+            information.append(J.T @ J)
+            scores.append((J.reshape(-1, 2, len(A.T)) * residual[..., None]).sum(axis=1))
+        S = self._prior + sum(information)
+        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._by), 1)
         independent = _inverse(S) * self.cost / free
-        by_views = _jackknife(S, reduced, 1)
-        size = int(np.clip(len(reduced) // _BLOCKS, 1, _BLOCK))
-        by_blocks = _jackknife(S, reduced, size)
+        views = [(one, score.sum(axis=0)) for one, score in zip(information, scores, strict=True)]
+        by_views = _jackknife(S, views, 1)
+        by_blocks = _jackknife(S, views, int(np.clip(len(views) // _BLOCKS, 1, _BLOCK)))
         larger = max(np.trace(S @ by_views) / np.trace(S @ independent), 1.0)
         shared = max(np.trace(S @ by_blocks) / np.trace(S @ by_views), 1.0)
         covariance: Floats = shared * (by_views + larger * independent) / 2
-        return covariance
+        numbers = np.concatenate([view.points.numbers for view in self._views])
+        return covariance + _by_points(S, np.vstack(scores), numbers)
 
-    @staticmethod
-    def _reduced(V: Floats, W: Floats, gb: Floats, U: Floats, ga: Floats) -> tuple[Floats, Floats]:
-        """Information and gradient of one view, without its pose."""
-        out = W @ np.linalg.pinv(V)
-        return U - out @ W.T, ga - out @ gb
+
+def _by_points(S: Floats, scores: Floats, numbers: Ints) -> Floats:
+    """Covariance that sightings of one point of the board share; ``scores`` (N, n) of each."""
+    of_points = np.array([scores[numbers == one].sum(axis=0) for one in np.unique(numbers)])
+    larger = len(of_points) / max(len(of_points) - 1, 1)
+    inverse = _inverse(S)
+    beyond = inverse @ (larger * of_points.T @ of_points - scores.T @ scores) @ inverse
+    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    values, axes = np.linalg.eigh(beyond / np.outer(scale, scale))
+    positive: Floats = (axes * np.maximum(values, 0)) @ axes.T * np.outer(scale, scale)
+    return positive
 
 
 def _jackknife(S: Floats, views: Sequence[tuple[Floats, Floats]], size: int) -> Floats:
