@@ -74,7 +74,7 @@ def test_any_order_of_arrival_gives_the_same_result(late, tmp_path):
 def test_older_ones_are_counted_with_the_reason(late):
     world = World(along(*square()), TAGS, **sensors(**{late: {"latency_s": 3.0}}))
     run = drive(world.events(10), params(gps_origin=AT_ORIGIN, delay=0.5), start=HERE)
-    name = {"images": "image|detection|late", "gps": "GPS|fix", "imu": "imu"}[late]
+    name = {"images": "image|camera|detection|late", "gps": "GPS|fix", "imu": "imu"}[late]
     dropped = {"images": 30, "gps": 10, "imu": 200}[late]
     assert run.counted(f"(?=.*({name}))(?=.*(late|old|drop))") >= dropped
     assert run.says(rf"({name}).*(late|delay|old)|(late|delay|old).*({name})")
