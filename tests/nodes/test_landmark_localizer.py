@@ -136,10 +136,14 @@ def test_nothing_is_drawn_anew_where_nothing_was_seen():
     assert answer.keys() == {"landmarks"}
 
 
-def test_after_a_jump_of_time_all_that_was_drawn_goes():
+def test_after_a_jump_of_time_all_that_was_drawn_goes_and_that_is_said(caplog):
     node = LandmarkLocalizer(PARAMS)
     observe(node)
     node.reset()
+    node.reset()
+    assert [r.getMessage() for r in caplog.records] == [
+        "time jumped: dropping 1 landmark; save_map keeps them"
+    ]
     answer = node.step(PARAMS, detections=message(0), frames=tree())
     assert answer["landmarks"].detections == ()
     assert [one.action for one in answer["markers"].markers] == [MarkerAction.DELETEALL]
@@ -152,6 +156,7 @@ def test_odom_serves_where_there_is_no_map_and_map_as_soon_as_there_is(caplog):
         "no frame map; publishing landmarks in odom"
     ]
     answer = node.step(PARAMS, detections=message(1, tag((1.0, 0.5))), frames=tree())
+    assert "frame map: dropping 1 landmark" in caplog.text
     assert answer["landmarks"].header.frame_id == "map"
     assert answer["landmarks"].detections == ()
     with pytest.raises(NoTransform):

@@ -12,6 +12,7 @@ from typing import Any
 
 from ros_visualise.core.errors import NoTransform, OpenError, UsageError
 from ros_visualise.core.params import param
+from ros_visualise.core.printing import counted
 from ros_visualise.data import (
     Detections,
     Detections3D,
@@ -108,15 +109,14 @@ class LandmarkLocalizer:
                     f"{params.map}: its landmarks are in the frame {frame_id}:"
                     f" set fixed_frame={frame_id}"
                 )
-        self._odom: Odometry | None = None
         self._frame = ""
+        self._localizer, self._anew = Localizer(), True
         self.reset()
 
     def reset(self) -> None:
         """Start over with the landmarks of the map: time jumped."""
-        self._localizer = Localizer(copy.deepcopy(self._known))
-        self._shown, self._anew = LandmarkMessages(), True
-        self._odom = None
+        self._start_over("time jumped")
+        self._odom: Odometry | None = None
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -183,9 +183,16 @@ class LandmarkLocalizer:
             if fixed != self._params.fixed_frame:
                 log.warning("no frame %s; publishing landmarks in %s", _MAP, fixed)
             self._frame = fixed
-            self._localizer = Localizer(copy.deepcopy(self._known))
-            self._shown, self._anew = LandmarkMessages(), True
+            self._start_over(f"frame {fixed}")
         return T_fixed_camera
+
+    def _start_over(self, why: str) -> None:
+        """Begin again with the landmarks of the map: the same views would count twice."""
+        dropped = len(self._localizer.landmarks) - len(self._known)
+        if dropped > 0:
+            log.warning("%s: dropping %s; save_map keeps them", why, counted(dropped, "landmark"))
+        self._localizer = Localizer(copy.deepcopy(self._known))
+        self._shown, self._anew = LandmarkMessages(), True
 
     def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:
         """The ground in the fixed frame; None if unknown."""
