@@ -145,37 +145,31 @@ class _System:
         prior = np.concatenate([np.zeros(len(numbers)), np.full(_BENDS, _FLAT_PX**2)])
         self._prior = np.diag(prior)
         self._views = views
-        self._by: list[tuple[Floats, Floats]] = []
-        self._blocks: list[tuple[Floats, Floats, Floats, Floats, Floats]] = []
+        self._rows: list[tuple[Floats, Floats, Floats]] = []
         self.residuals: list[Floats] = []
         for view, pose in zip(views, poses, strict=True):
             uv, by_numbers, B = project(view.bent_xyz(bend), pose, numbers, model)
             by_height = B[:, 3:] @ cv2.Rodrigues(pose[:3].copy())[0][:, 2]
             A = np.hstack([by_numbers, by_height[:, None] * np.repeat(view.bends, 2, axis=0)])
-            residual = uv - view.points.uv
-            flat = residual.ravel()
-            self.residuals.append(residual)
-            self._by.append((A, B))
-            self._blocks.append((B.T @ B, A.T @ B, B.T @ flat, A.T @ A, A.T @ flat))
-        self._U = self._prior + sum(U for *_, U, _ in self._blocks)
-        self._ga = prior * shared + sum(ga for *_, ga in self._blocks)
+            self.residuals.append(uv - view.points.uv)
+            self._rows.append((A, B, self.residuals[-1].ravel()))
+        self._U = self._prior + sum(A.T @ A for A, _, _ in self._rows)
+        self._ga = prior * shared + sum(A.T @ residual for A, _, residual in self._rows)
         cost = sum(float((one**2).sum()) for one in self.residuals) + float(prior @ shared**2)
         self.cost = cost if np.isfinite(cost) else np.inf
 
     def step(self, damping: float) -> tuple[Floats, Floats]:
         """The change of what the views share, and of the poses (V, 6)."""
-        V_inverse = [np.linalg.inv(_damped(V, damping)) for V, *_ in self._blocks]
+        blocks = [
+            (np.linalg.inv(_damped(B.T @ B, damping)), A.T @ B, B.T @ residual)
+            for A, B, residual in self._rows
+        ]
         shared = np.zeros(len(self._U))
         if not self._held:
-            S, g = _damped(self._U, damping), self._ga.copy()
-            for inverse, (_, W, gb, *_) in zip(V_inverse, self._blocks, strict=True):
-                S -= W @ inverse @ W.T
-                g -= W @ inverse @ gb
+            S = _damped(self._U, damping) - sum(W @ V_inverse @ W.T for V_inverse, W, _ in blocks)
+            g = self._ga - sum(W @ V_inverse @ gb for V_inverse, W, gb in blocks)
             shared = -np.linalg.lstsq(S, g, rcond=None)[0]
-        poses = [
-            -inverse @ (gb + W.T @ shared)
-            for inverse, (_, W, gb, *_) in zip(V_inverse, self._blocks, strict=True)
-        ]
+        poses = [-V_inverse @ (gb + W.T @ shared) for V_inverse, W, gb in blocks]
         return shared, np.array(poses)
 
     def covariance(self) -> Floats:
@@ -185,12 +179,12 @@ class _System:
         averaged with the covariance of independent errors, enlarged to the same size.
         """
         information, scores = [], []
-        for (A, B), residual in zip(self._by, self.residuals, strict=True):
+        for A, B, residual in self._rows:
             J = A - B @ (np.linalg.pinv(B) @ A)  # without the view's pose
             information.append(J.T @ J)
-            scores.append((J.reshape(-1, 2, len(A.T)) * residual[..., None]).sum(axis=1))
+            scores.append((J * residual[:, None]).reshape(-1, 2, len(A.T)).sum(axis=1))
         S = self._prior + sum(information)
-        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._by), 1)
+        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._rows), 1)
         independent = _inverse(S) * self.cost / free
         views = [(one, score.sum(axis=0)) for one, score in zip(information, scores, strict=True)]
         by_views = _jackknife(S, views, 1)
