@@ -4,16 +4,8 @@ Least squares of the reprojection by Levenberg and Marquardt. Each board's pose 
 view, so poses are eliminated first (the Schur complement). What is left is the information matrix
 of what all views share: the camera's numbers, and the bend of the board, which is never flat.
 
-The inverse of that matrix is the covariance if the errors of all points are independent. Those of
-one view are not: they share its light, blur and motion, and a model of the lens that is not quite
-right. So whole views are what counts: the covariance is that of the results without one view each
-(the jackknife), and larger where views that follow one another share errors too. All sightings of
-one point of the board share the error of its print, which is added likewise.
-
 Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1; D. Kogan,
-mrcal: the bend of the board; B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans,
-1982, chapter 3; A. Cameron, D. Miller, A Practitioner's Guide to Cluster-Robust Inference, Journal
-of Human Resources 50, 2015, sections VI.B (the same for clusters) and V.A (views and points).
+mrcal: the bend of the board.
 """
 
 from __future__ import annotations
@@ -26,6 +18,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.calibration.boards import Ints
+from ros_visualise.landmarks.calibration.clustering import covariance_of
 from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_rays
 from ros_visualise.landmarks.calibration.views import BoardView
 
@@ -37,8 +30,6 @@ _BEGUN_WITH = 12  # views used for the initial guess
 _HOPELESS = 1e12
 _FLAT_PX = 20.0  # weight of the bend: 0.2 px for 1 % of half the board's diagonal
 _BENDS = 3
-_BLOCK = 3  # consecutive views that may share errors
-_BLOCKS = 4  # least number of blocks of views
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +116,8 @@ def adjust(
         else:
             damping *= 10
     count = len(numbers)
-    covariance = None if held else system.covariance()[:count, :count]
+    points = np.concatenate([view.points.numbers for view in views])
+    covariance = None if held else system.covariance(points)[:count, :count]
     return BundleFit(shared[:count], poses, shared[count:], system.residuals, covariance)
 
 
@@ -144,7 +136,6 @@ class _System:
         numbers, bend = shared[:-_BENDS], shared[-_BENDS:]
         prior = np.concatenate([np.zeros(len(numbers)), np.full(_BENDS, _FLAT_PX**2)])
         self._prior = np.diag(prior)
-        self._views = views
         self._rows: list[tuple[Floats, Floats, Floats]] = []
         self.residuals: list[Floats] = []
         for view, pose in zip(views, poses, strict=True):
@@ -172,58 +163,9 @@ class _System:
         poses = [-V_inverse @ (gb + W.T @ shared) for V_inverse, W, gb in blocks]
         return shared, np.array(poses)
 
-    def covariance(self) -> Floats:
-        """Covariance of what the views share, by how much the views contradict one another.
-
-        With few views the jackknife is itself uncertain, and blind in some directions. So it is
-        averaged with the covariance of independent errors, enlarged to the same size.
-        """
-        information, scores = [], []
-        for A, B, residual in self._rows:
-            J = A - B @ (np.linalg.pinv(B) @ A)  # without the view's pose
-            information.append(J.T @ J)
-            scores.append((J * residual[:, None]).reshape(-1, 2, len(A.T)).sum(axis=1))
-        S = self._prior + sum(information)
-        free = max(sum(r.size for r in self.residuals) - len(S) - 6 * len(self._rows), 1)
-        independent = _inverse(S) * self.cost / free
-        views = [(one, score.sum(axis=0)) for one, score in zip(information, scores, strict=True)]
-        by_views = _jackknife(S, views, 1)
-        by_blocks = _jackknife(S, views, int(np.clip(len(views) // _BLOCKS, 1, _BLOCK)))
-        larger = max(np.trace(S @ by_views) / np.trace(S @ independent), 1.0)
-        shared = max(np.trace(S @ by_blocks) / np.trace(S @ by_views), 1.0)
-        covariance: Floats = shared * (by_views + larger * independent) / 2
-        numbers = np.concatenate([view.points.numbers for view in self._views])
-        return covariance + _by_points(S, np.vstack(scores), numbers)
-
-
-def _by_points(S: Floats, scores: Floats, numbers: Ints) -> Floats:
-    """Covariance that sightings of one point of the board share; ``scores`` (N, n) of each."""
-    of_points = np.array([scores[numbers == one].sum(axis=0) for one in np.unique(numbers)])
-    larger = len(of_points) / max(len(of_points) - 1, 1)
-    inverse = _inverse(S)
-    beyond = inverse @ (larger * of_points.T @ of_points - scores.T @ scores) @ inverse
-    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-    values, axes = np.linalg.eigh(beyond / np.outer(scale, scale))
-    positive: Floats = (axes * np.maximum(values, 0)) @ axes.T * np.outer(scale, scale)
-    return positive
-
-
-def _jackknife(S: Floats, views: Sequence[tuple[Floats, Floats]], size: int) -> Floats:
-    """Covariance by how the result changes without each block of ``size`` views."""
-    moves = []
-    for start in range(0, len(views), size):
-        block = views[start : start + size]
-        moves.append(_inverse(S - sum(U for U, _ in block)) @ sum(g for _, g in block))
-    apart = np.array(moves)
-    covariance: Floats = (len(moves) - 1) / len(moves) * apart.T @ apart
-    return covariance
-
-
-def _inverse(matrix: Floats) -> Floats:
-    """Pseudo-inverse of information about numbers of very different magnitude."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse: Floats = np.linalg.pinv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
-    return inverse
+    def covariance(self, numbers: Ints) -> Floats:
+        """Covariance of what the views share; ``numbers`` (N,) of all points on the board."""
+        return covariance_of(self._rows, self._prior, numbers, self.cost)
 
 
 def _damped(matrix: Floats, damping: float) -> Floats:
