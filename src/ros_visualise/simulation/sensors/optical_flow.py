@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats, Header, TwistWithCovarianceStamped
+from ros_visualise.data.header import read_only
 from ros_visualise.simulation.delivery import delivered
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.sensors import Fitting, Measure, SensorType, setting
@@ -20,6 +21,7 @@ MOUNT = np.array([0.0, -0.05, -0.05]), (1.0, 0.0, 0.0, 0.0)
 """Position on the body, metres, and attitude: that of the body."""
 UNMEASURED = 1e6
 """Variance of velocities that are not measured."""
+_UNMEASURED, _STILL = read_only(UNMEASURED * np.eye(6)), read_only(np.zeros(3))
 
 _flow = partial(setting, group="optical flow")
 
@@ -67,27 +69,29 @@ class OpticalFlow:
         self, stamp_ns: int, velocity: Floats, distance_m: float
     ) -> TwistWithCovarianceStamped | None:
         """The velocity for the true one (3,) in m/s; None too near or too far from the ground."""
-        p, noise = self._params, self._random.standard_normal(2)
+        p = self._params
         if not p.flow_near <= distance_m <= p.flow_far:
             return None
-        white = p.flow_noise * distance_m
-        measured = np.append(self._scale * velocity[:2] + white * noise, 0.0)
-        covariance = UNMEASURED * np.eye(6)
-        scaled = p.flow_scale * velocity[:2]
-        covariance[:2, :2] = white**2 * np.eye(2) + np.outer(scaled, scaled)
-        return TwistWithCovarianceStamped(
-            measured, np.zeros(3), covariance, Header(stamp_ns, FRAME)
-        )
+        white, (vx, vy, _) = p.flow_noise * distance_m, velocity.tolist()
+        n, m = (self._random.standard_normal(2) * white).tolist()
+        scaled, scale = (p.flow_scale * vx, p.flow_scale * vy), self._scale
+        covariance = _UNMEASURED.copy()
+        covariance[0, 0], covariance[1, 1] = white**2 + scaled[0] ** 2, white**2 + scaled[1] ** 2
+        covariance[0, 1] = covariance[1, 0] = scaled[0] * scaled[1]
+        measured = np.array((scale * vx + n, scale * vy + m, 0.0))
+        return TwistWithCovarianceStamped(measured, _STILL, covariance, Header(stamp_ns, FRAME))
 
 
 def fit(fitting: Fitting) -> Measure:
     """The sensor under the body."""
     body, sensor = fitting.robot.body, OpticalFlow(fitting.settings, fitting.seed)
-    place, distance = MOUNT[0], distance_below(fitting, MOUNT[0])
+    place, distance = MOUNT[0].tolist(), distance_below(fitting, MOUNT[0])
 
     def measure(stamp_ns: int, _: int) -> Mapping[str, Any]:
         linear, angular = body.velocity()
-        velocity = linear + np.cross(angular, place)
+        (wx, wy, wz), (x, y, z) = angular.tolist(), place
+        lever = np.array((wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
+        velocity = linear + lever
         found = sensor.measure(stamp_ns, velocity, distance())
         return {} if found is None else {"optical_flow": found}
 
