@@ -1,7 +1,8 @@
 """Speed of simulated robots relative to real time: `python benchmarks/simulation.py`.
 
 Each robot in each world on its default mission, with all sensors but images (the quadrotor with and
-without the lidar, which it leaves off by default) and with images of 640x480 at 10 per second too.
+without the lidar, which it leaves off by default) and with images of 640x480 at 10 per second too,
+also of the profiles `realistic` and `hard`.
 By the wall clock and by the process's CPU time, which is fairer on a machine that is shared: the
 median of windows of a simulated second. *Dearest* is what takes most of the CPU time.
 """
@@ -18,7 +19,9 @@ from itertools import pairwise
 from typing import Any
 
 from ros_visualise.core.errors import OpenError
+from ros_visualise.core.params import specs, update
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.profiles import Profile, settings_of
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.simulator import Simulation
@@ -31,6 +34,10 @@ def settings(robot: str) -> dict[str, RobotParams]:
     """What is measured, by its title."""
     blind = replace(ROBOTS.find(robot).params(), camera=False)
     sets = {"all but images": blind, "and images": replace(blind, camera=True)}
+    known = {spec.name for spec in specs(blind)}
+    for profile in (Profile.REALISTIC, Profile.HARD):
+        errors = {name: value for name, value in settings_of(profile).items() if name in known}
+        sets[f"and images, {profile.value}"] = update(blind, {**errors, "camera": True})
     if not blind.lidar:
         sets["and the lidar, no images"] = replace(blind, lidar=True)
     return sets
@@ -60,8 +67,7 @@ def find_shares(simulation: Simulation, seconds: int) -> Counter[str]:
     robot = simulation._robot
     robot.control = timed("control", robot.control, spent)
     for stream in simulation._streams:
-        make = stream.make
-        stream.make = timed(stream.output, lambda *at, make=make: list(make(*at)), spent)
+        stream.measure = timed(stream.output, stream.measure, spent)
     measure(simulation, seconds)
     mujoco.mj_step = step
     return spent
@@ -82,11 +88,13 @@ def timed(title: str, function: Callable[..., Any], spent: Counter[str]) -> Call
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=int, default=20, help="simulated (%(default)s)")
+    parser.add_argument("--robot", nargs="*", default=[*ROBOTS.builtin])
+    parser.add_argument("--world", nargs="*", default=[*WORLDS.builtin])
     parser.add_argument("--images", action=argparse.BooleanOptionalAction, default=True)
     args = parser.parse_args()
     print("| robot | world | sensors | by the wall | by CPU | dearest |\n|---|---|---|---|---|---|")
-    for robot in ROBOTS.builtin:
-        for world in WORLDS.builtin:
+    for robot in args.robot:
+        for world in args.world:
             for title, chosen in settings(robot).items():
                 if args.images or not chosen.camera:
                     print_row(robot, world, title, chosen, args.seconds)
