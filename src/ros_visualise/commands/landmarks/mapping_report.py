@@ -79,7 +79,10 @@ def _outliers(made: TagMap) -> list[str]:
     explained = [one for one in made.outliers if one.kind != UNSTEADY]
     rest = sorted((one for one in made.outliers if one.kind == UNSTEADY), key=lambda o: -o.value)
     named = [*explained, *rest[:_WORST]]
-    lines = [f"{escaped(one.name)}: {one.text}" for one in named]
+    names: dict[str, list[str]] = {}
+    for one in named:
+        names.setdefault(one.text, []).append(escaped(one.name))
+    lines = [f"{', '.join(several)}: {text}" for text, several in names.items()]
     if more := rest[_WORST:]:
         lines.append(f"{counted(len(more), 'more tag')} with sightings that do not fit; see --json")
     return lines

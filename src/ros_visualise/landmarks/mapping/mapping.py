@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,9 @@ from ros_visualise.landmarks.mapping.mounting import (
 )
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.outliers import (
+    HANGING,
     MOVED,
+    SURVEY,
     TWICE,
     UNSTEADY,
     Outlier,
@@ -30,7 +33,9 @@ from ros_visualise.landmarks.mapping.outliers import (
     other_size,
     outliers,
     resized,
+    wrong_survey,
 )
+from ros_visualise.landmarks.mapping.places import separated
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
 from ros_visualise.landmarks.mapping.unknowns import SharedPrior
@@ -77,6 +82,7 @@ def map_of(
     """
     is_measured = bool(problem.surveyed or problem.distances)
     prior = SharedPrior(printed=_PRINTED if is_measured else 0.0)
+    problem, explained = separated(problem)
     found = smooth(problem, prior=prior)
     if found is None:
         return None
@@ -86,28 +92,40 @@ def map_of(
         mountings.append(mounting)
         if mounting.is_wrong:  # or tags would be blamed for it
             found, prior = freed, freely_mounted(prior)
-    explained: list[Outlier] = []
     for _ in range(_ROUNDS):
-        new = [one for one in outliers(found) if one.kind != UNSTEADY] or other_size(problem, found)
+        new = (
+            wrong_survey(found)
+            or [one for one in outliers(found) if one.kind != UNSTEADY]
+            or other_size(problem, found)
+        )
         if not new:
             break
-        explained += [one for one in new if one.kind in (MOVED, TWICE)]
+        explained += [one for one in new if one.kind in (MOVED, TWICE, SURVEY)]
         again = smooth(corrected(found.problem, new), prior=prior)
         found = again or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
+    explained += unconnected(found)
     measured = gyro(found.problem.stamps_ns) if gyro else None
     of_imu = imu_mounting(found, measured) if measured else None
     mountings += [of_imu] if of_imu else []
     explained += resized(problem, found)
-    return TagMap(found, [*explained, *rest], *landmarks_of(found), mountings)
+    hanging = {one.name for one in explained if one.kind == HANGING}
+    return TagMap(found, [*explained, *rest], *landmarks_of(found, hanging), mountings)
 
 
-def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
+def landmarks_of(
+    found: SmoothedMap, omitted: Collection[str] = ()
+) -> tuple[list[LandmarkTrack], Floats]:
     """Tags as localized landmarks, except those that most views contradict.
 
     Also the covariance (6, 6) of their common error.
     """
-    kept = _kept(found)
+    names = found.problem.names
+    kept = {
+        tag: rows
+        for tag, rows in _kept(found).items()
+        if names[tag] not in omitted and " " not in names[tag]
+    }
     tags = list(kept)
     change = np.array([about_origin(at) for at in found.tags.t[tags]]).reshape(-1, 6, 6)
     twists = change @ found.covariances[tags] @ np.swapaxes(change, 1, 2)
@@ -124,13 +142,39 @@ def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
     return tracks, common
 
 
+def unconnected(found: SmoothedMap) -> list[Outlier]:
+    """Tags that no fitting sightings of other good tags connect with the start of the map.
+
+    Their covariance would be that of the sightings alone, as if what they hang by were right.
+    """
+    problem, kept = found.problem, _kept(found)  # and other places of tags
+    if problem.odometry is not None:
+        return []
+    reached = {one.tag for one in problem.surveyed if one.tag in kept} or {problem.anchor}
+    tags_of: dict[int, set[int]] = defaultdict(set)
+    for tag, rows in kept.items():
+        for row in rows:
+            tags_of[problem.sightings[row].view].add(tag)
+    groups = [*tags_of.values()]
+    before = -1
+    while len(reached) > before:
+        before = len(reached)
+        reached = reached.union(*(group for group in groups if group & reached))
+    text = "no fitting sightings connect it with the rest of the map; omitted"
+    return [
+        Outlier(problem.names[tag], HANGING, text)
+        for tag in kept
+        if tag not in reached and " " not in problem.names[tag]
+    ]
+
+
 def _kept(found: SmoothedMap) -> dict[int, Numbers]:
-    """The tags that become landmarks, and their inlier sightings."""
+    """The tags that most of their views confirm, and their inlier sightings."""
     numbers = np.array([one.tag for one in found.problem.sightings], int)
     kept = {}
-    for tag, name in enumerate(found.problem.names):
+    for tag in range(len(found.problem.names)):
         rows = np.flatnonzero((numbers == tag) & found.inliers)
-        if len(rows) >= max(_LEAST_SEEN, (numbers == tag).sum() / 2) and " " not in name:
+        if len(rows) >= max(_LEAST_SEEN, (numbers == tag).sum() / 2):
             kept[tag] = rows
     return kept
 

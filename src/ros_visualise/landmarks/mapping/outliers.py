@@ -17,6 +17,7 @@ from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import Unknowns
 
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
+SURVEY, HANGING = "survey", "hanging"
 ASTRAY = "astray"
 """The search itself moved the tag far away."""
 
@@ -24,12 +25,16 @@ _REFUSED, _LEAST = 0.2, 4  # fraction and number of rejected sightings of an out
 _AGREE = 0.6  # fraction of those sightings that support the explanation
 _RESIZED = 0.03  # smallest relative error of a size
 _OTHER, _SURE = 0.05, 6.0  # the same with all sightings inliers, and in sigmas
+_STANDS_OUT = 4.0  # times the median residual of a survey
 _REFINED = 0.003  # smallest relative change of a corrected size
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A tag, its fault (`SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`), and a sentence about it.
+    """A tag, its fault and a sentence.
+
+    ``kind`` is `SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`, `SURVEY` (its survey is wrong), or
+    `HANGING` (only what is wrong connects it with the map).
 
     ``value`` is the ratio of its size to the given one, its displacement in metres, or, for an
     unsteady one, the fraction of sightings that do not fit. ``sightings`` are those of the other
@@ -70,6 +75,30 @@ def other_size(given: Problem, found: SmoothedMap) -> list[Outlier]:
     if sure[tag] < _SURE:
         return []
     return [Outlier(found.problem.names[tag], SIZE, "", max(1 + float(part[tag]), 0.2))]
+
+
+def wrong_survey(found: SmoothedMap) -> list[Outlier]:
+    """The surveyed tag that most certainly disagrees with the views and the others, if any.
+
+    Source: W. Baarda, A testing procedure for use in geodetic networks, 1968 (data snooping: the
+    largest residual by its own standard deviation, one at a time). It must also stand out from the
+    others, which may all be worse than given.
+    """
+    surveyed = found.problem.surveyed
+    off = np.array([found.tags.t[one.tag] - one.position_xyz for one in surveyed]).reshape(-1, 3)
+    given = np.array([one.position_sigma for one in surveyed]).reshape(-1, 3) ** 2
+    after = np.diagonal(found.covariances[[one.tag for one in surveyed], :3, :3], 0, 1, 2)
+    left = given - after  # variances of the residuals; 0 where nothing else tells the position
+    ratio = np.where(left > 0.1 * given, np.abs(off) / np.sqrt(np.maximum(left, 1e-18)), 0.0)
+    worst = ratio.max(axis=1)
+    if not len(worst) or worst.max() < max(_STANDS_OUT * float(np.median(worst)), _SURE):
+        return []
+    number = int(worst.argmax())
+    text = (
+        f"its surveyed position is {np.linalg.norm(off[number]):.2f} m"
+        f" ({worst[number]:.0f} sigma) from where the views see it; ignored"
+    )
+    return [Outlier(found.problem.names[surveyed[number].tag], SURVEY, text)]
 
 
 def resized(given: Problem, found: SmoothedMap) -> list[Outlier]:
@@ -131,6 +160,8 @@ def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
     """The problem with other sizes, and with an additional tag for each other place."""
     names = [*problem.names]
     sightings = list(problem.sightings)
+    wrong = {problem.names.index(one.name) for one in named if one.kind == SURVEY}
+    surveyed = [one for one in problem.surveyed if one.tag not in wrong]
     for one in named:
         tag = problem.names.index(one.name)
         if one.kind == SIZE:
@@ -144,7 +175,7 @@ def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
             names.append(f"{one.name} elsewhere")
             for row in one.sightings:
                 sightings[row] = replace(sightings[row], tag=len(names) - 1)
-    return replace(problem, names=names, sightings=sightings)
+    return replace(problem, names=names, sightings=sightings, surveyed=surveyed)
 
 
 def _scaled(sighting: TagSighting, by: float) -> Sequence[Hypothesis]:
