@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
+import cv2
+
 from ros_visualise.data import Pixels
 from ros_visualise.landmarks.calibration.boards import (
     Board,
@@ -18,6 +20,7 @@ from ros_visualise.landmarks.calibration.finding import Markers, find_board, fin
 from ros_visualise.landmarks.calibration.views import BoardView
 
 _SURE = 3
+_REDUCED = 960  # pixels of the longer side in which other dictionaries are searched
 
 
 class BoardFinder:
@@ -62,14 +65,24 @@ class BoardFinder:
         self._seen += 1
         best = _find_best(gray, name, thorough, self._candidates())
         if best is None and not self._found and self._seen & (self._seen - 1) == 0:
-            others = [replace(self.said, dictionary=one) for one in dictionaries_of(self.said)]
-            boards = [board for one in others for board in readings(one)]
-            best = _find_best(gray, name, thorough, boards)
-            if best is not None:
-                self._readings = readings(replace(self.said, dictionary=best.board.dictionary))
+            best = self._try_dictionaries(gray, name, thorough)
         if best is not None:
             self._found[best.board] += 1
         return best
+
+    def _try_dictionaries(self, gray: Pixels, name: str, thorough: bool) -> BoardView | None:
+        """The board with markers of another dictionary, searched in a smaller image."""
+        scale = min(1.0, _REDUCED / max(gray.shape))
+        small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        others = [replace(self.said, dictionary=one) for one in dictionaries_of(self.said)]
+        boards = [board for one in others for board in readings(one)]
+        seen = _find_best(small, name, thorough, boards)
+        if seen is None:
+            return None
+        of_dictionary = readings(replace(self.said, dictionary=seen.board.dictionary))
+        found = _find_best(gray, name, thorough, of_dictionary)
+        self._readings = of_dictionary if found is not None else self._readings
+        return found
 
     def _candidates(self) -> list[Board]:
         board = self.board
