@@ -113,6 +113,7 @@ class RobotState:
             R=R[0],
             p=p[0],
             v=p[3],
+            rates=R[0] @ self.R.T @ self.rates,
             before_R=R[1],
             before_p=p[1],
             gravity=self.gravity + np.append(error[GRAVITY], 0.0),

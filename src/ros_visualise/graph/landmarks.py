@@ -7,7 +7,15 @@ from types import MappingProxyType
 from typing import Any
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.data import Detections, Imu, Message, NavSatFix, Odometry, Transforms
+from ros_visualise.data import (
+    Detections,
+    Imu,
+    Message,
+    Odometry,
+    Transforms,
+    TwistWithCovarianceStamped,
+)
+from ros_visualise.estimation.sensors import SENSORS
 from ros_visualise.graph import IMAGE_NODES, SOURCE_TOPICS, Graph, Node, place
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS
@@ -145,15 +153,18 @@ def _leaving_odom(graph: Graph) -> Graph:
 
 
 def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) -> Node:
-    """The node that corrects the odometry by landmarks, with IMU and GPS where they are."""
+    """The node that corrects the odometry by landmarks, and by all other sensors it knows."""
     if odometry is None or not has_frames(graph):
         what = "odometry" if odometry is None else "tf, with the camera's pose"
         raise UsageError(f"--navigate: needs {what}, which this source lacks")
-    sensors = {
-        name: _first(graph, type, SOURCE_TOPICS.get(name, ""))
-        for name, type in (("imu", Imu), ("gps", NavSatFix))
-    }
-    found = {name: topic for name, topic in sensors.items() if topic}
+    imu = _first(graph, Imu, SOURCE_TOPICS["imu"])
+    found = {"imu": imu} if imu else {}
+    for sensor in SENSORS.all():
+        topics = graph.topics_of(sensor.message)
+        own = [topic for topic in topics if topic.endswith(f"/{sensor.topic}")]
+        alone = topics[:1] if sensor.message is not TwistWithCovarianceStamped else []
+        if own or alone:
+            found[sensor.name] = [*own, *alone][0]
     return place(find_node(NAVIGATOR), {**inputs, "odometry": odometry, **found})
 
 

@@ -86,12 +86,14 @@ class Sensor(ABC):
         name: its input of the node, and its part of diagnostics.
         message: type of its messages.
         params: its parameters, fields of the node's own.
+        topic: its usual topic.
         needs_imu: True if it only corrects a robot that an IMU propagates.
     """
 
     name: str
     message: type
     params: type
+    topic: str
     needs_imu = False
 
     @abstractmethod
@@ -136,6 +138,6 @@ SENSORS: Registry[Sensor] = Registry(
     "measurements",
     __name__,
     holding(Sensor, "SENSOR"),  # type: ignore[type-abstract]
-    first=("gps", "barometer", "magnetometer"),
+    first=("gps", "rangefinder", "barometer", "magnetometer", "optical_flow", "wheel_speed"),
 )
 """All sensors, by name."""

@@ -49,6 +49,7 @@ class BarometerModel(Sensor):
     """One number: the height in metres of the standard atmosphere."""
 
     name, message, params = "barometer", FluidPressure, BarometerErrorParams
+    topic = "pressure"
 
     def read(
         self, message: FluidPressure, params: BarometerErrorParams

@@ -120,6 +120,7 @@ class GpsModel(Sensor):
     """Fixes: three numbers, metres east, north and up of an origin."""
 
     name, message, params = "gps", NavSatFix, GpsErrorParams
+    topic = "fix"
 
     def read(self, message: NavSatFix, params: GpsErrorParams) -> tuple[Floats, Floats] | str:
         """Latitude, longitude (degrees) and altitude, and the covariance in metres."""

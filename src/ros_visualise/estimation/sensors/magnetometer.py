@@ -62,6 +62,7 @@ class MagnetometerModel(Sensor):
     """The field (3,) in the sensor's axes; only its heading counts."""
 
     name, message, params = "magnetometer", MagneticField, MagnetometerErrorParams
+    topic = "imu/mag"
 
     def read(
         self, message: MagneticField, params: MagnetometerErrorParams
