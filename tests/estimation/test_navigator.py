@@ -310,4 +310,4 @@ def test_images_without_an_odometry_do_not_pile_up():
     views = [view_of(seen, T_BASE_CAMERA) for *_, seen in told if seen is not None]
     for view in views * 4:
         assert not navigator.see(view)
-    assert navigator.dropped["camera 1: no odometry"] == 4 * len(views) - 100
+    assert navigator.dropped["images of camera 1: no odometry"] == 4 * len(views) - 100

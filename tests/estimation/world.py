@@ -103,6 +103,7 @@ class Pose(NamedTuple):
 HERE = Pose(np.eye(3), np.zeros(3))
 CAMERA = Pose(DOWN, np.array([0.2, 0.05, -0.1]))
 IMU = Pose(exp([0.1, -0.2, 0.3]), np.array([0.05, -0.1, 0.08]))
+BELOW = Pose(np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]), np.zeros(3))  # its x axis is down
 ANTENNA = Pose(np.eye(3), np.array([-0.6, 0.3, 0.5]))
 
 
@@ -503,7 +504,7 @@ def frame(parent, child, pose):
 
 def mounting():
     """The static transforms of the sensors."""
-    poses = {"camera": CAMERA, "imu_link": IMU, "gps_link": ANTENNA}
+    poses = {"camera": CAMERA, "imu_link": IMU, "gps_link": ANTENNA, "below": BELOW}
     return Transforms(tuple(frame("base_link", name, pose) for name, pose in poses.items()))
 
 

@@ -20,6 +20,7 @@ from ros_visualise.estimation.pose_search import PoseSearch
 from ros_visualise.estimation.state import State
 
 _MOST_NOTES = 20
+_QUIET_NS = 10_000_000_000
 
 
 class Note(NamedTuple):
@@ -126,8 +127,12 @@ class Belief:
         return self.stamp_ns
 
     def note(self, text: str) -> None:
-        """Say something to the user."""
-        self.notes = (*self.notes[-_MOST_NOTES + 1 :], Note(self.now_ns, text))
+        """Say something to the user, unless it was said a moment ago."""
+        is_new = all(
+            one.text != text or self.now_ns - one.stamp_ns > _QUIET_NS for one in self.notes
+        )
+        if is_new:
+            self.notes = (*self.notes[-_MOST_NOTES + 1 :], Note(self.now_ns, text))
 
     def remember(self, sensor: str, value: Any) -> None:
         """Keep something for a sensor."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
@@ -112,6 +112,12 @@ class Chart:
         for name in new.landmarks:
             new._own(name).turn_to(R.T, -R.T @ p)
         return new
+
+    def keep(self, keys: Collection[str]) -> None:
+        """Forget all landmarks that a state lacks; those of the map join it again when seen."""
+        for name, one in list(self.landmarks.items()):
+            if not set(one.keys) <= set(keys):
+                del self.landmarks[name]
 
     @property
     def is_frozen(self) -> bool:

@@ -18,7 +18,7 @@ from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
 from ros_visualise.estimation.gates import DECIDED
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
-from ros_visualise.estimation.measuring import Pair, camera_of
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, Pair, camera_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
@@ -45,6 +45,7 @@ _WORST = -40.0  # evidence of a tag that fits badly
 _TOO_MUCH = 0.2  # of the odometry messages
 _CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
 _DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
+_WRONG_CLOCK_S = 0.02
 _SEARCHING = "not localized: needs one map tag in three images"
 
 
@@ -270,6 +271,7 @@ class Filter:
             self._follow_odometry(belief)
         elif belief.rival_lead < -DECIDED:
             belief.rival = None
+            belief.imu = replace(belief.imu, disagreements=0, rate=0.0)
 
     # other sensors, and images
 
@@ -303,6 +305,7 @@ class Filter:
         self._age(belief)
         belief.chart, belief.search = belief.chart.copy(), belief.search.copy()
         belief.chart.rules = self.settings.rules
+        self._name_clock(belief, view)
         if belief.is_located:
             if belief.rival is not None:
                 self._judge(belief, view)
@@ -314,6 +317,17 @@ class Filter:
         self._recover(belief, 2 if belief.has_pose else 1)
         if belief.reason and view.sights:
             belief.outcome.advice["the robot"] = belief.reason
+
+    @staticmethod
+    def _name_clock(belief: Belief, view: CameraView) -> None:
+        """Say once that a camera's clock is wrong."""
+        own, name = CAMERAS[view.camera], f"clock of camera {view.camera + 1}"
+        late_s, row = float(belief.state.robot[own][CLOCK]), own.rows.start + CLOCK
+        sigma_s = float(np.sqrt(belief.state.P[row, row]))
+        if abs(late_s) > max(_WRONG_CLOCK_S, 5 * sigma_s) and name not in belief.memory:
+            belief.remember(name, True)
+            where = "behind" if late_s > 0 else "ahead of"
+            belief.note(f"the {name} is {abs(late_s) * 1e3:.0f} ms {where} that of the odometry")
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""
@@ -379,6 +393,9 @@ class Filter:
             belief.counts["recovered"] += 1
             belief.note(f"relocalized by {', '.join(sorted(belief.search.names))}")
         belief.state = found
+        there = {*found.keys, *(found.resting.left if found.resting else ())}
+        belief.chart = belief.chart.copy()
+        belief.chart.keep(there)
         belief.outcome = ImageOutcome(used=[])
         belief.tags_ns = belief.now_ns
         belief.locate()

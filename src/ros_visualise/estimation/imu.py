@@ -21,7 +21,7 @@ ACCEL = own_states("bias of the accelerometer", 3)
 _EYE = np.eye(3)
 _MOVED = VELOCITY.stop  # the first errors: pose and velocity
 _GAP_NS = 100_000_000  # longest gap between measurements
-_LONGEST_NS = 10_000_000_000  # that is kept, with no odometry to use it
+_LONGEST_NS = 8_000_000_000  # that is kept, with no odometry to use it
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from ros_visualise.geometry import se3
 from ros_visualise.geometry.se3 import cross, turn_between
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+_CURVED = 4.0  # second-order errors, which last, count as so many times their white part
 _NEAR = 1e-3  # least depth of a corner, as a fraction of its distance
 
 CAMERAS = tuple(own_states(f"camera {number}", 5) for number in (1, 2))
@@ -163,7 +164,7 @@ def _widened(one: LinearizedPair, state: State, pair: Pair, away: Floats) -> Lin
     columns = np.concatenate([rows, np.arange(6)])
     spread = J @ state.P[np.ix_(columns, columns)] @ J.T
     scale = 1.0 if len(one.residual) == 2 else float(away @ away)
-    second = (float(np.trace(spread)) / float(away @ away)) ** 2 * scale
+    second = (_CURVED * float(np.trace(spread)) / float(away @ away)) ** 2 * scale
     return replace(one, noise=one.noise + second * np.eye(len(one.residual)))
 
 

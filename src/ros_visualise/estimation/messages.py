@@ -47,7 +47,7 @@ _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
         (f"camera {number} {what}", states, place, factor)
         for number, states in enumerate(CAMERAS, 1)
         for what, place, factor in (
-            ("stamped early by (ms)", CLOCK, 1000.0),
+            ("clock behind by (ms)", CLOCK, 1000.0),
             ("turned about x (deg)", 1, np.degrees(1)),
             ("turned about y (deg)", 2, np.degrees(1)),
             ("turned about z (deg)", 3, np.degrees(1)),
@@ -136,7 +136,7 @@ def diagnostics_of(
     if not outcome.used and (advice := [t for n, t in outcome.advice.items() if n != "the robot"]):
         said = f"{said}; {max(advice, key=advice.count)}"
     for sensor, late_s in navigator.late_s.items():
-        said = f"{said}; {sensor} comes {late_s:.1f} s late and is dropped: raise delay"
+        said = f"{said}; {sensor}: dropped, {late_s:.1f} s late; raise delay"
     is_fine = not (outcome.rejected or belief.contradiction.any() or belief.refusals)
     is_fine = is_fine and not navigator.late_s
     level = Level.ERROR if lost else Level.OK if is_fine else Level.WARN

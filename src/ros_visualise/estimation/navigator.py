@@ -153,7 +153,7 @@ class Navigator:
 
     def configure(self, settings: NavigatorSettings) -> None:
         """Change the settings."""
-        self._window.filter.settings = settings
+        self._window.configure(settings)
 
     def odometry(
         self, stamp_ns: int, pose: Pose, variances: tuple[float, float] = (0.0, 0.0)

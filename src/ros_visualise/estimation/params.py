@@ -84,6 +84,7 @@ class OdometryErrorParams:
         max=90,
         slider=(0.1, 10),
         group="odometry",
+        restart=True,
     )
     max_speed: float = param(
         30.0,
@@ -149,7 +150,6 @@ class CameraErrorParams:
         max=1,
         slider=(0, 0.2),
         group="camera",
-        restart=True,
     )
     camera_turn: float = param(
         0.0,
@@ -158,7 +158,6 @@ class CameraErrorParams:
         max=20,
         slider=(0, 5),
         group="camera",
-        restart=True,
     )
     camera_focal: float = param(
         0.0,
@@ -167,7 +166,6 @@ class CameraErrorParams:
         max=0.5,
         slider=(0, 0.05),
         group="camera",
-        restart=True,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN
 from ros_visualise.estimation.odometry import SCALES, OdometryNoise
-from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, OwnStates, core
+from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
 from ros_visualise.estimation.sensors import SENSORS
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import GROUND
@@ -72,26 +72,30 @@ class NavigatorSettings:
         return self.sensors[name] if name in self.sensors else SENSORS.find(name).params()
 
     def unknown(self) -> State:
-        """The state before any measurement.
+        """The state before any measurement."""
+        variances = np.zeros(core())
+        for rows, variance in self.priors():
+            variances[rows] = variance
+        return State(P=np.diag(variances))
+
+    def priors(self) -> Iterator[tuple[slice, Floats]]:
+        """Rows of errors that are estimated, and their variances in the beginning.
 
         A new map is level by definition; a given one has an unknown tilt within ``level_rad``.
         """
-        variances = np.zeros(core())
-        priors: list[tuple[OwnStates, Any]] = [
-            (SCALES, np.diag(self.odometry.scales)),
-            (GYRO, self.imu.gyro_bias**2),
-            (ACCEL, self.imu.accel_bias**2),
-            (GROUND, self.rules.plane.sigma_m**2 if self.rules.plane else 0.0),
-            *((one, self.camera.variances) for one in CAMERAS),
-        ]
+        imu, plane = self.imu, self.rules.plane
+        yield SCALES.rows, np.diag(self.odometry.scales)
+        yield GYRO.rows, np.full(3, imu.gyro_bias**2)
+        yield ACCEL.rows, np.full(3, imu.accel_bias**2)
+        yield GROUND.rows, np.full(1, plane.sigma_m**2 if plane else 0.0)
+        for camera in CAMERAS:
+            yield camera.rows, self.camera.variances
         for sensor in SENSORS.all():
-            params = self.sensor(sensor.name)
-            priors += [(one, p.sigma**2) for one, p in sensor.states(params).items()]
-        for states, variance in priors:
-            variances[states.rows] = variance
+            for states, prior in sensor.states(self.sensor(sensor.name)).items():
+                count = states.rows.stop - states.rows.start
+                yield states.rows, np.full(count, prior.sigma**2)
         if self.rules.mode is not MapMode.BUILD:
-            variances[GRAVITY] = (GRAVITY_MS2 * self.level_rad) ** 2
-        return State(P=np.diag(variances))
+            yield GRAVITY, np.full(2, (GRAVITY_MS2 * self.level_rad) ** 2)
 
     def aging(self, seconds: float) -> tuple[Floats, Floats]:
         """Factors (n,) on the sensors' states, and variances (n,) added, over some time."""

@@ -10,9 +10,12 @@ from bisect import bisect_right, insort
 from collections import Counter
 from typing import NamedTuple
 
+import numpy as np
+
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.filter import Event, Filter, ImuIsWrong, OdometryEvent
+from ros_visualise.estimation.settings import NavigatorSettings
 
 _MOST_WAITING = 100  # events, if the odometry has stopped
 
@@ -45,6 +48,20 @@ class EventWindow:
         self._known = [_Known((-(1 << 62), "", 0), first)]
         self._entries: list[_Entry] = []
         self._count = 0
+
+    def configure(self, settings: NavigatorSettings) -> None:
+        """Change the settings; errors with another prior are estimated anew."""
+        before = self.filter.settings.priors()
+        pairs = zip(before, settings.priors(), strict=False)
+        changed = [new for old, new in pairs if (old[1] != new[1]).any()]
+        self.filter.settings = settings
+        for n, (key, belief) in enumerate(self._known):
+            state, new = belief.state.copy(), belief.copy()
+            for rows, variances in changed:
+                state.forget(rows)
+                state.inflate(rows, np.diag(variances))
+            new.state = state
+            self._known[n] = _Known(key, new)
 
     @property
     def newest(self) -> Belief:
@@ -148,4 +165,4 @@ def _kind(event: Event) -> str:
 def _name(event: Event) -> str:
     if isinstance(event, OdometryEvent):
         return "odometry"
-    return f"camera {event.camera + 1}" if isinstance(event, CameraView) else event.sensor
+    return f"images of camera {event.camera + 1}" if isinstance(event, CameraView) else event.sensor

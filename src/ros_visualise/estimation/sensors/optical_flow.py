@@ -22,7 +22,6 @@ class OpticalFlowErrorParams:
         max=1,
         slider=(0, 0.1),
         group="optical flow",
-        restart=True,
     )
 
 

@@ -22,7 +22,6 @@ class WheelSpeedErrorParams:
         max=1,
         slider=(0, 0.1),
         group="wheel speed",
-        restart=True,
     )
 
 
