@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from ros_visualise.core.errors import OpenError
-from ros_visualise.landmarks.tags.known import read_known_tags
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.landmarks.tags import Tag
+from ros_visualise.landmarks.tags.known import parse_ids, read_known_tags
 
 GOOD = """
 standalone_tags:
@@ -76,6 +77,12 @@ def test_a_file_without_tags_is_one(tmp_path):
         ),
         (GOOD.replace("dock", "box"), "duplicate name 'box'; names must be unique"),
         ("a: [", "in line 1"),
+        ("ignore_tags: [x]", "ignore_tags: id is 'x'; give an integer"),
+        ("tag_id_remap: [{id: 1}]", "tag_id_remap, entry 1: missing remaps"),
+        (
+            "tag_id_remap: [{id: 1, remaps: [{remap_id: 2, start_time: a, end_time: 1}]}]",
+            "tag_id_remap, entry 1, remap 1: start_time is 'a'; give seconds",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(tmp_path, text, said):
@@ -86,6 +93,23 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, text, said):
     assert said in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
+
+
+def test_tags_are_ignored_and_change_their_id_for_a_time(tmp_path):
+    path = tmp_path / "tags.yaml"
+    path.write_text(
+        "ignore_tags: [166]\ntag_id_remap:\n- id: 20\n  remaps:\n"
+        "  - {remap_id: 420, start_time: 10.5, end_time: 20.0}\n"
+    )
+    known = read_known_tags(path)
+    tags = [Tag("tag36h11", id, np.zeros((4, 2)), 0, 0.0) for id in (20, 166, 3, 213)]
+
+    def ids(stamp_s):
+        return [tag.id for tag in known.present(tags, int(stamp_s * 1e9), parse_ids("213, 4"))]
+
+    assert (ids(10), ids(10.5), ids(20), ids(21)) == ([20, 3], [420, 3], [420, 3], [20, 3])
+    with pytest.raises(UsageError, match="'x' is not the id of a tag"):
+        parse_ids("1,x")
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path):

@@ -11,7 +11,7 @@ from ros_visualise.data import CameraInfo, Deferred, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.tags import TagFinder, parse_families
-from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
+from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.landmarks.tags.search import TagSearch
@@ -95,7 +95,8 @@ class TagDetector:
         order = color.order_of(image.encoding)
         gray = to_8_bit(color.to_gray(pixels, order))
         info = self._calibration(image)
-        tags = self._search.find(self._finder, gray, params.search_every, info)
+        every = self._search.find(self._finder, gray, params.search_every, info)
+        tags = self._known.present(every, image.header.stamp_ns, self._ignored)
         found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
@@ -105,6 +106,7 @@ class TagDetector:
 
     def _prepare(self, params: TagParams) -> None:
         families = parse_families(params.families)
+        self._ignored = parse_ids(params.ignore)
         self._known = read_known_tags(params.tags) if params.tags else KnownTags()
         self._finder = TagFinder(
             families, params.quad_decimate, params.quad_sigma, params.refine, params.min_margin

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ros_visualise.data import Detection, Detections
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.tags import Tag
-from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
+from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.nodes import node
@@ -31,7 +31,8 @@ class TagPoses:
     def step(self, corners: Detections, params: PoseParams) -> Detections:
         """The same tags with their poses, then what is no tag as it came."""
         self._read(params)
-        tags = [tag for one in corners.detections if (tag := _tag(one)) is not None]
+        every = [tag for one in corners.detections if (tag := _tag(one)) is not None]
+        tags = self._known.present(every, corners.header.stamp_ns, parse_ids(params.ignore))
         rest = tuple(one for one in corners.detections if _tag(one) is None)
         info = corners.camera_info
         if info is None and tags:

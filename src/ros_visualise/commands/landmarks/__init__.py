@@ -28,8 +28,12 @@ class DetectionOptions:
     )
     tags: str = option(
         "",
-        "file with the sizes of tags and with bundles of tags, in apriltag_ros's format",
+        "file with the sizes of tags and with bundles of tags, in apriltag_ros's format; also"
+        " ignore_tags and tag_id_remap, as TagSLAM has them",
         metavar="SIZES.yaml",
+    )
+    ignore_tags: str = option(
+        "", "ids of tags that are ignored, such as those on things that move", metavar="ID,..."
     )
     size: float | None = option(
         None,

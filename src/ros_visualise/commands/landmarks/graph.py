@@ -13,6 +13,7 @@ from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.graph.landmarks import LOCALIZER, OBJECTS, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.graph.pipelines import made_topics, open_input, recorded_source
+from ros_visualise.landmarks.tags.known import parse_ids
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.running.graphs import with_settings
 from ros_visualise.simulation.robots import OURS, ROBOTS
@@ -116,6 +117,9 @@ def _settings(options: LandmarksOptions) -> dict[str, dict[str, Any]]:
     sizes: dict[str, Any] = {"tags": options.tags} if options.tags else {}
     if options.size is not None:
         sizes["size"] = options.size
+    if options.ignore_tags:
+        parse_ids(options.ignore_tags)  # or each image would report it
+        sizes["ignore"] = options.ignore_tags
     return {
         TAGS: {**sizes, **({"families": options.families} if options.families else {})},
         RECORDED_TAGS: sizes,

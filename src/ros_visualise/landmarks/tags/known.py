@@ -11,6 +11,15 @@ The file is apriltag_ros's ``tags.yaml``; lengths are in metres:
           - {id: 10, size: 0.05, x: 0.0, y: 0.0, z: 0.0, qw: 1.0, qx: 0.0, qy: 0.0, qz: 0.0}
           - {id: 11, size: 0.05, x: 0.1}
 
+Two more keys are TagSLAM's: tags that are ignored, and tags that get another id from one time to
+another, in seconds, since they were moved or replaced while it was recorded:
+
+    ignore_tags: [166, 213]
+    tag_id_remap:
+      - id: 20
+        remaps:
+          - {remap_id: 420, start_time: 1541686885.9, end_time: 1541686936.5}
+
 A tag's pose in its bundle transforms points of the tag's frame (x right, y up, z towards the
 viewer) to the bundle's. Ids apply to all families.
 """
@@ -19,16 +28,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ros_visualise.core.errors import OpenError
+from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.tags.finder import Tag
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
@@ -45,18 +55,56 @@ class Bundle:
     corners_xyz: Mapping[int, Floats]
 
 
+@dataclass(frozen=True)
+class RenamedTag:
+    """A tag that has another id from one time to another."""
+
+    id: int
+    new_id: int
+    start_ns: int
+    end_ns: int
+
+
 @dataclass(frozen=True, eq=False)
 class KnownTags:
-    """Tags by id: the sides of their squares in metres, their names, and bundles."""
+    """Tags by id: the sides of their squares in metres, their names, bundles, and changes."""
 
     sizes: Mapping[int, float] = field(default_factory=dict)
     names: Mapping[int, str] = field(default_factory=dict)
     bundles: tuple[Bundle, ...] = ()
+    ignored: frozenset[int] = frozenset()
+    renamed: tuple[RenamedTag, ...] = ()
 
     @property
     def every(self) -> Collection[int]:
         """The ids of known size."""
         return {*self.sizes, *(id for bundle in self.bundles for id in bundle.corners_xyz)}
+
+    def present(
+        self, tags: Sequence[Tag], stamp_ns: int, ignored: Collection[int] = ()
+    ) -> tuple[Tag, ...]:
+        """The tags of an image with the ids that they have at its time, except ignored ones."""
+        now = [replace(tag, id=self._id(tag.id, stamp_ns)) for tag in tags]
+        return tuple(tag for tag in now if tag.id not in self.ignored and tag.id not in ignored)
+
+    def _id(self, id: int, stamp_ns: int) -> int:
+        for one in self.renamed:
+            if one.id == id and one.start_ns <= stamp_ns <= one.end_ns:
+                return one.new_id
+        return id
+
+
+def parse_ids(text: str) -> frozenset[int]:
+    """Ids separated by commas.
+
+    Raises:
+        ParameterError: one is not a number.
+    """
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    for part in parts:
+        if not part.isdecimal():
+            raise ParameterError(f"{part!r} is not the id of a tag; give numbers such as 166,213")
+    return frozenset(map(int, parts))
 
 
 def read_known_tags(path: str | Path) -> KnownTags:
@@ -77,7 +125,8 @@ class _Invalid(ValueError):
 
 
 def _known(values: Any) -> KnownTags:
-    parts = _fields("the file", values, (), ("standalone_tags", "tag_bundles"))
+    keys = ("standalone_tags", "tag_bundles", "ignore_tags", "tag_id_remap")
+    parts = _fields("the file", values, (), keys)
     sizes: dict[int, float] = {}
     names: dict[int, str] = {}
     for number, one in enumerate(_listed(parts, "standalone_tags"), 1):
@@ -96,7 +145,34 @@ def _known(values: Any) -> KnownTags:
     for name in every:
         if every.count(name) > 1:
             raise _Invalid(f"duplicate name {name!r}; names must be unique")
-    return KnownTags(sizes, names, tuple(bundles))
+    ignored = frozenset(
+        _id("ignore_tags", {"id": one}, ()) for one in _listed(parts, "ignore_tags")
+    )
+    renamed = [
+        one
+        for number, values in enumerate(_listed(parts, "tag_id_remap"), 1)
+        for one in _renamed(f"tag_id_remap, entry {number}", values)
+    ]
+    return KnownTags(sizes, names, tuple(bundles), ignored, tuple(renamed))
+
+
+def _renamed(where: str, values: Any) -> list[RenamedTag]:
+    tag = _fields(where, values, ("id", "remaps"), ())
+    id, found = _id(where, tag, ()), []
+    for number, one in enumerate(_listed(tag, "remaps"), 1):
+        place = f"{where}, remap {number}"
+        change = _fields(place, one, ("remap_id", "start_time", "end_time"), ())
+        new_id = _id(place, {"id": change["remap_id"]}, ())
+        start, end = (_stamp_ns(place, change, key) for key in ("start_time", "end_time"))
+        found.append(RenamedTag(id, new_id, start, end))
+    return found
+
+
+def _stamp_ns(where: str, values: Mapping[str, Any], name: str) -> int:
+    try:
+        return round(float(values[name]) * 1e9)
+    except (TypeError, ValueError, OverflowError):
+        raise _Invalid(f"{where}: {name} is {values[name]!r}; give seconds") from None
 
 
 def _refuse_shared(bundles: Sequence[Bundle]) -> None:

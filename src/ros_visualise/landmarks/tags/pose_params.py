@@ -25,8 +25,12 @@ class PoseParams:
         slider=(0, 1),
     )
     tags: str = param(
-        "", "YAML file with the sizes of tags and with bundles, in apriltag_ros's format", file=bool
+        "",
+        "YAML file with the sizes of tags and with bundles, in apriltag_ros's format, and with "
+        "ignored tags and those that change their id, in TagSLAM's",
+        file=bool,
     )
+    ignore: str = param("", "ids of tags that are ignored, such as 166,213")
     corner_floor: float = param(
         0.0,
         "smallest corner error (standard deviation), pixels, added to the estimated one",
