@@ -7,7 +7,8 @@ Every run is one command as a user types it: a quadrotor, its rendered images, `
 mean square of the position (and of the odometry), mean NEES of the pose (6 is honest), the share of
 poses that are published, times that it got lost, the longest time without a pose, and false
 confidence: poses with an error above 4 standard deviations of x, y or z. `control=estimate` in all
-of them: the mission is steered by the navigator. A landing is held against `/ground_truth/pad`.
+of them: the mission is steered by the navigator, at 7 m, so that it sees a tag before it leaves its
+start. A landing is held against `/ground_truth/pad`.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ MISSION = """
 shape: square
 size: [6, 6]
 center: [0, 0.5]
-height: 4
+height: 7
 speed: 1.5
 laps: 0
 """
