@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from running import run
 from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules
 from ros_visualise.landmarks.networks.network import Network
+from ros_visualise.landmarks.networks.tiles import tiles_of
 
 Array = npt.NDArray[np.float64]
 Names = Mapping[int, str]
@@ -33,6 +34,10 @@ _SURE = 0.3
 _WHOLE = 0.97
 _INSIDE = 5.99 / 2
 """Half the 95% limit of a chi-square with two degrees of freedom: squares here are means of two."""
+_SCORES = 0.3, 0.4, 0.5, 0.6, 0.7, 0.8
+"""Values of ``min_score`` in the tables."""
+_ALLOWED = 0.01  # false detections of a class per picture
+_CROP = 640  # side of the parts of larger pictures
 _PICTURE_ENDS = (".jpg", ".jpeg", ".png")
 
 
@@ -87,9 +92,11 @@ def coco_cases(path: Path, kind: int) -> Iterator[Case]:
 
 
 def frames(path: Path, step: int) -> Iterator[npt.NDArray[np.uint8]]:
-    """Every n-th frame of a video, or all pictures of a folder."""
-    if path.is_dir():
-        yield from (_read(each) for each in sorted(path.iterdir()) if _is_picture(each))
+    """Every n-th frame of a video, or all pictures of a folder; large ones in parts."""
+    if path.is_dir() or _is_picture(path):
+        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
+            if _is_picture(each):
+                yield from _parts(_read(each))
         return
     video, number = cv2.VideoCapture(str(path)), 0
     while video.grab():
@@ -98,20 +105,40 @@ def frames(path: Path, step: int) -> Iterator[npt.NDArray[np.uint8]]:
         number += 1
 
 
+def _parts(picture: npt.NDArray[np.uint8]) -> Iterator[npt.NDArray[np.uint8]]:
+    """A picture, or its tiles, if it is more than twice as large as the network's input."""
+    height, width = picture.shape[:2]
+    side = _CROP if max(height, width) > 2 * _CROP else max(height, width)
+    for left, top, right, bottom in tiles_of((width, height), side):
+        yield picture[top:bottom, left:right]
+
+
 def report(names: Names, results: list[Result], title: str) -> None:
     """Print the table of one set of pictures."""
     kinds = sorted({int(kind) for each in results for kind in each.rows[:, 0]})
     print(f"\n{title}: {len(results)} pictures\n")
-    print("| class | true | AP50 | recall at precision 0.95 | its least score |")
-    print("|---|---|---|---|---|")
-    aps = []
+    columns = ["class", "true", "AP50", "recall at precision 0.95", "its least score"]
+    columns += [f"recall at {score}" for score in _SCORES] + ["true, unfiltered", "AP50"]
+    _print_row(columns)
+    _print_row(["---"] * len(columns))
+    pairs = []
     for kind in kinds:
         matches = gather([_of_kind(each, kind) for each in results])
+        every = gather([_of_kind(each, kind, filtered=False) for each in results])
         recall, score = recall_at(matches, 0.95)
-        aps.append(average_precision(matches))
-        print(f"| {names[kind]} | {matches.truths} | {aps[-1]:.3f} | {recall:.3f} | {score:.2f} |")
-    if len(aps) > 1:
-        print(f"| mean of them | | {np.nanmean(aps):.3f} | | |")
+        pairs.append((average_precision(matches), average_precision(every)))
+        right = matches.scores[matches.right]
+        recalls = [f"{(right >= each).sum() / matches.truths:.3f}" for each in _SCORES]
+        row = [names[kind], matches.truths, f"{pairs[-1][0]:.3f}", f"{recall:.3f}", f"{score:.2f}"]
+        _print_row([*row, *recalls, every.truths, f"{pairs[-1][1]:.3f}"])
+    if len(pairs) > 1:
+        usual, unfiltered = np.nanmean(pairs, axis=0)
+        blank = [""] * (3 + len(_SCORES))
+        _print_row(["mean of them", "", f"{usual:.3f}", *blank, f"{unfiltered:.3f}"])
+
+
+def _print_row(cells: Sequence[object]) -> None:
+    print("| " + " | ".join(str(each) for each in cells) + " |")
 
 
 def report_sizes(results: list[Result]) -> None:
@@ -162,25 +189,48 @@ def _points_of(result: Result, kind: int) -> Iterator[tuple[float, float]]:
             yield float(np.linalg.norm(gap) / side), float(square)
 
 
-def report_nothing(network: Network, path: Path, step: int) -> None:
-    """Print the number of detections in pictures without landmarks, except possibly vehicles."""
-    count, tally = 0, np.zeros(len(network.names), int)
-    for picture in frames(path, step):
-        found = network.detect(picture, "BGR", SelectionRules(min_score=0.5))
-        tally += np.bincount(found.classes, minlength=len(tally))
-        count += 1
-    told = ", ".join(f"{name} {tally[number]}" for number, name in network.names.items())
-    print(f"{path.name}: {count} pictures, found at score 0.5: {told}")
+def report_false(network: Network, paths: Sequence[Path], step: int) -> None:
+    """Print the false detections per 100 pictures without landmarks, by class and ``min_score``.
+
+    Vehicles are right where the pictures show some.
+    """
+    columns = ["pictures", "number", "class", *_SCORES, f"score for {_ALLOWED:.0%}"]
+    _print_row(columns)
+    _print_row(["---"] * len(columns))
+    for path in paths:
+        count, scores = 0, {number: list[float]() for number in network.names}
+        for picture in frames(path, step):
+            found = network.detect(picture, "BGR", SelectionRules(min_score=_SCORES[0]))
+            for kind, score in zip(found.classes, found.scores, strict=True):
+                scores[int(kind)].append(float(score))
+            count += 1
+        for number, name in network.names.items():
+            some = np.array(scores[number])
+            shares = [f"{100 * (some >= each).sum() / count:.1f}" for each in _SCORES]
+            least = least_score(some, count)
+            _print_row([path.name, count, name, *shares, f"{least:.2f}"])
+
+
+def least_score(scores: Array, pictures: int) -> float:
+    """The lowest ``min_score``, in hundredths, with no more false detections than are allowed."""
+    grid = np.arange(30, 101) / 100
+    false = (scores[:, None] >= grid).sum(axis=0)
+    return float(grid[false <= _ALLOWED * pictures][0])
 
 
 def _of_kind(
-    result: Result, kind: int, least: float = 0.0
+    result: Result, kind: int, least: float = 0.0, filtered: bool = True
 ) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
-    """Arguments for `match`, for one class."""
+    """Arguments for `match`, for one class.
+
+    Args:
+        filtered: what nobody could recognise does not count; otherwise it has to be found, too.
+    """
     mine = result.found.take((result.found.classes == kind) & (result.found.scores >= least))
     rows = result.rows[result.rows[:, 0] == kind]
     side = (rows[:, 3:5] - rows[:, 1:3]).max(axis=1) if len(rows) else np.zeros(0)
-    ignored = (side < _LEAST_PX) | (rows[:, 7] < _LEAST_SHARE)
+    share = rows[:, 7] if filtered else np.abs(rows[:, 7])
+    ignored = (side < _LEAST_PX) | (share < _LEAST_SHARE)
     return Found(mine.boxes_xyxy, mine.scores), rows[:, 1:5], ignored
 
 
@@ -217,8 +267,7 @@ def main() -> int:
     if asked.cars:
         kind = next(number for number, name in names.items() if name == "vehicle")
         report(names, detect_all(network, coco_cases(asked.cars, kind)), "Photos of cars")
-    for path in asked.nothing:
-        report_nothing(network, path, asked.step)
+    report_false(network, asked.nothing, asked.step)
     return 0
 
 

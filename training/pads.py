@@ -14,10 +14,12 @@ SIDE = 288
 """Pixels along a drawing's edge."""
 FRAMES = (
     *("circle", "double_circle", "ellipse", "hexagon", "octagon"),
-    *("square", "triangle", "rounded", "cross", "none"),
+    *("square", "triangle", "rounded", "cross", "cross", "none", "none", "none"),
 )
+"""A bare letter and one on a cross are drawn more often: they have no edge that helps."""
 HELD_OUT_FRAMES = ("pentagon", "diamond")
-LETTERS = ("plain", "round", "stencil", "wide", "edged", "serif", "hollow")
+LETTERS = ("plain", "round", "stencil", "wide", "edged", "serif", "hollow", "cross")
+"""Styles of the H; ``cross`` is a cross in its place."""
 HELD_OUT_LETTERS = ("slanted", "flared")
 _SIDES = {"triangle": 3, "square": 4, "diamond": 4, "pentagon": 5, "hexagon": 6, "octagon": 8}
 _TURNS = {
@@ -29,6 +31,7 @@ _TURNS = {
 _ROOM = {"triangle": 0.6, "diamond": 0.75}
 """Scale of a letter in a frame with sharp corners."""
 _LEGIBLE = 1.5  # standard deviations
+Strokes = tuple[npt.NDArray[np.float64], ...]
 _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 
 
@@ -36,12 +39,14 @@ class Print(NamedTuple):
     """A flat drawing: RGB, (SIDE, SIDE, 3), and the outline of what is meant on it.
 
     ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up. ``framed``
-    is what has an edge of its own, so that what it is printed on may go on beyond it.
+    is what has an edge of its own, so that what it is printed on may go on beyond it. ``strokes``
+    are convex pieces, like the outline, of what can be painted on any ground without a plate.
     """
 
     picture: Canvas
     outline_xy: npt.NDArray[np.float64]
     framed: bool = False
+    strokes: Strokes = ()
 
 
 def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
@@ -62,6 +67,8 @@ def draw_any_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Ca
     """A helipad, legible or not, and where its letter is: 255 in (SIDE, SIDE)."""
     frame = str(random.choice(HELD_OUT_FRAMES if held_out else FRAMES))
     letter = str(random.choice(HELD_OUT_LETTERS if held_out else LETTERS))
+    if (frame, letter) == ("cross", "cross"):
+        frame = "none"
     under = draw_surface(random, SIDE)
     if random.random() < 0.25:  # white paper
         under = np.asarray(np.clip(under * 0.06 + random.uniform(215, 240), 0, 255), np.uint8)
@@ -71,11 +78,11 @@ def draw_any_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Ca
     ink = random_colour(random, away_from=ground)
     radius = random.uniform(0.55, 0.93)
     paint = under.copy()
-    outline = _draw_frame(random, paint, frame, radius, fill, ink)
+    outline, bars = _draw_frame(random, paint, frame, radius, fill, ink)
     usual = radius * (0.62 if frame not in ("none", "cross") else 1.0) * _ROOM.get(frame, 1.0)
     reach = usual * random.uniform(0.6, 1.0)
     second = random_colour(random, away_from=ground) if random.random() < 0.3 else ink
-    mask, corners = _draw_letter(random, letter, reach)
+    mask, corners, strokes = _draw_letter(random, letter, reach)
     if letter == "edged":
         edge = random.uniform(0.04, 0.13) * reach
         corners = corners + edge * np.sign(corners)
@@ -85,7 +92,9 @@ def draw_any_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Ca
     if frame not in ("none", "cross"):
         _decorate(random, paint, radius, reach, ink)
     outline = corners if outline is None else outline
-    return Print(_wear(random, paint, under), outline, frame not in ("none", "cross")), mask
+    framed = frame not in ("none", "cross")
+    strokes = () if framed else bars or strokes
+    return Print(_wear(random, paint, under), outline, framed, strokes), mask
 
 
 def _stands_out(picture: Canvas, letter: Canvas) -> float:
@@ -104,10 +113,12 @@ def _draw_frame(
     radius: float,
     fill: tuple[int, ...] | None,
     ink: tuple[int, ...],
-) -> npt.NDArray[np.float64] | None:
-    """Paint the frame; returns its outline, or None without a frame."""
-    if frame in ("none", "cross"):
-        return _draw_cross(random, canvas, radius, fill) if frame == "cross" else None
+) -> tuple[npt.NDArray[np.float64] | None, Strokes]:
+    """Paint the frame; returns its outline, or None without a frame, and the bars of a cross."""
+    if frame == "none":
+        return None, ()
+    if frame == "cross":
+        return _draw_cross(random, canvas, radius, fill, ink)
     shape = _polygon(frame, radius, random)
     stroke = random.uniform(0.025, 0.12) * radius
     if fill is not None:
@@ -121,20 +132,34 @@ def _draw_frame(
             _ring(canvas, outer, stroke, ink)
         if frame == "double_circle" or random.random() < 0.15:
             _ring(canvas, outer * random.uniform(0.7, 0.85), stroke * 0.7, ink)
-    return shape
+    return shape, ()
 
 
 def _draw_cross(
-    random: np.random.Generator, canvas: Canvas, radius: float, fill: tuple[int, ...] | None
-) -> npt.NDArray[np.float64] | None:
-    """The broad cross of hospitals under the H."""
-    if fill is None:
-        return None
-    half = random.uniform(0.36, 0.5) * radius
-    for w, h in ((radius, half), (half, radius)):
-        _fill(canvas, np.array([[-w, -h], [w, -h], [w, h], [-w, h]]), fill)
-    r, s = radius, half
-    return np.array([[r, s], [s, r], [-s, r], [-r, s], [-r, -s], [-s, -r], [s, -r], [r, -s]])
+    random: np.random.Generator,
+    canvas: Canvas,
+    radius: float,
+    fill: tuple[int, ...] | None,
+    ink: tuple[int, ...],
+) -> tuple[npt.NDArray[np.float64], Strokes]:
+    """The broad cross of hospitals under the H, filled, outlined or both: its hull and bars."""
+    r, s = radius, random.uniform(0.36, 0.5) * radius
+    if fill is not None:
+        _fill(canvas, _cross(r, s), fill)
+    if fill is None or random.random() < 0.3:
+        wide = max(2, round(random.uniform(0.02, 0.08) * radius * SIDE / 2))
+        half = wide / SIDE
+        points = to_pixels(_cross(r - half, s - half))
+        cv2.polylines(canvas, [points], True, ink, wide, cv2.LINE_AA, 4)
+    hull = np.array([[r, s], [s, r], [-s, r], [-r, s], [-r, -s], [-s, -r], [s, -r], [r, -s]])
+    return hull, (_rectangle(-r, -s, r, s), _rectangle(-s, -r, s, r))
+
+
+def _cross(reach: float, half: float) -> npt.NDArray[np.float64]:
+    """The corners of a cross whose bars are so long and wide, from the middle."""
+    r, s = reach, half
+    right = [(s, -r), (s, -s), (r, -s), (r, s), (s, s), (s, r)]
+    return np.array([*right, *[(-x, -y) for x, y in right]], np.float64)
 
 
 def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDArray[np.float64]:
@@ -155,9 +180,11 @@ def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDAr
 
 def _draw_letter(
     random: np.random.Generator, letter: str, reach: float
-) -> tuple[Canvas, npt.NDArray[np.float64]]:
-    """An H with half the height ``reach`` or less, 255 in (SIDE, SIDE), and its four corners."""
+) -> tuple[Canvas, npt.NDArray[np.float64], Strokes]:
+    """An H with half the height ``reach`` or less, 255 in (SIDE, SIDE), its corners and strokes."""
     up = reach * 0.85
+    if letter == "cross":
+        return _draw_plus(random, up)
     aside = up * (random.uniform(0.9, 1.15) if letter == "wide" else random.uniform(0.5, 0.85))
     stroke = min(up * random.uniform(0.14, 0.34), 0.42 * aside)
     inner = aside - 2 * stroke * 0.8
@@ -174,8 +201,9 @@ def _draw_letter(
         aside += wider
     lean = random.uniform(0.15, 0.35) if letter == "slanted" else 0.0
     mask = np.zeros((SIDE, SIDE), np.uint8)
-    for shape in (*stems, bar):
-        _fill(mask, _leant(shape, lean), (255,))
+    strokes = tuple(_leant(shape, lean) for shape in (*stems, bar))
+    for shape in strokes:
+        _fill(mask, shape, (255,))
     if letter == "round":
         size = max(3, round(0.5 * stroke * SIDE / 2)) | 1
         mask = cv2.threshold(cv2.GaussianBlur(mask, (0, 0), size / 2), 127, 255, 0)[1]
@@ -187,7 +215,21 @@ def _draw_letter(
         for x in (-aside + 1.6 * stroke, aside - 1.6 * stroke):
             at = round((1 + x) * SIDE / 2)
             mask[:, at - gap // 2 : at + gap // 2 + 1] = 0
-    return mask, _leant(_rectangle(-aside, -up, aside, up), lean)
+    return mask, _leant(_rectangle(-aside, -up, aside, up), lean), strokes
+
+
+def _draw_plus(random: np.random.Generator, reach: float) -> tuple[Canvas, npt.NDArray[np.float64]]:
+    """A cross, upright or lying as an X, like `_draw_letter`."""
+    half = reach * random.uniform(0.12, 0.4)
+    turn = math.pi / 4 * (random.random() < 0.4)
+    c, s = math.cos(turn), math.sin(turn)
+    mask = np.zeros((SIDE, SIDE), np.uint8)
+    bars = [_rectangle(-x, -y, x, y) for x, y in ((reach, half), (half, reach))]
+    bars = [bar @ np.array([[c, s], [-s, c]]) for bar in bars]
+    for bar in bars:
+        _fill(mask, bar, (255,))
+    side = float(np.abs(bars).max())
+    return mask, _rectangle(-side, -side, side, side), tuple(bars)
 
 
 def _rectangle(x0: float, y0: float, x1: float, y1: float) -> npt.NDArray[np.float64]:

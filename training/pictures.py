@@ -3,7 +3,8 @@
     python training/pictures.py OUT --worlds 100
 
 Each world gets a folder ``OUT/world_<seed>_<number>`` with JPEG files and ``labels.json``: the
-classes, and for each file a list of [class, x0, y0, x1, y1, point u, point v, share seen].
+classes, and for each file a list of [class, x0, y0, x1, y1, point u, point v, share seen],
+the last one negative where nobody could recognise it.
 """
 
 from __future__ import annotations

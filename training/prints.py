@@ -1,4 +1,4 @@
-"""Drawings of tag boards, and of what is no landmark: signs, notices, crosses, checks, rings."""
+"""Drawings of tag boards, and of what is no landmark: signs, notices, checks, rings."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _tag(random: np.random.Generator, dictionary: cv2.aruco.Dictionary) -> npt.N
 def draw_distractor(random: np.random.Generator) -> Print:
     """A print that resembles a pad or a tag."""
     canvas = draw_surface(random, SIDE)
-    draws = (_sign, _sign, _notice, _notice, _cross, _rings, _checks, _bars)
+    draws = (_sign, _sign, _notice, _notice, _rings, _checks, _bars)
     draw = draws[random.integers(len(draws))]
     return Print(canvas, draw(random, canvas))
 
@@ -130,17 +130,6 @@ def _words(
         y = half[1] - pitch * (lines - number - 0.5)  # down
         at = (int(SIDE - wide * scale) // 2, int(SIDE * (1 + y) + high * scale) // 2)
         cv2.putText(canvas, text, at, 0, scale, ink, 1 + int(3 * scale), cv2.LINE_AA)
-
-
-def _cross(random: np.random.Generator, canvas: Canvas) -> Outline:
-    reach, half = random.uniform(0.5, 0.95), random.uniform(0.08, 0.3)
-    turn = random.choice([0, math.pi / 4])
-    c, s = math.cos(turn), math.sin(turn)
-    ink = random_colour(random, away_from=float(canvas.mean()))
-    for w, h in ((reach, half * reach), (half * reach, reach)):
-        bar = np.array([[-w, -h], [w, -h], [w, h], [-w, h]]) @ np.array([[c, s], [-s, c]])
-        cv2.fillPoly(canvas, [to_pixels(bar)], ink, cv2.LINE_AA, 4)
-    return _WHOLE
 
 
 def _rings(random: np.random.Generator, canvas: Canvas) -> Outline:

@@ -34,7 +34,7 @@ from second import Second
 from start import read_start, start_first, start_second
 from store import Store, some_pictures
 from torch import Tensor
-from train_second import BATCH, RATE, RATE_ON, SAY_S, some_parts, train_second
+from train_second import BATCH, RATE, RATE_ON, SAY_S, Length, some_parts, train_second
 
 from ros_visualise.core.errors import OpenError
 
@@ -95,7 +95,7 @@ class Trainer:
     @property
     def done(self) -> float:
         """The share of the time that is over, 0 to 1."""
-        return min(self.seconds / 60 / self.minutes, 1.0)
+        return min(self.seconds / 60 / self.minutes, 1.0) if self.minutes else 1.0
 
     def save(self, path: Path) -> None:
         """Write all that is needed to go on."""
@@ -219,8 +219,8 @@ def look_again(trainer: Trainer, store: Store, out: Path, asked: argparse.Namesp
         second, rate = Second(count, start.widths[1]), RATE_ON
         start_second(second, start, trainer.classes, some_parts(looks, store, random))
     rate *= math.sqrt(asked.second_batch / BATCH)
-    minutes, batch = asked.second_minutes, asked.second_batch
-    second = train_second(second, looks, store, minutes, random, rate, batch)
+    length = Length(asked.second_minutes, asked.second_steps)
+    second = train_second(second, looks, store, length, random, rate, asked.second_batch)
     save_second(second, out / "second.pt")
     about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
     pictures = some_pictures(store.folder, asked.seed)
@@ -231,8 +231,10 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path, help="folder for pictures, checkpoints and the network")
-    parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s")
+    parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s; 0: none")
     parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
+    steps = "length in steps instead of minutes: the same again on the same kind of machine"
+    parser.add_argument("--second-steps", type=int, default=0, help=steps)
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     many = "%(default)s pictures are learned from in one step"
     parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help=many)

@@ -6,6 +6,7 @@ import copy
 import math
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import torch
 from device import DEVICE, FORMAT, Random, precision
@@ -33,6 +34,19 @@ _FLAT = tuple(CLASSES.index(name) for name in ("helipad", "tag"))
 _FAR = 2.0  # half sides; a ground point beyond is not looked for in this part
 
 
+class Length(NamedTuple):
+    """How long to train: so many minutes, or steps where these are not 0."""
+
+    minutes: float
+    steps: int = 0
+
+    def done(self, start: float, step: int) -> float:
+        """The share that is over, after a start in seconds of `time.monotonic`."""
+        if self.steps:
+            return step / self.steps
+        return (time.monotonic() - start) / 60 / self.minutes
+
+
 def some_parts(looks: Looks, store: Store, random: Random) -> tuple[Tensor, Tensor, Tensor]:
     """A few as `Second` takes them."""
     seen = vary(looks, store, random.index(len(looks.labels), _MEASURED), _FLAT, random)
@@ -43,12 +57,12 @@ def train_second(
     network: Second,
     looks: Looks,
     store: Store,
-    minutes: float,
+    length: Length,
     random: Random,
     highest: float = RATE,
     batch: int = BATCH,
 ) -> Second:
-    """Train for so many minutes; the slow average of the network.
+    """Train the refinement head; the slow average of the network.
 
     Args:
         highest: learning rate.
@@ -68,7 +82,7 @@ def train_second(
     start = said = time.monotonic()
     with ThreadPoolExecutor(1) as batches:
         upcoming = batches.submit(make_batch)
-        while (done := (time.monotonic() - start) / 60 / minutes) < 1:
+        while (done := length.done(start, step)) < 1:
             rate = highest * min(1.0, done / _WARM + 0.01)
             for group in optimizer.param_groups:
                 group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)

@@ -20,7 +20,7 @@ a thinner post is a scratch."""
 
 
 def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
-    """The landmark, with no share of it seen where nobody could tell it.
+    """The landmark; where nobody could tell it, the share of it that is seen is negative.
 
     Args:
         picture: RGB, as the camera gives it.
@@ -37,7 +37,7 @@ def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
         hidden = hidden or colour(seen.box, picture, bare) < _LEAST_COLOUR
     if name in ("helipad", "post"):
         hidden = hidden or _is_outside(seen.point, picture)
-    return replace(seen, share=0.0) if hidden else seen
+    return replace(seen, share=-seen.share) if hidden else seen
 
 
 def difference(box: Array, picture: Canvas, bare: Canvas) -> float:

@@ -35,6 +35,7 @@ _COUNTS = {
 }
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
 _CUT = 0.6  # of the signs, and of the pads with a frame
+_PAINTED = 0.7  # of the letters and crosses without a frame: nothing but their strokes is there
 _PAPER = 1.03, 1.25  # of the rest: what they are printed on, by what is printed
 _PIXELS = (
     '<visual><headlight active="0"/><map znear="0.01" zfar="50"/>'
@@ -207,7 +208,8 @@ class _Writer:
         """A plate with a drawing; a tag's is a board with an edge, and stands as it likes.
 
         Most pads and signs are cut out along the outline, as if painted on the ground. A pad
-        without a frame always is: nobody could tell the plate's edge from the pad's. A board's
+        without a frame always is, and most are strokes without a plate: nobody could tell the
+        plate's edge from the pad's. A board's
         edge is gray: with a strong colour it would look like a post from the side.
         """
         self._add_material(name, drawn.picture)
@@ -218,8 +220,11 @@ class _Writer:
             geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), gray(self.random))
         else:
             is_pad = number == CLASSES.index("helipad")
-            self._cut_out(name, drawn, half, is_pad and not drawn.framed)
-            geoms = geom("mesh", (), (0, 0, 0), name, f'mesh="{name}"')
+            if drawn.strokes and self.random.random() < _PAINTED:
+                edges = list(drawn.strokes)
+            else:
+                edges = [self._edge(drawn, is_pad and not drawn.framed)]
+            geoms = self._cut_out(name, edges, half)
         z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
         outline = np.hstack([drawn.outline_xy * half, z])
         facing = (0.0, 0.0, 1.0) if board else None
@@ -229,22 +234,29 @@ class _Writer:
         """A board that stands on a gray pole, some of them askew."""
         self._add_material(name, drawn.picture)
         half = self.random.uniform(0.2, 0.8)
-        self._cut_out(name, drawn, half, False)
+        edge = self._edge(drawn, False)
         askew = self.random.uniform(-45, 45) if self.random.random() < 0.3 else 0.0
         middle = math.hypot(half, half if askew else 0) + self.random.uniform(0.1, 2)
         radius = self.random.uniform(0.02, 0.05)
         pole = geom("cylinder", (radius, middle / 2), (0, radius, middle / 2), gray(self.random))
+        self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
         turned = f'mesh="{name}" euler="90 0 {askew:.0f}"'
         plate = geom("mesh", (), (0, 0, middle), name, turned)
         self._add_body(pole + plate, Named(name, OTHER, facing=(0.0, -1.0, 0.0)))
 
-    def _cut_out(self, name: str, drawn: Print, half: float, along: bool) -> None:
-        """A mesh of a drawing, along its outline or as a sheet of paper."""
+    def _edge(self, drawn: Print, along: bool) -> Array:
+        """The edge of what a drawing is on: along its outline, or a sheet of paper."""
         if along or self.random.random() < _CUT:
-            edge = self.random.uniform(1.0, 1.06) * drawn.outline_xy
-        else:
-            edge = _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
-        self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
+            return np.asarray(self.random.uniform(1.0, 1.06) * drawn.outline_xy)
+        return _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
+
+    def _cut_out(self, name: str, edges: Sequence[Array], half: float) -> str:
+        """Geoms of convex pieces of a drawing, flat on the ground."""
+        names = [f"{name}_{number}" for number in range(len(edges))]
+        for each, edge in zip(names, edges, strict=True):
+            self._definitions.append(_flat_mesh(each, np.clip(edge, -1, 1), half))
+        at = (0, 0, 0)
+        return "".join(geom("mesh", (), at, name, f'mesh="{each}"') for each in names)
 
     def _add_body(self, geoms: str, thing: Named) -> None:
         self._bodies.append(f'<body name="{thing.name}">{geoms}</body>')

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from evaluate import least_score
 from metrics import Found, average_precision, gather, match, recall_at
 
 TRUTH = np.array([[0, 0, 10, 10], [20, 0, 30, 10]], float)
@@ -54,3 +55,15 @@ def test_pictures_count_together():
     matches = gather([first, second])
     assert matches.scores.tolist() == [0.9, 0.5]
     assert average_precision(matches) == pytest.approx(0.5 * 0.5)
+
+
+@pytest.mark.parametrize("pictures", [50, 100, 300])
+def test_the_least_score_lets_one_false_detection_in_100_pictures_through(pictures):
+    scores = np.random.default_rng(pictures).uniform(0.3, 1, 40)
+    least = least_score(scores, pictures)
+    assert (scores >= least).sum() <= 0.01 * pictures
+    assert (scores >= least - 0.0101).sum() > 0.01 * pictures
+
+
+def test_without_false_detections_the_lowest_score_of_the_tables_will_do():
+    assert least_score(np.zeros(0), 100) == 0.3
