@@ -47,7 +47,7 @@ class LandmarkParams:
     classes: str = param(
         "", "names or numbers of the classes to detect, such as helipad, 7; empty is all"
     )
-    min_score: float = param(0.4, "lowest score of a detection, 0 to 1", min=0, max=1)
+    min_score: float = param(0.6, "lowest score of a detection, 0 to 1", min=0, max=1)
     max_overlap: float = param(
         0.5,
         "overlap above which two boxes of a class are merged, as a fraction; for networks that"
