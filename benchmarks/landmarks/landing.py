@@ -74,7 +74,7 @@ class Chain:
     """The nodes between the camera and the quadrotor, one after the other."""
 
     def __init__(self, settings: QuadrotorParams, seed: int, rendered: bool) -> None:
-        self._tags = TagParams(tags=tags_of_world(WORLD))
+        self._tags = TagParams(tags=tags_of_world(WORLD), corner_floor=0.0)
         self._params = LandingTargetParams() if settings.pad_tags else HELIPAD
         self._objects = LandmarkParams(classes="helipad")
         self._network = None if settings.pad_tags else LandmarkDetector(self._objects)

@@ -1,7 +1,7 @@
 """Poses of tags, beside other ways to them: `python benchmarks/landmarks/poses.py [--tagslam DIR]`.
 
-Tables of the range of rendered tags, of how the errors of their poses go with the covariance, of
-the boards of TagSLAM's example_13, whose folder is DIR, and of time.
+Tables of the range of rendered tags, of the boards of TagSLAM's example_13, whose folder is DIR,
+and of time. How the errors of poses go with their covariance is in real_cameras.py.
 """
 
 from __future__ import annotations
@@ -10,30 +10,23 @@ import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import cv2
 import numpy as np
-import photographed_tags
 import pyapriltags
-import rendered_tags
 from rendered_tags import FOCAL, INFO, SIZE_M, Picture, pictures
 
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import (
     PoseEstimate,
-    merged,
     square_poses,
     squares_poses,
 )
-from ros_visualise.landmarks.pose.covariance import difference
 from ros_visualise.landmarks.tags import TagFinder, family
 
 FINDER = TagFinder([family("tag36h11")])
 PEER = pyapriltags.Detector(families="tag36h11", nthreads=1)
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-INSIDE = 12.59
-"""Of chi squared of 6 numbers 95% are below it."""
 Pose = tuple[np.ndarray, np.ndarray]
 
 
@@ -42,12 +35,12 @@ def found_corners(picture: Picture) -> np.ndarray | None:
     return tags[0].corners_uv + picture.origin_uv if tags else None
 
 
-def ours(picture: Picture, made: ModuleType = rendered_tags) -> tuple[PoseEstimate, ...]:
+def ours(picture: Picture) -> tuple[PoseEstimate, ...]:
     tags = FINDER.find(picture.gray)
     if not tags:
         return ()
     uv, noise = tags[0].corners_uv + picture.origin_uv, tags[0].covariance_px2
-    return square_poses(uv, made.SIZE_M, made.INFO, noise_px2=noise)
+    return square_poses(uv, SIZE_M, INFO, noise_px2=noise)
 
 
 def best(picture: Picture) -> Pose | None:
@@ -111,38 +104,6 @@ def range_table(count: int) -> None:
             )
 
 
-def nees_table(count: int, seed: int, made: ModuleType) -> None:
-    print(f"\n{made.__name__}, seed {seed}\n")
-    print("| side px | tilt | poses | two | mean | inside 95% | merged | inside 95% |")
-    every: list[tuple[float, float]] = []
-    for side in (16, 20, 26, 32, 40, 64, 100):
-        for tilt in (0, 15, 30, 45, 60):
-            found = [(ours(one, made), one) for one in made.pictures(side, tilt, count, seed)]
-            here = [(_nees(several, one), len(several)) for several, one in found if several]
-            if len(here) < count / 4:
-                continue
-            values = np.array([one for one, _ in here])
-            every += [one for one, _ in here]
-            two = np.mean([number == 2 for _, number in here])
-            cells = [f"{v.mean():.2f} | {np.mean(v < INSIDE):.2f}" for v in values.T]
-            print(
-                f"| {side} | {tilt} | {len(here)} | {two:.2f} | {' | '.join(cells)} |", flush=True
-            )
-    cells = [f"{v.mean():.2f} | {np.mean(v < INSIDE):.3f}" for v in np.array(every).T]
-    print(f"| all | | {len(every)} | | {' | '.join(cells)} |")
-
-
-def _nees(several: tuple[PoseEstimate, ...], picture: Picture) -> tuple[float, float]:
-    """Of the solution that is nearer to the truth, and of both merged."""
-
-    def of(one: PoseEstimate) -> tuple[float, float]:
-        R = rotations.to_matrix(one.quat_xyzw)
-        error = difference(R, one.position_xyz, picture.R, picture.t)
-        return float(np.linalg.norm(error[3:])), error @ np.linalg.solve(one.covariance, error)
-
-    return min(of(one) for one in several)[1], of(merged(several))[1]
-
-
 def time_table(count: int) -> None:
     made = [one.corners_uv for one in pictures(40, 30, count)]
     print("| poses of so many tags at once | ms |")
@@ -160,18 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tagslam", type=Path, help="TagSLAM's folder example_13")
     parser.add_argument("--count", type=int, default=100, help="pictures of each kind")
-    parser.add_argument("--seed", type=int, default=2, help="of the pictures for covariances")
-    parser.add_argument(
-        "--covariances",
-        choices=["rendered", "photographed"],
-        help="of these pictures, nothing else",
-    )
     asked = parser.parse_args()
-    kinds = {"rendered": rendered_tags, "photographed": photographed_tags}
-    for kind in [asked.covariances] if asked.covariances else kinds:
-        nees_table(asked.count, asked.seed, kinds[kind])
-    if asked.covariances:
-        return
     range_table(asked.count)
     time_table(max(50, asked.count))
     if asked.tagslam:

@@ -29,6 +29,7 @@ class Camera:
     focal: float = 500.0
     blur: tuple[float, float] = (0.4, 0.9)
     noise: tuple[float, float] = (0.7, 3.0)
+    exposure: float = 1.0
     gamma: float = 1.0
     sharpen: float = 0.0
     mosaic: bool = False
@@ -159,7 +160,7 @@ def take(camera: Camera, pose: Pose, id: int, rng: np.random.Generator) -> np.nd
     across, down = np.meshgrid(np.linspace(-1, 1, WIDTH), np.linspace(-1, 1, HEIGHT))
     slopes = rng.uniform(-0.2, 0.2, 2)
     light *= 1 + slopes[0] * across + slopes[1] * down
-    levels = 255 * light ** (1 / camera.gamma)
+    levels = 255 * (camera.exposure * light) ** (1 / camera.gamma)
     noise = rng.uniform(*camera.noise)
     if camera.mosaic:
         levels = _demosaiced(levels, noise, rng)
@@ -271,6 +272,7 @@ CAMERAS = {
     ),
     "equidistant": Camera("equidistant", (-0.01, 0.02, -0.01, 0.002), 260),
     "tone curve, gamma 2.2": Camera(gamma=2.2),
+    "overexposed": Camera(exposure=1.7),
     "JPEG, quality 90": Camera(jpeg=90),
     "JPEG, quality 60": Camera(jpeg=60),
     "demosaiced": Camera(mosaic=True),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.core.errors import ParameterError
+from ros_visualise.data import CameraInfo
 from ros_visualise.landmarks.tags import TagFinder, draw_cells, family, parse_families
 from ros_visualise.landmarks.tags.fitting import fit_tags
 from ros_visualise.landmarks.tags.reading import clearness
@@ -141,12 +142,15 @@ def test_photos_show_the_tags_that_are_in_them(recordings):
 
 
 def test_a_photo_of_an_aruco_tag(recordings):
-    """The corners beside it were given by OpenCV, half a pixel or so inside."""
+    """The corners beside it were given by OpenCV, and its calibration with them."""
     path = recordings / "tags" / "fiducials" / "tag_01_d7_14cm.png"
-    (tag,) = TagFinder([family("5x5_1000")]).find(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+    K = np.array([[1006.126, 0, 655.864], [0, 1004.015, 490.614], [0, 0, 1]])
+    info = CameraInfo(960, 1280, K, np.array([0.13497, -0.23359, 0.00067, 0.00485, 0]))
+    gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    (tag,) = TagFinder([family("5x5_1000")]).find(gray, info=info)
     given = [(565.753, 409.245), (767.959, 415.378), (777.426, 206.850), (569.899, 201.559)]
     assert tag.name == "5x5_1000_1"
-    assert np.linalg.norm(tag.corners_uv - given, axis=1).max() < 0.7
+    assert np.linalg.norm(tag.corners_uv - given, axis=1).max() < 0.5
 
 
 def test_pictures_without_tags_show_none_of_any_family(recordings):

@@ -96,7 +96,7 @@ def fly(settings: QuadrotorParams, seed: int, blind_from_s=math.inf, longest_s=3
         *("quadrotor", "plane", seed, mission, settings),
         wants=lambda output: output != "image" or simulation.time_ns < blind_from_s * 1e9,
     )
-    tags, params = TagParams(tags=tags_of_world("plane")), LandingTargetParams()
+    tags, params = TagParams(tags=tags_of_world("plane"), corner_floor=0.0), LandingTargetParams()
     detector, node, frames = TagDetector(tags), LandingTarget(params), FrameTree()
     last, heights = {}, []
     for stamp_ns, name, message in simulation.run():

@@ -119,7 +119,8 @@ def with_landmarks(
     whole = graph.joined(*found)
     names = [node.name for node in found]
     if TAGS in names and _is_simulated(graph) and graph.source is not None:
-        whole = whole.configured({TAGS: {"tags": tags_of_world(graph.source.params.world)}})
+        rendered = {"tags": tags_of_world(graph.source.params.world), "corner_floor": 0.0}
+        whole = whole.configured({TAGS: rendered})
     return whole.configured({name: settings[name] for name in names if name in settings})
 
 

@@ -10,6 +10,7 @@ from ros_visualise.core.params import param
 from ros_visualise.data import CameraInfo, Deferred, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.once_log import OnceLog
+from ros_visualise.landmarks.pose import CornerErrors
 from ros_visualise.landmarks.tags import TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
@@ -97,7 +98,9 @@ class TagDetector:
         info = self._calibration(image)
         every = self._search.find(self._finder, gray, params.search_every, info)
         tags = self._known.present(every, image.header.stamp_ns, self._ignored)
-        found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
+        found = locate_or_remark(
+            tags, self._known, params.size, info, params.camera, self._errors, self._remarks
+        )
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
             "detections": Detections(found, image.header, image.camera_info),
@@ -111,6 +114,7 @@ class TagDetector:
         self._finder = TagFinder(
             families, params.quad_decimate, params.quad_sigma, params.refine, params.min_margin
         )
+        self._errors = CornerErrors(params.corner_floor)
         self._params = params
         self._search.reset()
 

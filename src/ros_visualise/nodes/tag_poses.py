@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ros_visualise.data import Detection, Detections
 from ros_visualise.landmarks.once_log import OnceLog
+from ros_visualise.landmarks.pose import CornerErrors
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
@@ -26,6 +27,8 @@ class TagPoses:
         self._remarks = OnceLog("tag_poses")
         self._path = ""
         self._known = KnownTags()
+        self._floor = params.corner_floor
+        self._errors = CornerErrors(self._floor)
         self._read(params)
 
     def step(self, corners: Detections, params: PoseParams) -> Detections:
@@ -37,10 +40,14 @@ class TagPoses:
         info = corners.camera_info
         if info is None and tags:
             self._remarks.say("no poses: the tags come without a camera calibration")
-        found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
+        found = locate_or_remark(
+            tags, self._known, params.size, info, params.camera, self._errors, self._remarks
+        )
         return replace(corners, detections=found + rest)
 
     def _read(self, params: PoseParams) -> None:
+        if params.corner_floor != self._floor:
+            self._floor, self._errors = params.corner_floor, CornerErrors(params.corner_floor)
         if params.tags != self._path:
             self._known = read_known_tags(params.tags) if params.tags else KnownTags()
             self._path = params.tags

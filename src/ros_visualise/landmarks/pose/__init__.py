@@ -1,5 +1,6 @@
 """Poses with covariance from corners in a calibrated image."""
 
+from ros_visualise.landmarks.pose.corner_errors import CornerErrors
 from ros_visualise.landmarks.pose.corner_noise import EXACT, CameraError, corner_sigma
 from ros_visualise.landmarks.pose.estimating import (
     PoseEstimate,
@@ -12,6 +13,7 @@ from ros_visualise.landmarks.pose.estimating import (
 __all__ = [
     "EXACT",
     "CameraError",
+    "CornerErrors",
     "PoseEstimate",
     "corner_sigma",
     "merged",

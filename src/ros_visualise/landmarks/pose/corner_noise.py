@@ -15,17 +15,14 @@ _BY_HEIGHT = (
 )
 """Side in pixels -> standard deviation in pixels, for AprilTag 3 on rendered tags."""
 
-_EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
-"""Prior of the noise added by real lenses, prints, calibrations and motion."""
-_PRIOR = np.array([0.99, *[0.01 / 8] * 8])
-
 
 @dataclass(frozen=True)
 class CameraError:
     """Standard deviations of the errors of a real camera and its calibration.
 
     Args:
-        floor_px: of each coordinate of a corner, often 0.3; 0 for rendered images.
+        floor_px: of each coordinate of a corner, as long as images do not show it: often 0.3; 0
+            for rendered images.
         focal: of the focal lengths, as a fraction.
         center_px: of the principal point.
     """
@@ -86,34 +83,6 @@ def corner_noise(
         variance = np.where(np.isfinite(known).all(axis=(1, 2), keepdims=True), known, variance)
     noise: Floats = variance + floor_px**2 * np.eye(8)
     return noise
-
-
-def with_extra(noise_px2: Floats, chi2: Floats) -> Floats:
-    """Covariances of one image, enlarged as the residuals of the poses require.
-
-    An additional noise, the same for all corners of an image, is estimated from the residuals:
-    those of rendered tags are small, those of a real camera as large as its lens and calibration
-    make them. The more tags, the more certain it is.
-
-    Args:
-        noise_px2: (B, 2N, 2N) of N corners of each of B bodies, as detected.
-        chi2: (B,) sums of the squared whitened residuals; infinite ones are ignored.
-
-    Returns:
-        The same plus the expected variance, over `_EXTRA_PX` with `_PRIOR`, of the additional
-            noise.
-    """
-    numbers = noise_px2.shape[1]
-    left = numbers - 6  # degrees of freedom beside the pose
-    fits = np.isfinite(chi2)
-    variance = np.trace(noise_px2[fits], axis1=1, axis2=2)[:, None] / numbers
-    raised = variance + _EXTRA_PX**2
-    log_likelihood = -(chi2[fits, None] * variance / raised + left * np.log(raised)) / 2
-    log_weight = np.log(_PRIOR) + log_likelihood.sum(axis=0)
-    weight = np.exp(log_weight - log_weight.max())
-    extra = (weight * _EXTRA_PX**2).sum() / weight.sum()
-    raised_noise: Floats = noise_px2 + extra * np.eye(numbers)
-    return raised_noise
 
 
 def whitening(noise_px2: Floats) -> Floats:

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose.corner_errors import CornerErrors
 from ros_visualise.landmarks.pose.corner_noise import (
     EXACT,
     CameraError,
     corner_noise,
     whitening,
-    with_extra,
 )
 from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
@@ -55,6 +55,7 @@ def square_poses(
     sigma_px: float | None = None,
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
+    errors: CornerErrors | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """Possible poses of a square tag, best first: two, one or none.
 
@@ -66,9 +67,10 @@ def square_poses(
         size_m: side of the square. The tag's frame is x right, y up, z towards the viewer.
         info: the camera's calibration.
         sigma_px: standard deviation of each coordinate of a corner; default: from `corner_noise`
-            and, by the residuals, `with_extra`.
+            and `CornerErrors`.
         camera: errors of the camera; its floor counts only without ``sigma_px``.
         noise_px2: (8, 8) covariance of the corners from the detector, `Tag.covariance_px2`.
+        errors: of this camera, from its earlier images; they learn from this one.
 
     Raises:
         UncalibratedCamera: no calibration.
@@ -79,7 +81,7 @@ def square_poses(
         raise ValueError(f"corners of a square must be (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
     noise = None if noise_px2 is None else np.asarray(noise_px2)[None]
-    return squares_poses(corners[None], [size_m], info, sigmas, camera, noise)[0]
+    return squares_poses(corners[None], [size_m], info, sigmas, camera, noise, errors)[0]
 
 
 def squares_poses(
@@ -89,6 +91,7 @@ def squares_poses(
     sigmas_px: npt.ArrayLike | None = None,
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
+    errors: CornerErrors | None = None,
 ) -> list[tuple[PoseEstimate, ...]]:
     """`square_poses` for T tags in one image: corners (T, 4, 2), sizes and sigmas (T,).
 
@@ -101,10 +104,10 @@ def squares_poses(
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
     points = _SQUARE * sizes[:, None, None]
     if sigmas_px is None:
-        noise = corner_noise(seen, camera.floor_px, noise_px2)
-        return _estimate(points, seen, info, noise, False, camera)
+        noise = corner_noise(seen, known_px2=noise_px2)
+        return _estimate(points, seen, info, noise, camera, errors or CornerErrors(camera.floor_px))
     variances = np.asarray(sigmas_px, np.float64)[:, None, None] ** 2
-    return _estimate(points, seen, info, variances * np.eye(8), True, camera)
+    return _estimate(points, seen, info, variances * np.eye(8), camera)
 
 
 def rig_poses(
@@ -114,6 +117,7 @@ def rig_poses(
     sigma_px: npt.ArrayLike | None = None,
     camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
+    errors: CornerErrors | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """Possible poses of a rigid body with several tags, as `square_poses`.
 
@@ -123,7 +127,7 @@ def rig_poses(
         info: the camera's calibration.
         sigma_px: for all points or (N,); default as for a square, the points being the corners of
             tags, four each.
-        camera, noise_px2: as for squares, for each tag.
+        camera, noise_px2, errors: as for squares, for each tag.
 
     Raises:
         UncalibratedCamera: no calibration.
@@ -132,13 +136,13 @@ def rig_poses(
     corners, points = np.asarray(corners_uv, np.float64), np.asarray(points_xyz, np.float64)
     if corners.shape != (len(points), 2) or points.shape != (len(points), 3) or len(points) < 4:
         raise ValueError(f"a body needs at least 4 points: {corners.shape} and {points.shape}")
-    given = sigma_px is not None
     if sigma_px is None:
-        noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), camera.floor_px, noise_px2))
+        noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), known_px2=noise_px2))
+        errors = errors or CornerErrors(camera.floor_px)
     else:
         deviations = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
-        noise = np.diag(np.repeat(deviations**2, 2))
-    return _estimate(points[None], corners[None], info, noise[None], given, camera)[0]
+        noise, errors = np.diag(np.repeat(deviations**2, 2)), None
+    return _estimate(points[None], corners[None], info, noise[None], camera, errors)[0]
 
 
 def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
@@ -179,10 +183,10 @@ def _estimate(
     corners: Floats,
     info: CameraInfo,
     noise: Floats,
-    given: bool,
     camera: CameraError,
+    errors: CornerErrors | None = None,
 ) -> list[tuple[PoseEstimate, ...]]:
-    """Poses of each body (B, N, ...), all with N points; ``given``: the noise was given."""
+    """Poses of each body (B, N, ...), all with N points; without errors, the noise is all."""
     rays = rays_of(corners, info)
     begun = starts(points, rays.directions)
     found: list[tuple[PoseEstimate, ...]] = [()] * len(points)
@@ -194,14 +198,19 @@ def _estimate(
     seen = points[twice], Rays(rays[0][twice], rays[1][twice])
     whiten = whitening(noise[twice])
     fit = refine(R, t, *seen, whiten)
-    if not given or not camera.is_calibrated_exactly:
-        best = fit.chi2.reshape(-1, 2).min(axis=1)
-        raised = noise[bodies] if given else with_extra(noise[bodies], best)
+    plain = np.broadcast_to(np.eye(whiten.shape[1]), whiten.shape)
+    if errors or not camera.is_calibrated_exactly:
+        raised = noise[bodies]
+        if errors:
+            best = 2 * np.arange(len(bodies)) + fit.chi2.reshape(-1, 2).argmin(axis=1)
+            off, J = (part[best] for part in linearise(fit.R, fit.t, *seen, plain))
+            errors.learn(corners[bodies], off, J, raised)
+            raised = raised + errors.variance_px2 * plain[0]
         raised = raised + camera.of_calibration(corners[bodies], info)
         whiten = np.repeat(whitening(raised), 2, axis=0)
         fit = refine(fit.R, fit.t, *seen, whiten)
     spreads = covariances(fit, *seen, whiten)
-    off, _ = linearise(fit.R, fit.t, *seen, np.broadcast_to(np.eye(whiten.shape[1]), whiten.shape))
+    off, _ = linearise(fit.R, fit.t, *seen, plain)
     rms = np.sqrt((off * off).sum(axis=1) / points.shape[1])
     for number, body in enumerate(bodies):
         both = slice(2 * number, 2 * number + 2)

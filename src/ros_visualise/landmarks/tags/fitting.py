@@ -30,9 +30,11 @@ _RESTLESS_PX = 0.1  # last step of a fit that did not converge
 _STEP_PX = 1.0  # largest shift of a corner in one round
 _MOST_PX, _MOST_SHARE = 3.0, 0.05  # in total, or as a fraction of the tag's extent
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
+_HALO_PX2 = np.array([1.5, 0.0, 1.5])  # additional blur of what sharpening subtracts
 _LEAST_CONTRAST = 5.0  # levels of gray
 _WORST_FIT = 0.2  # largest residual, as a fraction of the contrast
-_UNSEEN = 1.1  # factor on squared errors, as the fit absorbs some of them
+_UNSEEN = 1.5  # factor on squared errors: the fit absorbs some, and others are rare and large
+_MODEL_PX = 0.004  # error of the rendering itself, whose blur is a Gaussian's
 _RIDGE = 1e-7
 
 
@@ -58,7 +60,7 @@ class _Linear(NamedTuple):
     residual: Floats
     """(T, N) levels of gray, with the best weights of `_levels`."""
     J: Floats
-    """(T, 21, N) derivatives of gray by corners, blur and the weights of `_levels`."""
+    """(T, 22, N) derivatives of gray by corners, blur and the weights of `_levels`."""
     contrast: Floats
     """(T,) levels of gray from black to white."""
     cell: Floats
@@ -154,29 +156,38 @@ def _linearised(state: _FitState, samples: TagSamples, patterns: Floats, square:
     """
     H = homographies(state.corners, square)
     seen = appearance(H, samples.places, state.blur, patterns)
+    halo = appearance(H, samples.places, state.blur + _HALO_PX2, patterns)
     size = np.abs(state.corners).max(axis=(1, 2))[:, None, None]
     places = samples.places / size
     u, v = places.transpose(2, 0, 1)
-    levels = _levels(seen, u, v) * samples.weight[:, None]
+    levels = _levels(seen, halo, u, v) * samples.weight[:, None]
     gray = samples.gray * samples.weight
     weights = _solved(levels, gray)[0]
     first, second, third, by_u, by_v = weights[:, 1:6, None].transpose(1, 0, 2)
     m = seen.white
     gain = (first + 2 * second * m + 3 * third * m * m + by_u * u + by_v * v) * samples.weight
-    by_warps = _warped(places, seen.slope)
+    wide = weights[:, -1:] * samples.weight
+    by_warps = _warped(places, _mixed(seen.slope, gain, halo.slope, wide))
     by_corners = -np.linalg.inv(_warps(state.corners / size)) @ by_warps
-    moving = np.concatenate([by_corners, seen.by_blur], axis=1) * gain[:, None]
-    J = np.concatenate([moving, levels], axis=1)
+    by_blur = _mixed(seen.by_blur, gain, halo.by_blur, wide)
+    J = np.concatenate([by_corners, by_blur, levels], axis=1)
     x, y = np.floor(seen.xy).transpose(2, 0, 1)
     cell = np.where(samples.weight > 0, x * 32 + y, -1)
-    return _Linear(gray - _sum(levels, weights), J, weights[:, 1:4].sum(axis=1), cell)
+    return _Linear(
+        gray - _sum(levels, weights), J, weights[:, 1:4].sum(axis=1) + weights[:, -1], cell
+    )
 
 
-def _levels(seen: TagAppearance, u: Floats, v: Floats) -> Floats:
-    """(T, 10, N) basis of the levels of gray."""
+def _mixed(one: Floats, gain: Floats, other: Floats, other_gain: Floats) -> Floats:
+    return one * gain[:, None] + other * other_gain[:, None]
+
+
+def _levels(seen: TagAppearance, halo: TagAppearance, u: Floats, v: Floats) -> Floats:
+    """(T, 11, N) basis of the levels of gray."""
     m, one = seen.white, np.ones_like(u)
     grown = np.linalg.norm(seen.slope, axis=1)
-    return np.stack([one, m, m * m, m * m * m, m * u, m * v, u, v, grown, seen.beyond], axis=1)
+    levels = [one, m, m * m, m * m * m, m * u, m * v, u, v, grown, seen.beyond, halo.white]
+    return np.stack(levels, axis=1)
 
 
 def _warps(corners: Floats) -> Floats:
@@ -244,7 +255,7 @@ def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) 
         sums = np.add.reduceat(pull[:, order], starts, axis=1)
         few = len(starts) / max(len(starts) - J.shape[1], 1)
         by_cells[tag] = few * sums @ sums.T
-    return np.asarray(_UNSEEN * (by_pixels + by_cells) / 2)
+    return np.asarray(_UNSEEN * (by_pixels + by_cells) / 2 + _MODEL_PX**2 * np.eye(8))
 
 
 def _is_good(left: Floats, contrast: Floats, weight: Floats) -> npt.NDArray[np.bool_]:

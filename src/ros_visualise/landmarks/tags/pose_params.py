@@ -32,8 +32,9 @@ class PoseParams:
     )
     ignore: str = param("", "ids of tags that are ignored, such as 166,213")
     corner_floor: float = param(
-        0.0,
-        "smallest corner error (standard deviation), pixels, added to the estimated one",
+        0.3,
+        "expected corner error of the camera (standard deviation), pixels, in its first images;"
+        " later ones estimate it; 0.3 suits real cameras, 0 renderings",
         min=0,
         max=10,
         slider=(0, 2),

@@ -46,7 +46,8 @@ def sample_tags(
     weight = np.zeros_like(levels)
     for tag, (there, seen) in enumerate(several):
         count = len(seen)
-        places[tag, :count], levels[tag, :count], weight[tag, :count] = there, seen, 1
+        places[tag, :count], levels[tag, :count] = there, seen
+        weight[tag, :count] = (seen > 0) & (seen < 255)
     return TagSamples(places, levels, weight)
 
 
