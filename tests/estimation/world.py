@@ -211,6 +211,7 @@ class World:
         slides: (from, to, (3,)): the odometry moves by so much more, in the map's axes.
         frozen: (from, to): the odometry repeats its pose and then goes on where the robot is.
         scales: (from, to, scale error of distances); otherwise ``scale``.
+        turn_scale: scale error of rotations.
         walk, heading, tilt: odometry noise, m/sqrt(m) and rad/sqrt(m).
         kidnapped: (time, (3,)): the robot is moved, and no sensor notices.
         imu_turned: (from, to, (3, 3)): the IMU's axes are others.
@@ -235,6 +236,7 @@ class World:
     frozen: Sequence[tuple[float, float]] = ()
     scales: Sequence[tuple[float, float, float]] = ()
     scale: float | None = None
+    turn_scale: float = 0.0
     walk: float = 0.02
     heading: float = np.radians(0.2)
     tilt: float = np.radians(0.02)
@@ -312,7 +314,8 @@ class World:
                 noise = (self.walk * np.sqrt(metres) + still) * random.normal(size=3)
                 sigmas = np.array([self.tilt, self.tilt, self.heading]) * np.sqrt(metres)
                 turn = exp(believed.R.T @ (sigmas * random.normal(size=3)))
-                believed = believed @ Pose(D.R @ turn, factor * D.p + noise)
+                turned = exp((1 + self.turn_scale) * log(D.R)) @ turn
+                believed = believed @ Pose(turned, factor * D.p + noise)
                 step = np.concatenate([np.full(3, self.walk**2), sigmas**2 / (metres + 1e-9)])
                 told = np.diag(step * metres / step_s**2 + 1e-6)
                 way += metres
