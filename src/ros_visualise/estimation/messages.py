@@ -26,7 +26,7 @@ from ros_visualise.estimation.chart import ImageOutcome, MapMode
 from ros_visualise.estimation.landmark import Landmark
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
-from ros_visualise.estimation.odometry import SCALES
+from ros_visualise.estimation.odometry import AXES, SCALES
 from ros_visualise.estimation.robot import OwnStates
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import rotations
@@ -42,6 +42,10 @@ _SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 
 _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
     ("odometry too short by (%)", SCALES, 0, 100),
+    *(
+        (f"odometry turned about {axis} (deg)", AXES, place, float(np.degrees(1)))
+        for place, axis in enumerate("xyz")
+    ),
     ("odometry turns too little by (%)", SCALES, 1, 100),
     *(
         (f"camera {number} {what}", states, place, factor)

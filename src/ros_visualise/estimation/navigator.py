@@ -156,17 +156,18 @@ class Navigator:
         self._window.configure(settings)
 
     def odometry(
-        self, stamp_ns: int, pose: Pose, variances: tuple[float, float] = (0.0, 0.0)
+        self, stamp_ns: int, pose: Pose, variances: Floats | None = None
     ) -> RobotEstimate | None:
         """Process an odometry pose, T_odom_base; None while the robot's pose is unknown.
 
         Args:
-            variances: of position and heading, as the odometry reports them; 0: unknown.
+            variances: (4,) of its velocity and yaw rate, see `OdometryPose`.
         """
         if not self._is_present("odometry", stamp_ns):
             return None
         window, filter = self._window, self._window.filter
-        if not filter.odometer.add(stamp_ns, OdometryPose(pose, variances)):
+        told = OdometryPose(pose) if variances is None else OdometryPose(pose, variances)
+        if not filter.odometer.add(stamp_ns, told):
             self._dropped["odometry: repeated stamp"] += 1
             return None
         window.add(OdometryEvent(stamp_ns))

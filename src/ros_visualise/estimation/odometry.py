@@ -18,23 +18,29 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.gates import GATES
-from ros_visualise.estimation.robot import BEFORE, POSE, VELOCITY, RobotState, core, own_states
+from ros_visualise.estimation.robot import BEFORE, POSE, VELOCITY, core, own_states
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import Pose, compose, interpolate, inverse, to_matrix
 
 SCALES = own_states("scales of odometry", 2)
 """Scale errors of distances and rotations, as fractions."""
+AXES = own_states("axes of odometry", 3)
+"""Rotation from the axes of the odometry's motions to the robot's, rad: a robot on wheels may be
+tilted, and still move along the ground.
+"""
 
 GAP_NS = 250_000_000
 """Longest interval between two odometry poses; a longer one is a gap."""
 
+_UNREPORTED = np.zeros(4)
 _EYE = np.eye(3)
 _LEAST = 1e-10  # variance, m^2 and rad^2, of exact odometry
 _SPEED_SIGMA = 1.0  # m/s, velocity uncertainty of one odometry step
 VAGUE_SPEED = 10.0
 """Standard deviation of an unknown velocity, m/s."""
 _LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: jitter and rounding of odometry
+_LASTING_S = 0.5  # how long errors of the odometry last, beside an IMU that notices them
 _SHORTEST_S = 0.02  # of the intervals by which speeds are judged
 
 
@@ -45,7 +51,8 @@ class OdometryStep(NamedTuple):
         motion: in the robot's axes at the beginning.
         from_ns, to_ns: beginning and end.
         up: (3,) the odometry's vertical, in the robot's axes at the end.
-        reported: growth of the variances of position and heading, by the odometry itself.
+        reported: (4,) variances of the motion along its axes, m^2, and of its heading, rad^2, by
+            the odometry itself; 0 if it reports none.
         is_guess: True if it is interpolated across a gap.
     """
 
@@ -53,7 +60,7 @@ class OdometryStep(NamedTuple):
     from_ns: int
     to_ns: int
     up: Floats
-    reported: tuple[float, float] = (0.0, 0.0)
+    reported: Floats = _UNREPORTED
     is_guess: bool = False
 
     @property
@@ -79,10 +86,14 @@ def up_of(pose: Pose) -> Floats:
 
 
 class OdometryPose(NamedTuple):
-    """A pose of the robot in the odometry's frame, with its variances of position and heading."""
+    """A pose of the robot in the odometry's frame.
+
+    ``variances`` (4,) are of the velocity before it, (m/s)^2, and of the yaw rate, (rad/s)^2, as
+    the odometry reports them; 0 if it reports none.
+    """
 
     pose: Pose
-    variances: tuple[float, float] = (0.0, 0.0)
+    variances: Floats = _UNREPORTED
 
 
 class OdometryBuffer:
@@ -130,10 +141,10 @@ class OdometryBuffer:
         start, end = self.stamps_ns[after - 1], self.stamps_ns[after]
         a, b = self.at(from_ns), self.at(to_ns)
         part = (to_ns - from_ns) / (end - start)
-        before, then = self._poses[after - 1].variances, self._poses[after].variances
-        grown = (max(then[0] - before[0], 0.0) * part, max(then[1] - before[1], 0.0) * part)
+        # errors of intervals are independent: their variances grow with time
+        reported = self._poses[after].variances * ((end - start) / 1e9) ** 2 * part
         is_guess = part < 1 and end - start > GAP_NS
-        return OdometryStep(compose(inverse(a), b), from_ns, to_ns, up_of(b), grown, is_guess)
+        return OdometryStep(compose(inverse(a), b), from_ns, to_ns, up_of(b), reported, is_guess)
 
     def before(self, stamp_ns: int) -> int | None:
         """Time of the last pose before a time."""
@@ -153,10 +164,13 @@ class OdometryNoise:
     Attributes:
         scale: initial scale error of all distances, as a fraction.
         turn_scale: initial scale error of all rotations, as a fraction.
+        axes: rotation of the motions' axes, rad.
         scale_walk: change of both, per sqrt(m).
         walk: of the position, m/sqrt(m).
         heading_walk: of the heading, rad/sqrt(m).
         tilt_walk: of roll and pitch, rad/sqrt(m).
+        turn_walk: of the heading, rad/sqrt(rad), and as many metres of the position: wheels slip
+            in turns.
         still_m, still_rad: of position and heading, per sqrt(s), also at standstill.
     """
 
@@ -168,16 +182,22 @@ class OdometryNoise:
     tilt_walk: float = 0.0
     still_m: float = 1e-3
     still_rad: float = 1e-4
+    axes: float = 0.0
+    turn_walk: float = 0.0
 
-    def of(self, step: OdometryStep, up: Floats) -> tuple[float, Floats]:
-        """Variance of a step's position, and covariance (3, 3) of its rotation."""
+    def of(self, step: OdometryStep, up: Floats) -> tuple[Floats, Floats]:
+        """Variances (3,) of a step's position, along the robot's axes, and covariance (3, 3) of its
+        rotation, whose vertical is ``up``.
+        """
         metres = math.hypot(*step.motion[:3])
         tilt = self.tilt_walk**2 * metres + _LEAST
         heading = self.heading_walk**2 * metres + self.still_rad**2 * step.seconds
-        heading = max(heading, step.reported[1])
+        slip = self.turn_walk**2 * 2 * math.acos(min(abs(step.motion[6]), 1.0))
+        heading += slip
+        heading = max(heading, step.reported[3])
         turned = tilt * _EYE + (heading - tilt) * np.multiply.outer(up, up)
-        moved = self.walk**2 * metres + self.still_m**2 * step.seconds
-        return max(moved, step.reported[0]) + _LEAST, turned
+        moved = self.walk**2 * metres + self.still_m**2 * step.seconds + slip
+        return np.maximum(moved, step.reported[:3]) + _LEAST, turned
 
     @property
     def scales(self) -> Floats:
@@ -194,7 +214,8 @@ def propagate_by_odometry(state: State, step: OdometryStep, model: OdometryNoise
     """Propagate by a step of odometry."""
     robot = state.robot
     T = to_matrix(step.motion)
-    way, axis = robot.R @ T[:3, 3], robot.R @ _rotation_vector(step.motion)
+    along = T[:3, 3] + np.cross(robot[AXES], T[:3, 3])
+    way, axis = robot.R @ along, robot.R @ _rotation_vector(step.motion)
     ways, turns = 1 + robot[SCALES]
     R = cv2.Rodrigues(turns * axis)[0] @ robot.R
     p = robot.p + ways * way
@@ -207,12 +228,13 @@ def propagate_by_odometry(state: State, step: OdometryStep, model: OdometryNoise
     J = np.eye(size)
     J[:3, scale] = way
     J[:3, scale + 1], J[3:6, scale + 1] = arm @ axis, axis
+    J[:3, AXES.rows] = -ways * robot.R @ se3.cross(T[:3, 3])
     J[VELOCITY] = 0
     J[VELOCITY, scale] = v / ways
     moved, turned = model.of(step, R @ step.up)
     spread = arm @ turned
     noise = np.zeros((size, size))
-    noise[:3, :3] = spread @ arm.T + moved * _EYE
+    noise[:3, :3] = spread @ arm.T + (robot.R * moved) @ robot.R.T
     noise[:3, 3:6], noise[3:6, :3], noise[3:6, 3:6] = spread, spread.T, turned
     noise[VELOCITY, VELOCITY] = _SPEED_SIGMA**2 * _EYE
     noise[SCALES.rows, SCALES.rows] = model.scales_walk(math.hypot(*step.motion[:3]))
@@ -240,7 +262,8 @@ def check_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> St
     between = back @ robot.R
     way = back @ (robot.p - robot.before_p)
     turned_by = se3.turn_between(cv2.Rodrigues(turns * turn)[0], between)
-    residual = np.concatenate([ways * T[:3, 3] - way, turned_by])
+    along = T[:3, 3] + np.cross(robot[AXES], T[:3, 3])
+    residual = np.concatenate([ways * along - way, turned_by])
     size, scale = core(), SCALES.rows.start
     H = np.zeros((6, size))
     H[:3, :3], H[:3, 3:6] = back, -back @ se3.cross(robot.p)
@@ -248,9 +271,12 @@ def check_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> St
     H[:, BEFORE] = -H[:, POSE]
     # as expected, not as measured: noise in both would look like a scale error
     H[:3, scale], H[3:, scale + 1] = -way / ways, -se3.rotation_vector(between) / turns
+    H[:3, AXES.rows] = se3.cross(way)
     moved, turned = model.of(step, T[:3, :3] @ step.up)
     noise = np.zeros((6, 6))
-    noise[:3, :3], noise[3:, 3:] = moved * _EYE, turned
+    # slip and jitter last: errors of short steps are not independent
+    lasting = max(_LASTING_S / max(step.seconds, 1e-3), 1.0)
+    noise[:3, :3], noise[3:, 3:] = np.diag(moved) * lasting, turned * lasting
     columns = np.arange(size)
     spread = H @ state.P[:size, :size] @ H.T + noise + np.diag(_LEEWAY**2)
     if residual @ np.linalg.solve(spread, residual) > GATES[6]:
@@ -270,11 +296,12 @@ def place_robot(
 
     Biases, and what is known of GPS and gravity, stay.
     """
-    state.forget(POSE, VELOCITY, BEFORE, SCALES.rows)
+    state.forget(POSE, VELOCITY, BEFORE, SCALES.rows, AXES.rows)
     state.inflate(POSE, covariance + _LEAST * np.eye(6))
     state.inflate(SCALES.rows, noise.scales)
+    state.inflate(AXES.rows, noise.axes**2 * _EYE)
     state.inflate(VELOCITY, VAGUE_SPEED**2 * _EYE)
-    robot: RobotState = state.robot.with_own(SCALES, np.zeros(2))
+    robot = state.robot.with_own(SCALES, np.zeros(2)).with_own(AXES, np.zeros(3))
     state.robot = replace(robot, R=R, p=p, v=np.zeros(3), before_R=R, before_p=p)
 
 

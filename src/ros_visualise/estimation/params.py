@@ -60,6 +60,14 @@ class OdometryErrorParams:
         slider=(0, 5),
         group="odometry",
     )
+    odom_turn_noise: float = param(
+        3.0,
+        "heading error, growing with rotation, as wheels slip (standard deviation), deg/sqrt(rad)",
+        min=0,
+        max=90,
+        slider=(0, 10),
+        group="odometry",
+    )
     odom_tilt_noise: float = param(
         0.02,
         "roll and pitch error, growing with the distance (standard deviation), deg/sqrt(m)",
@@ -74,6 +82,15 @@ class OdometryErrorParams:
         min=0,
         max=10,
         slider=(0, 0.1),
+        group="odometry",
+    )
+    odom_axes: float = param(
+        0.5,
+        "rotation of the axes of the odometry's motions to the robot's (standard deviation),"
+        " degrees: wheels move along the ground, also under a tilted body",
+        min=0,
+        max=45,
+        slider=(0, 5),
         group="odometry",
     )
     level_sigma: float = param(
@@ -229,6 +246,8 @@ class NavigatorParams(
             math.radians(self.odom_heading_noise),
             math.radians(self.odom_tilt_noise),
             self.odom_still_noise,
+            axes=math.radians(self.odom_axes),
+            turn_walk=math.radians(self.odom_turn_noise),
         )
         imu = ImuNoise(
             self.gyro_density,

@@ -12,7 +12,7 @@ from ros_visualise.data import Floats
 from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN
-from ros_visualise.estimation.odometry import SCALES, OdometryNoise
+from ros_visualise.estimation.odometry import AXES, SCALES, OdometryNoise
 from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
 from ros_visualise.estimation.sensors import SENSORS
 from ros_visualise.estimation.state import State
@@ -85,6 +85,7 @@ class NavigatorSettings:
         """
         imu, plane = self.imu, self.rules.plane
         yield SCALES.rows, np.diag(self.odometry.scales)
+        yield AXES.rows, np.full(3, self.odometry.axes**2)
         yield GYRO.rows, np.full(3, imu.gyro_bias**2)
         yield ACCEL.rows, np.full(3, imu.accel_bias**2)
         yield GROUND.rows, np.full(1, plane.sigma_m**2 if plane else 0.0)

@@ -53,7 +53,7 @@ _TWO_PUBLISH = (
     " recording, play it without its localization)"
 )
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
-_UNKNOWN = 1e4  # variance above which an odometry says that it does not know
+_UNKNOWN = 1e3  # variance above which an odometry says that it does not know
 _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
 
 
@@ -235,7 +235,7 @@ class LandmarkNavigator:
             given = _known(self._given, self._common)
             self._navigator = Navigator(self._settings, given, start, self._common)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
-        variances = _variances(odometry.pose_covariance)
+        variances = _variances(odometry.twist_covariance)
         now = self._navigator.odometry(header.stamp_ns, pose, variances)
         if now is None:
             return {}
@@ -292,12 +292,11 @@ class LandmarkNavigator:
         return answer
 
 
-def _variances(covariance: Floats) -> tuple[float, float]:
-    """Variances of position and heading, as an odometry reports them; 0 if it does not."""
-    values = np.diag(covariance)
+def _variances(covariance: Floats) -> Floats:
+    """(4,) variances of velocity and yaw rate, as an odometry reports them; 0 if it does not."""
+    values = np.diag(covariance)[[0, 1, 2, 5]]
     known = np.isfinite(values) & (values > 0) & (values < _UNKNOWN)
-    position = float(values[:3][known[:3]].mean()) if known[:2].all() else 0.0
-    return position, float(values[5]) if known[5] else 0.0
+    return np.where(known, values, 0.0)
 
 
 def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:
