@@ -149,7 +149,10 @@ class Filter:
         parts = self._intervals(belief, to_ns)
         belief.state = belief.state.copy()
         if parts is not None:
-            propagate_by_imu(belief.state, parts, self.settings.imu)
+            rates, force = self.imu.densities(to_ns)
+            told = self.settings.imu
+            noise = replace(told, gyro=max(told.gyro, rates), accel=max(told.accel, force))
+            propagate_by_imu(belief.state, parts, noise)
         else:
             belief.is_by_imu = False
         steps = self.odometer.steps(from_ns, to_ns) if self.odometer.covers(to_ns) else []

@@ -21,6 +21,8 @@ ACCEL = own_states("bias of the accelerometer", 3)
 _EYE = np.eye(3)
 _MOVED = VELOCITY.stop  # the first errors: pose and velocity
 _GAP_NS = 100_000_000  # longest gap between measurements
+_SHAKEN_NS = 1_000_000_000
+_LEAST_SHAKEN, _MOST_SHAKEN = 20, 200  # measurements that tell how much it shakes
 _LONGEST_NS = 8_000_000_000  # that is kept, with no odometry to use it
 
 
@@ -126,6 +128,22 @@ class ImuBuffer:
             force = (self._at_origin(n) + self._at_origin(m)) / 2
             parts.append(ImuInterval((b - a) / 1e9, rates, force))
         return parts
+
+    def densities(self, until_ns: int) -> tuple[float, float]:
+        """Noise densities of rates and forces, by what is random in the last second.
+
+        The second differences of a smooth motion are small, those of white noise six times its
+        variance: a robot that shakes is as noisy as its sensor is said to be, and more.
+        """
+        end = bisect_right(self._stamps_ns, until_ns)
+        first = max(bisect_left(self._stamps_ns, until_ns - _SHAKEN_NS), end - _MOST_SHAKEN)
+        if end - first < _LEAST_SHAKEN:
+            return 0.0, 0.0
+        seconds = (self._stamps_ns[end - 1] - self._stamps_ns[first]) / 1e9 / (end - first - 1)
+        several = np.array([(one.rates, one.force) for one in self._samples[first:end]])
+        squares = np.square(np.diff(several, n=2, axis=0)).mean(axis=(0, 2)) / 6
+        rates, force = np.sqrt(squares * seconds).tolist()
+        return rates, force
 
     def forget(self, before_ns: int) -> None:
         """Forget older measurements, except the last two of them."""

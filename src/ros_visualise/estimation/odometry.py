@@ -40,7 +40,6 @@ _SPEED_SIGMA = 1.0  # m/s, velocity uncertainty of one odometry step
 VAGUE_SPEED = 10.0
 """Standard deviation of an unknown velocity, m/s."""
 _LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: jitter and rounding of odometry
-_LASTING_S = 0.5  # how long errors of the odometry last, beside an IMU that notices them
 _SHORTEST_S = 0.02  # of the intervals by which speeds are judged
 
 
@@ -274,9 +273,7 @@ def check_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> St
     H[:3, AXES.rows] = se3.cross(way)
     moved, turned = model.of(step, T[:3, :3] @ step.up)
     noise = np.zeros((6, 6))
-    # slip and jitter last: errors of short steps are not independent
-    lasting = max(_LASTING_S / max(step.seconds, 1e-3), 1.0)
-    noise[:3, :3], noise[3:, 3:] = np.diag(moved) * lasting, turned * lasting
+    noise[:3, :3], noise[3:, 3:] = np.diag(moved), turned
     columns = np.arange(size)
     spread = H @ state.P[:size, :size] @ H.T + noise + np.diag(_LEEWAY**2)
     if residual @ np.linalg.solve(spread, residual) > GATES[6]:
