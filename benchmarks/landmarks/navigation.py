@@ -1,6 +1,6 @@
 """Accuracy, consistency and speed of the navigator over many computed flights of 500 m.
 
-    python benchmarks/landmarks/navigation.py [--seeds 30] [--metres 500] [--case 0]
+    python benchmarks/landmarks/navigation.py [--seeds 30] [--metres 500] [--case 0] [--tags 500]
 
 A quadrotor flies rows at 10 m over 56 tags of 0.6 m without GPS; its odometry is wrong by 1 % of
 the way (`tests/estimation/flights.py`). Corners are computed, with the noise that tags of
@@ -82,8 +82,10 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--metres", type=float, default=500)
     parser.add_argument("--case", type=int, action="append", help="one of them, from 0 on")
+    parser.add_argument("--tags", type=int, help="as many instead of those of the case")
     args = parser.parse_args()
     for case in [CASES[number] for number in args.case or range(len(CASES))]:
+        case = case._replace(tags=args.tags) if args.tags else case
         rows = np.array([fly(seed, case, args.metres) for seed in range(args.seeds)])
         print_rows(case, rows)
 

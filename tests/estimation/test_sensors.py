@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import FluidPressure, Header, MagneticField, Range
 from ros_visualise.data import TwistWithCovarianceStamped as Twist
 from ros_visualise.estimation.imu import Mounting
@@ -90,6 +91,25 @@ def test_only_the_measured_parts_of_a_velocity_count():
     R = to_matrix(from_rpy([0, 0, 1.0]))
     found = sensor.expect(RobotState(R=R, v=R @ [1.5, 0.3, 0]), reading, params)
     assert found.residual == pytest.approx([0.5])
+
+
+def test_deviations_of_a_calibration_let_the_focal_length_be_estimated(tmp_path):
+    written = tmp_path / "camera.yaml"
+    covariance = np.diag([4.0, 4, 1, 1, 0, 0, 0, 0, 0])  # two pixels of 500
+    written.write_text(
+        "image_width: 640\nimage_height: 480\ncamera_name: c\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
+        "distortion_model: plumb_bob\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n"
+        "rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
+        "projection_matrix: {rows: 3, cols: 4,"
+        " data: [500, 0, 320, 0, 0, 500, 240, 0, 0, 0, 1, 0]}\n"
+        f"intrinsics_covariance: {{rows: 9, cols: 9, data: {covariance.ravel().tolist()}}}\n"
+    )
+    settings = NavigatorParams(calibration=str(written)).settings()
+    assert settings.camera.focal == pytest.approx(2 / 500)
+    with pytest.raises(OpenError, match="absent"):
+        NavigatorParams(calibration=str(tmp_path / "absent.yaml")).settings()
 
 
 def test_states_return_to_their_prior_with_time():

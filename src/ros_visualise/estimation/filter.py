@@ -16,7 +16,6 @@ from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, ImuTrust
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
-from ros_visualise.estimation.gates import DECIDED
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, Pair, camera_of
 from ros_visualise.estimation.odometry import (
@@ -37,6 +36,7 @@ from ros_visualise.estimation.settings import NavigatorSettings
 from ros_visualise.estimation.updating import fits
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
+from ros_visualise.landmarks.gates import DECIDED
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again

@@ -14,8 +14,8 @@ from ros_visualise.estimation.robot import RobotState, own_states
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.se3 import cross, turn_between
+from ros_visualise.landmarks.pose.estimating import SQUARE
 
-SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _CURVED = 4.0  # second-order errors, which last, count as so many times their white part
 _NEAR = 1e-3  # least depth of a corner, as a fraction of its distance
 

@@ -14,6 +14,7 @@ from ros_visualise.estimation.points import GroundPlane
 from ros_visualise.estimation.sensors import SENSORS
 from ros_visualise.estimation.settings import CameraErrors, NavigatorSettings
 from ros_visualise.landmarks.map_params import MapParams
+from ros_visualise.sources.calibration import read_uncertainty
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,12 @@ class CameraErrorParams:
         slider=(0, 0.2),
         group="camera",
     )
+    calibration: str = param(
+        "",
+        "YAML file that calibrate wrote: an error of the focal length is estimated",
+        group="camera",
+        file=bool,
+    )
     camera_turn: float = param(
         0.0,
         "estimate an error of the camera's mounting: its standard deviation, degrees; 0: do not",
@@ -260,11 +267,12 @@ class NavigatorParams(
         ground = GroundPlane(self.ground_height, self.ground_sigma, self.ground_roughness)
         plane = ground if self.ground else None
         turn_rad = math.radians(self.camera_turn)
+        focal = read_uncertainty(self.calibration).focal if self.calibration else 0.0
         return NavigatorSettings(
             MapRules(self.mode, self.min_sightings, self.min_parallax, plane),
             odometry,
             imu,
-            CameraErrors(self.camera_clock, turn_rad, self.camera_focal),
+            CameraErrors(self.camera_clock, turn_rad, max(self.camera_focal, focal)),
             self.imu,
             math.radians(self.level_sigma),
             self.delay,

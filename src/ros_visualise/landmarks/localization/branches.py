@@ -19,10 +19,8 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.landmarks.gates import DECIDED
 from ros_visualise.landmarks.localization.estimate import CandidateUpdate
-
-DECIDED = 6.0
-"""Log-likelihood ratio of all views at which the less likely branch is dropped."""
 
 LOSS = 2.0
 """Largest log-likelihood ratio of one view: what an outlier costs."""

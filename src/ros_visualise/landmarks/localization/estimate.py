@@ -9,11 +9,8 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import se3
+from ros_visualise.landmarks.gates import GATES
 from ros_visualise.landmarks.localization.seen import Equations, Expect
-
-GATES = {1: 10.83, 2: 13.82, 3: 16.27, 6: 22.46, 8: 26.12}
-"""Number of measured values -> 99.9 % point of the chi-square distribution, for squared Mahalanobis
-distances."""
 
 E = TypeVar("E")
 _VAGUE_M2, _VAGUE_RAD2 = 1e8, 1e6

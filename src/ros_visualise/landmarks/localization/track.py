@@ -17,7 +17,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization import branches
-from ros_visualise.landmarks.localization.branches import DECIDED, Branch, Branches
+from ros_visualise.landmarks.localization.branches import Branch, Branches
 from ros_visualise.landmarks.localization.estimate import (
     CandidateUpdate,
     LandmarkEstimate,
@@ -26,7 +26,7 @@ from ros_visualise.landmarks.localization.estimate import (
 )
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading
 
-__all__ = ["DECIDED", "Branch", "LandmarkTrack", "begin", "log_score"]
+__all__ = ["Branch", "LandmarkTrack", "begin", "log_score"]
 
 _SURE = 0.3  # initial standard deviation along the ray, as a fraction of the range
 

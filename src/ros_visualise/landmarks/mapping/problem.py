@@ -13,12 +13,12 @@ from ros_visualise.data import CameraInfo, Floats, Hypothesis
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.pose import corner_sigma
+from ros_visualise.landmarks.pose.estimating import SQUARE
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
 Flags = npt.NDArray[np.bool_]
 """Masks of views, tags or sightings."""
 
-SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 """Corners of a tag with side 1, in its frame: x right, y up, z towards the viewer."""
 
 

@@ -22,7 +22,7 @@ from ros_visualise.landmarks.pose.rays import Rays, rays_of
 from ros_visualise.landmarks.pose.refinement import RefinedPoses, linearise, refine
 from ros_visualise.landmarks.pose.starting import starts
 
-_SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _EXCLUDED = 9.0  # log of the likelihood ratio, 1 to 8000, at which a solution is rejected
 _FAR_PX = 1e6  # larger than any image
 _SMALLEST_PX2 = 1.0  # least double area of three corners of a square
@@ -102,7 +102,7 @@ def squares_poses(
     if not (sizes > 0).all():
         raise ValueError("a tag's size must be positive")
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
-    points = _SQUARE * sizes[:, None, None]
+    points = SQUARE * sizes[:, None, None]
     if sigmas_px is None:
         noise = corner_noise(seen, known_px2=noise_px2)
         return _estimate(points, seen, info, noise, camera, errors or CornerErrors(camera.floor_px))

@@ -38,9 +38,9 @@ from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose.estimating import SQUARE
 from ros_visualise.landmarks.tags.finder import Tag
 
-_SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
 
 _LEAST_M, _MOST_M = 1e-4, 100.0  # side of a tag
@@ -201,7 +201,7 @@ def _bundle(where: str, values: Any, sizes: Mapping[int, float]) -> Bundle:
         if not 0.9 < length < 1.1:
             raise _Invalid(f"{place}: qw, qx, qy, qz have norm {length:g}; give a unit quaternion")
         R = rotations.to_matrix(np.roll(quat_wxyz, -1) / length)
-        corners[id] = _SQUARE * size @ R.T + [x, y, z]
+        corners[id] = SQUARE * size @ R.T + [x, y, z]
     if not corners:
         raise _Invalid(f"{where}: no tags in its layout")
     return Bundle(_name(where, bundle), corners)
