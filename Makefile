@@ -27,6 +27,9 @@ QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,
 # Tests of ROS and of pages wait for other processes a third of their time: one more than 2 cores.
 PARALLEL := -n 3 --dist loadfile
 
+# The processes of the tests share the cores; threads of BLAS would only wait for each other.
+export OPENBLAS_NUM_THREADS := 1
+
 test: $(if $(QUICK),.venv-test/.quick,.venv-test/.ready)
 	.venv-test/bin/ruff format --check
 	.venv-test/bin/ruff check
