@@ -42,7 +42,8 @@ def test_derivatives_are_those_of_the_expected_values(name, seed):
     reading = Reading(name, 0, values, noise, mounting)
     found = sensor.expect(one, reading, params)
     step = 1e-6
-    for row in range(core()):
+    left = (3, 4) if name == "magnetometer" else ()  # it leaves the tilt as it is
+    for row in sorted({*range(core())} - {*left}):
         error = np.zeros(core())
         error[row] = step
         ahead = sensor.expect(one.moved(error), reading, params).residual
@@ -68,6 +69,12 @@ def test_a_rangefinder_that_looks_down_measures_the_height():
     flat = RobotState(R=to_matrix(from_rpy([0, 1.2, 0])), p=level.p)
     assert sensor.expect(flat, reading, params) is None
     assert sensor.read(Range(12.0, 0.1, 10.0), params) == "out of its range"
+
+
+def test_a_disturbed_magnetometer_turns_no_robot_upside_down():
+    sensor, params, one = SENSORS.find("magnetometer"), NavigatorParams(), robot(0)
+    reading = Reading("magnetometer", 0, np.array([0.3, 0.2, -0.9]), np.eye(1), AT)
+    assert not sensor.expect(one, reading, params).H[0, 3:5].any()
 
 
 def test_a_magnetometer_tells_the_heading_from_north():

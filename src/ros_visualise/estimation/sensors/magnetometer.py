@@ -83,7 +83,7 @@ class MagnetometerModel(Sensor):
         self, robot: RobotState, reading: Reading, params: MagnetometerErrorParams
     ) -> Expected | None:
         """The heading of the field in the map, by that of north."""
-        x, y, z = robot.R @ reading.mounting.R @ reading.values
+        x, y, _ = robot.R @ reading.mounting.R @ reading.values
         level = x * x + y * y
         if level < _WEAK**2:
             return None
@@ -91,8 +91,9 @@ class MagnetometerModel(Sensor):
         north = datum + math.pi / 2 - math.radians(params.magnetometer_declination)
         off = math.atan2(y, x) - north - robot[DISTURBANCE][0]
         H = np.zeros((1, core()))
-        # the field as measured turns with the robot, and its heading with that
-        H[0, 3:6] = np.array([x * z, y * z, -level]) / level
+        # The heading also depends on the tilt, twice as much where the field is steep. A lasting
+        # disturbance would be taken for tilt; so that part counts as disturbance instead.
+        H[0, 5] = -1
         H[0, DATUM.stop - 1] = 1
         H[:, DISTURBANCE.rows] = 1
         return Expected(np.array([math.remainder(off, math.tau)]), H, reading.covariance)
