@@ -230,6 +230,17 @@ def test_after_a_jump_of_time_it_begins_where_the_odometry_began():
     np.testing.assert_allclose(frame.translation_xyz, [-6, -3, 0], atol=1e-9)
 
 
+def test_an_image_after_a_jump_of_time_waits_for_an_odometry(tmp_path):
+    params = NavigatorParams(save_to=str(tmp_path / "built.yaml"))
+    node = LandmarkNavigator(params)
+    run(node, params, count=40)
+    assert node.report()["landmarks"] == 2
+    node.reset()
+    assert node.step(params, detections=detections(1, np.array([1.0, 0, 5])), frames=tree()) is None
+    node.save_map()
+    assert len(map_file.load(tmp_path / "built.yaml")[1]) == 2  # what was built is kept
+
+
 def test_losses_are_no_loss_of_data():
     """What a node reports as ``lost`` is what it could not read."""
     node = LandmarkNavigator(NavigatorParams())

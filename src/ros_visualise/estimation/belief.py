@@ -75,7 +75,6 @@ class Belief:
         contradiction: (6,) how far off the pose is if tags that contradict it are right: of the
             position, and about the robot.
         outcome: results of the last image.
-        images: number of images applied since the beginning.
         contradicted: images in a row that contradict the pose, the first at ``contradicted_ns``.
         last_print: of the last image.
         imu: how far the IMU is trusted.
@@ -149,6 +148,10 @@ class Belief:
     def accept(self, sensor: str) -> None:
         """Count an applied measurement."""
         self.counts[f"{sensor} used"] += 1
+        self.forgive(sensor)
+
+    def forgive(self, sensor: str) -> None:
+        """Begin to count anew what is refused in a row."""
         if sensor in self.refusals:
             self.refusals = {name: one for name, one in self.refusals.items() if name != sensor}
 

@@ -72,7 +72,6 @@ class Filter:
         settings: see `NavigatorSettings`.
         odometer, imu: the last seconds of both.
         start: T_map_odom at the start of a new map; None if unknown.
-        common: (6, 6) covariance of the twist of the whole map.
     """
 
     def __init__(self, settings: NavigatorSettings, start: Pose | None) -> None:

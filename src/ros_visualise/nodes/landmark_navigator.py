@@ -150,7 +150,7 @@ class LandmarkNavigator:
         answer: dict[str, Any] = {}
         if odometry is not None:
             answer = self._go_on(odometry, frames)
-        elif self._navigator is None:
+        elif self._navigator is None or not self._base_frame:  # no odometry since the last reset
             return None
         elif imu is not None:
             self._feel(self._navigator, imu, frames)

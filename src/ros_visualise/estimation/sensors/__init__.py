@@ -130,8 +130,7 @@ class Sensor(ABC):
         if refused_s >= PATIENCE_S and refusal.count >= _ENOUGH:
             done = self.give_way(belief, residual, params)
             belief.note(f"{self.name} has contradicted the estimate for {refused_s:.0f} s: {done}")
-            belief.accept(self.name)
-            belief.counts[f"{self.name} used"] -= 1
+            belief.forgive(self.name)
 
 
 SENSORS: Registry[Sensor] = Registry(
