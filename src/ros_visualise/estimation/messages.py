@@ -32,9 +32,8 @@ from ros_visualise.estimation.state import State
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.se3 import about_itself
 from ros_visualise.landmarks.localization.common_error import split
-from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.messages import ellipsoid
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
@@ -191,17 +190,14 @@ def _detection(one: Landmark, places: Mapping[str, _Place]) -> Detection3D:
 
 
 def _track(one: Landmark, place: _Place) -> LandmarkTrack:
-    branch = Branch(known(*place), 0.0)
-    return LandmarkTrack(
-        one.kind,
-        one.number,
-        one.has_orientation,
-        (branch,),
-        one.last_ns,
+    return LandmarkTrack.of_map(
+        (one.kind, one.number),
+        place,
+        _size(one),
+        one.seen,
+        turned=one.has_orientation,
+        last_ns=one.last_ns,
         number=0 if one.has_orientation else int(one.name.rpartition("_")[2]),
-        size_xyz=_size(one),
-        sizes=one.seen if one.side_m else 0,
-        seen=one.seen,
     )
 
 

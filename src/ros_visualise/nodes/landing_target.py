@@ -22,7 +22,8 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
-from ros_visualise.landmarks.landing.tracking import TargetEstimate, TargetMotion, TargetTracker
+from ros_visualise.landmarks.landing.tracking import TargetMotion, TargetTracker
+from ros_visualise.landmarks.localization.estimate import POSE, LandmarkEstimate
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 from ros_visualise.nodes import node
 
@@ -246,16 +247,16 @@ def _motion(p: LandingTargetParams) -> TargetMotion:
     return TargetMotion(p.speed, p.acceleration, drift=p.drift, patience_s=p.patience)
 
 
-def _odometry(estimate: TargetEstimate, header: Header) -> Odometry:
+def _odometry(estimate: LandmarkEstimate, header: Header) -> Odometry:
     """The target's own odometry; its velocity is in its own axes, as that of all odometry."""
-    R = estimate.R
+    R = estimate.R_fixed_landmark
     twist: Floats = np.zeros((6, 6))
     twist[:3, :3] = R.T @ estimate.covariance[6:, 6:] @ R
     return Odometry(
         estimate.position_xyz,
         rotations.from_matrix(R),
         R.T @ estimate.velocity_xyz,
-        pose_covariance=estimate.covariance[:6, :6],
+        pose_covariance=estimate.covariance[POSE, POSE],
         twist_covariance=twist,
         child_frame_id="landing_target",
         header=header,

@@ -9,7 +9,8 @@ import pytest
 from ros_visualise.data import Hypothesis
 from ros_visualise.geometry.rotations import from_matrix, from_rpy, to_matrix
 from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
-from ros_visualise.landmarks.landing.tracking import TargetEstimate, TargetMotion, TargetTracker
+from ros_visualise.landmarks.landing.tracking import TargetMotion, TargetTracker
+from ros_visualise.landmarks.localization.estimate import known as target_at
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 
 S = 1_000_000_000
@@ -208,7 +209,7 @@ def test_of_two_readings_the_level_one_is_taken():
     tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     tilted = pose((0, 0, 0.1), camera, R=to_matrix(from_rpy([0.6, 0, 0])), score=0.55)
     seen(tracker, 0, tilted, pose((0, 0, 0), camera, score=0.45))
-    assert pytest.approx(np.eye(3), abs=1e-6) == known(tracker, 0).R
+    assert pytest.approx(np.eye(3), abs=1e-6) == known(tracker, 0).R_fixed_landmark
 
 
 def test_in_the_bodys_axes_it_is_where_it_is():
@@ -216,7 +217,7 @@ def test_in_the_bodys_axes_it_is_where_it_is():
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = to_matrix(from_rpy([0, 0, math.pi / 2])), [10, 20, 5]
     known = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4, 1, 1, 1])
-    target = TargetEstimate(np.array([11.0, 22, 0]), T[:3, :3], np.zeros(3), known)
+    target = target_at(np.array([11.0, 22, 0]), T[:3, :3], known)
     place, quat, covariance = relative_to(T, target, 0.0, Autopilot.NONE)
     assert place == pytest.approx([2, -1, -5])
     assert quat == pytest.approx([0, 0, 0, 1])
@@ -233,31 +234,31 @@ def test_px4_takes_where_it_is_from_its_own_origin_north_east_down():
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = to_matrix(from_rpy([0.1, 0.2, 2.0])), [10, 20, 5]
     sure = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4, 1, 1, 1])
-    facing_east = TargetEstimate(np.array([11.0, 22, 0.5]), np.eye(3), np.zeros(3), sure)
+    facing_east = target_at(np.array([11.0, 22, 0.5]), np.eye(3), sure)
     place, quat, covariance = relative_to(T, facing_east, 0.0, Autopilot.PX4)
     assert place == pytest.approx([22, 11, -0.5])
     assert quat == pytest.approx(from_rpy([0, 0, math.pi / 2]))  # 90 degrees clockwise from north
     assert np.diag(covariance) == pytest.approx([0.04, 0.01, 0.09, 2e-4, 1e-4, 3e-4])
-    north = replace(facing_east, R=to_matrix(from_rpy([0, 0, math.pi / 2])))
+    north = replace(facing_east, R_fixed_landmark=to_matrix(from_rpy([0, 0, math.pi / 2])))
     assert relative_to(T, north, 0.0, Autopilot.PX4).quat_xyzw == pytest.approx(LEVEL)
 
 
 def test_the_cameras_attitude_counts_for_px4_by_the_distance_from_the_body():
     T = np.eye(4)
     T[:3, 3] = [1000, 0, 8]
-    sure = TargetEstimate(np.array([1000.0, 0, 0]), np.eye(3), np.zeros(3), np.zeros((9, 9)))
+    sure = target_at(np.array([1000.0, 0, 0]), np.eye(3), np.zeros((9, 9)))
     covariance = relative_to(T, sure, 0.01, Autopilot.PX4).covariance
     assert np.sqrt(np.diag(covariance)) == pytest.approx([0.08, 0.08, 0, 0.01, 0.01, 0.01])
 
 
 def test_a_target_turned_to_the_left_has_a_yaw_that_is_negative_about_an_axis_that_points_down():
-    target = TargetEstimate(np.zeros(3), to_matrix(from_rpy([0, 0, 0.3])), np.zeros(3), np.eye(9))
+    target = target_at(np.zeros(3), to_matrix(from_rpy([0, 0, 0.3])), np.eye(9))
     quat = relative_to(np.eye(4), target, 0.0, Autopilot.ARDUPILOT).quat_xyzw
     assert quat == pytest.approx(from_rpy([0, 0, -0.3]))
 
 
 def test_an_error_of_the_cameras_attitude_counts_by_the_distance():
-    sure = TargetEstimate(np.array([0.0, 0, -8]), np.eye(3), np.zeros(3), np.zeros((9, 9)))
+    sure = target_at(np.array([0.0, 0, -8]), np.eye(3), np.zeros((9, 9)))
     covariance = relative_to(np.eye(4), sure, 0.01, Autopilot.NONE).covariance
     assert np.sqrt(np.diag(covariance)) == pytest.approx([0.08, 0.08, 0, 0.01, 0.01, 0.01])
     assert np.linalg.eigvalsh(covariance).min() > -1e-12

@@ -27,8 +27,7 @@ from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
-from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.mapping.mapping import TagMap, map_of
 from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
 from ros_visualise.landmarks.mapping.survey import Survey, read_survey
@@ -189,14 +188,12 @@ def _stamped(child: str, T: Floats, header: Header, frame_id: str) -> TransformS
 
 def _track(one: Detection3D, last_ns: int, seen: int) -> LandmarkTrack:
     best = one.hypotheses[0]
-    here = known(best.position_xyz, rotations.to_matrix(best.quat_xyzw), np.array(best.covariance))
-    return LandmarkTrack(
-        one.class_id,
-        best.number,
-        one.id == one.class_id,
-        (Branch(here, 0.0),),
-        last_ns,
-        size_xyz=one.size_xyz,
-        sizes=int(one.size_xyz.any()),
-        seen=seen,
+    R = rotations.to_matrix(best.quat_xyzw)
+    return LandmarkTrack.of_map(
+        (one.class_id, best.number),
+        (best.position_xyz, R, np.array(best.covariance)),
+        one.size_xyz,
+        seen,
+        turned=one.id == one.class_id,
+        last_ns=last_ns,
     )

@@ -17,7 +17,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.se3 import cross
-from ros_visualise.landmarks.landing.tracking import TargetEstimate
+from ros_visualise.landmarks.localization.estimate import POSE, LandmarkEstimate
 
 
 class Autopilot(Enum):
@@ -46,7 +46,7 @@ _NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def relative_to(
-    T_fixed_body: Floats, estimate: TargetEstimate, attitude_sigma: float, autopilot: Autopilot
+    T_fixed_body: Floats, estimate: LandmarkEstimate, attitude_sigma: float, autopilot: Autopilot
 ) -> RelativePose:
     """The target's pose as an autopilot takes it.
 
@@ -68,6 +68,7 @@ def relative_to(
     position = turned @ (estimate.position_xyz if is_local else away)
     both = np.kron(np.eye(2), turned)
     tilted = np.vstack([-cross(turned @ away), np.eye(3)])
-    covariance = both @ estimate.covariance[:6, :6] @ both.T
+    covariance = both @ estimate.covariance[POSE, POSE] @ both.T
     covariance = covariance + attitude_sigma**2 * tilted @ tilted.T
-    return RelativePose(position, rotations.from_matrix(turned @ estimate.R @ own), covariance)
+    turn = rotations.from_matrix(turned @ estimate.R_fixed_landmark @ own)
+    return RelativePose(position, turn, covariance)

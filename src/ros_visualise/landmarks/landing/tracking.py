@@ -18,12 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ros_visualise.data import Floats
-from ros_visualise.geometry import se3
 from ros_visualise.landmarks.localization import branches
 from ros_visualise.landmarks.localization.branches import LOSS, MOVED, Branch, Branches
-from ros_visualise.landmarks.localization.estimate import CandidateUpdate, compare
-from ros_visualise.landmarks.localization.seen import Expect, Ground, PoseReading
+from ros_visualise.landmarks.localization.estimate import OWN, LandmarkEstimate, fit, known
+from ros_visualise.landmarks.localization.seen import Ground, PoseReading
 
 _VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, unknown orientation
 _TURNS = 0.1  # rad/sqrt(s), of a target that moves
@@ -52,49 +50,19 @@ class TargetMotion:
     patience_s: float = 0.5
 
 
-@dataclass(frozen=True)
-class TargetEstimate:
-    """The target: ``position_xyz`` (3,), ``R`` (3, 3), ``velocity_xyz`` (3,)."""
-
-    position_xyz: Floats
-    R: Floats
-    velocity_xyz: Floats
-    covariance: Floats
-
-    def after(self, elapsed_s: float, motion: TargetMotion) -> TargetEstimate:
-        """The prediction for a later or earlier time, with larger covariance."""
-        F, since_s = np.eye(9), abs(elapsed_s)
-        F[:3, 6:] = elapsed_s * np.eye(3)
-        q = motion.acceleration**2 if motion.speed else 0.0
-        noise = np.zeros((9, 9))
-        noise[:3, :3] = (q * since_s**3 / 3 + motion.drift**2 * since_s) * np.eye(3)
-        noise[:3, 6:] = noise[6:, :3] = q * since_s * elapsed_s / 2 * np.eye(3)
-        noise[6:, 6:] = q * since_s * np.eye(3)
-        noise[3:6, 3:6] = (_TURNS if motion.speed else _DRIFTS) ** 2 * since_s * np.eye(3)
-        position = self.position_xyz + elapsed_s * self.velocity_xyz
-        covariance = F @ self.covariance @ F.T + noise
-        return TargetEstimate(position, self.R, self.velocity_xyz, covariance)
-
-    def minus(self, other: TargetEstimate) -> Floats:
-        """(9,) error of another estimate relative to this one."""
-        moved, turned = self.position_xyz - other.position_xyz, se3.turn_between(self.R, other.R)
-        return np.concatenate([moved, turned, self.velocity_xyz - other.velocity_xyz])
-
-    def fit(self, expect: Expect) -> CandidateUpdate[TargetEstimate]:
-        """The estimate updated by a measurement, unless that is an outlier."""
-        equations = expect(self.position_xyz, self.R)
-        H = np.hstack([equations.H, np.zeros((len(equations.H), 3))])  # of pose, not of velocity
-        spread = H @ self.covariance @ H.T + equations.noise
-        found = compare(self, equations, spread)
-        if not found.is_inlier:
-            return found
-        gain = np.linalg.solve(spread, H @ self.covariance).T
-        step = gain @ equations.residual
-        rest = np.eye(9) - gain @ H
-        covariance = rest @ self.covariance @ rest.T + gain @ equations.noise @ gain.T
-        position, velocity = self.position_xyz + step[:3], self.velocity_xyz + step[6:]
-        R = se3.exp(step[:6])[0] @ self.R
-        return replace(found, updated=TargetEstimate(position, R, velocity, covariance))
+def after(target: LandmarkEstimate, elapsed_s: float, motion: TargetMotion) -> LandmarkEstimate:
+    """The prediction for a later or earlier time, with larger covariance."""
+    F, since_s = np.eye(OWN.stop), abs(elapsed_s)
+    F[:3, 6:] = elapsed_s * np.eye(3)
+    q = motion.acceleration**2 if motion.speed else 0.0
+    noise = np.zeros_like(F)
+    noise[:3, :3] = (q * since_s**3 / 3 + motion.drift**2 * since_s) * np.eye(3)
+    noise[:3, 6:] = noise[6:, :3] = q * since_s * elapsed_s / 2 * np.eye(3)
+    noise[6:, 6:] = q * since_s * np.eye(3)
+    noise[3:6, 3:6] = (_TURNS if motion.speed else _DRIFTS) ** 2 * since_s * np.eye(3)
+    position = target.position_xyz + elapsed_s * target.velocity_xyz
+    predicted = known(position, target.R_fixed_landmark, F @ target.covariance @ F.T + noise)
+    return replace(predicted, velocity_xyz=target.velocity_xyz)
 
 
 class TargetTracker:
@@ -107,16 +75,18 @@ class TargetTracker:
     """
 
     def __init__(self) -> None:
-        self._branches: Branches[TargetEstimate] = ()
+        self._branches: Branches = ()
         self._stamp_ns, self._seen = 0, 1
         self.seen_ns: int | None = None
         self.refused = self.replaced = 0
 
-    def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate | None:
+    def at(self, stamp_ns: int, motion: TargetMotion) -> LandmarkEstimate | None:
         """The predicted target at a time; None if unknown."""
         if not (now := self._predicted(stamp_ns, motion)):
             return None
-        return replace(now[0].estimate, covariance=branches.covariance(now))
+        best = now[0].estimate
+        whole = known(best.position_xyz, best.R_fixed_landmark, branches.covariance(now))
+        return replace(whole, velocity_xyz=best.velocity_xyz)
 
     def observe(
         self,
@@ -137,10 +107,10 @@ class TargetTracker:
         if reading is None:
             return
         now = self._predicted(stamp_ns, motion)
-        fits = [branch.estimate.fit(reading.expect) for branch in now]
+        fits = [fit(branch.estimate, reading.expect) for branch in now]
         waited_s = abs(stamp_ns - self._stamp_ns) / 1e9
         loss = min(LOSS, MOVED * waited_s / motion.patience_s)
-        if any(one.is_inlier for one in fits):
+        if any(one.fit.is_inlier for one in fits):
             found = branches.take(now, fits, loss)
             self._seen += 1
         else:
@@ -149,7 +119,7 @@ class TargetTracker:
             found = branches.contradict(now, new, self._seen, loss) if now else new
         if not found:
             return
-        self.refused += bool(fits) and not fits[0].is_inlier
+        self.refused += bool(fits) and not fits[0].fit.is_inlier
         self._branches, has_moved = branches.settled(found)
         self.replaced += has_moved
         self._stamp_ns = self.seen_ns = stamp_ns
@@ -158,14 +128,16 @@ class TargetTracker:
         """Restart with the next sighting."""
         self._branches, self._seen, self.seen_ns = (), 1, None
 
-    def _predicted(self, stamp_ns: int, motion: TargetMotion) -> Branches[TargetEstimate]:
+    def _predicted(self, stamp_ns: int, motion: TargetMotion) -> Branches:
         since_s = (stamp_ns - self._stamp_ns) / 1e9
-        return tuple(replace(b, estimate=b.estimate.after(since_s, motion)) for b in self._branches)
+        return tuple(
+            replace(b, estimate=after(b.estimate, since_s, motion)) for b in self._branches
+        )
 
 
 def _begin(
     reading: PoseReading, motion: TargetMotion, ground: Ground | None
-) -> TargetEstimate | None:
+) -> LandmarkEstimate | None:
     """The estimate from one sighting, with an unknown velocity; None if its position is unknown."""
     R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
     position = reading.position_xyz if reading.has_range else None
@@ -173,16 +145,16 @@ def _begin(
         position = ground.meet(reading)
     if position is None:
         return None
-    covariance = np.zeros((9, 9))
+    covariance = np.zeros((OWN.stop, OWN.stop))
     covariance[:3, :3] = _VAGUE_M2 * np.eye(3)
     covariance[3:6, 3:6] = _VAGUE_TURN
     if reading.R_fixed_landmark is not None:
         covariance[3:6, 3:6] = math.pi**2 * np.eye(3)
     covariance[6:, 6:] = motion.speed**2 * np.eye(3)
-    first = TargetEstimate(position, R, np.zeros(3), covariance)
+    first = known(position, R, covariance)
     if ground is not None and not reading.has_range:
-        first = first.fit(ground.expect).updated
-    return first.fit(reading.expect).updated
+        first = fit(first, ground.expect).updated
+    return fit(first, reading.expect).updated
 
 
 def _likelihood(reading: PoseReading, tilt: float) -> float:

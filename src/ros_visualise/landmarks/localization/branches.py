@@ -14,13 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.gates import DECIDED
-from ros_visualise.landmarks.localization.estimate import CandidateUpdate
+from ros_visualise.landmarks.localization.estimate import CandidateUpdate, LandmarkEstimate
 
 LOSS = 2.0
 """Largest log-likelihood ratio of one view: what an outlier costs."""
@@ -33,40 +32,22 @@ _MOST = 4  # branches
 _SAME = 1.0  # squared Mahalanobis distance at which branches are merged
 
 
-class Estimate(Protocol):
-    """An estimate: its covariance, and its error relative to another one."""
-
-    @property
-    def covariance(self) -> Floats:
-        """(n, n) of its error."""
-        ...
-
-    def minus(self, other: Any) -> Floats:
-        """(n,) error of another estimate relative to this one."""
-        ...
-
-
-E = TypeVar("E", bound=Estimate)
-
-
 @dataclass(frozen=True)
-class Branch(Generic[E]):
+class Branch:
     """An estimate, and the log-likelihood of the views under it, relative to the best one when a
     view fitted that; ``is_elsewhere``: begun by a view that contradicted all others.
     """
 
-    estimate: E
+    estimate: LandmarkEstimate
     evidence: float = 0.0
     is_elsewhere: bool = False
 
 
-Branches = tuple[Branch[E], ...]
+Branches = tuple[Branch, ...]
 """The most likely first."""
 
 
-def take(
-    branches: Branches[E], fits: Sequence[CandidateUpdate[E]], loss: float = LOSS
-) -> Branches[E]:
+def take(branches: Branches, fits: Sequence[CandidateUpdate], loss: float = LOSS) -> Branches:
     """The branches updated by a view that fits at least one of them.
 
     Args:
@@ -74,23 +55,21 @@ def take(
         fits: of each branch.
         loss: largest one, of branches that it does not fit.
     """
-    most = max(one.evidence for one in fits if one.is_inlier)
+    most = max(one.fit.evidence for one in fits if one.fit.is_inlier)
     found = [
         replace(
             branch,
             estimate=one.updated,
-            evidence=branch.evidence + max(one.evidence - most, -loss),
+            evidence=branch.evidence + max(one.fit.evidence - most, -loss),
         )
         for branch, one in zip(branches, fits, strict=True)
     ]
     best, fitting = max(zip(found, fits, strict=True), key=lambda one: one[0].evidence)
-    zero = best.evidence if fitting.is_inlier else 0.0
+    zero = best.evidence if fitting.fit.is_inlier else 0.0
     return decide(replace(branch, evidence=branch.evidence - zero) for branch in found)
 
 
-def contradict(
-    branches: Branches[E], elsewhere: Branches[E], seen: int, loss: float = LOSS
-) -> Branches[E]:
+def contradict(branches: Branches, elsewhere: Branches, seen: int, loss: float = LOSS) -> Branches:
     """The branches after a view that fits none of them.
 
     Args:
@@ -106,9 +85,9 @@ def contradict(
     return decide([*before, *new])
 
 
-def decide(branches: Iterable[Branch[E]]) -> Branches[E]:
+def decide(branches: Iterable[Branch]) -> Branches:
     """The branches that are still possible, the most likely first, without duplicates."""
-    kept: list[Branch[E]] = []
+    kept: list[Branch] = []
     for branch in sorted(branches, key=lambda one: -one.evidence):
         is_likely = not kept or branch.evidence > kept[0].evidence - DECIDED
         if is_likely and not any(_is_same(branch.estimate, one.estimate) for one in kept):
@@ -116,21 +95,21 @@ def decide(branches: Iterable[Branch[E]]) -> Branches[E]:
     return tuple(kept[:_MOST])
 
 
-def settled(branches: Branches[E]) -> tuple[Branches[E], bool]:
+def settled(branches: Branches) -> tuple[Branches, bool]:
     """The same, and True if the best branch is elsewhere; the others are from then on."""
     if not branches[0].is_elsewhere:
         return branches, False
     return tuple(replace(b, is_elsewhere=b is not branches[0]) for b in branches), True
 
 
-def weights(branches: Branches[E]) -> list[float]:
+def weights(branches: Branches) -> list[float]:
     """Probability of each branch."""
     likely = [math.exp(branch.evidence - branches[0].evidence) for branch in branches]
     return [one / sum(likely) for one in likely]
 
 
-def covariance(branches: Branches[E]) -> Floats:
-    """(n, n) about the best estimate; includes the others while undecided."""
+def covariance(branches: Branches) -> Floats:
+    """(9, 9) about the best estimate; includes the others while undecided."""
     best = branches[0].estimate
     whole = np.zeros_like(best.covariance)
     for weight, branch in zip(weights(branches), branches, strict=True):
@@ -139,7 +118,7 @@ def covariance(branches: Branches[E]) -> Floats:
     return whole
 
 
-def _is_same(one: E, other: E) -> bool:
+def _is_same(one: LandmarkEstimate, other: LandmarkEstimate) -> bool:
     off = one.minus(other)
     spread = one.covariance + other.covariance
     return bool(off @ np.linalg.pinv(spread, hermitian=True) @ off < _SAME)

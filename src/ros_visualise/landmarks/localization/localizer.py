@@ -11,7 +11,7 @@ from itertools import combinations, count
 import numpy as np
 
 from ros_visualise.data import Detection, Detections, Floats
-from ros_visualise.landmarks.localization.estimate import CandidateUpdate, LandmarkEstimate
+from ros_visualise.landmarks.localization.estimate import ROBOT, CandidateUpdate
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading, sighting_of
 from ros_visualise.landmarks.localization.sizes import SizeMeasurement
@@ -149,16 +149,16 @@ class Localizer:
 
     def _match(
         self, rest: Sequence[_Located]
-    ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate[LandmarkEstimate]]]]:
+    ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]]:
         """Pairs of detections and their landmarks, the best first."""
         pairs = []
         for one in rest:
             for track in self._tracks:
                 if (track.class_id, track.turned) == (one.class_id, one.turned):
                     fits = track.fits(one.sightings)
-                    if inliers := [fit.distance2 for fit in fits if fit.is_inlier]:
+                    if inliers := [new.fit.distance2 for new in fits if new.fit.is_inlier]:
                         pairs.append((min(inliers), one, track, fits))
-        found: list[tuple[_Located, LandmarkTrack, list[CandidateUpdate[LandmarkEstimate]]]] = []
+        found: list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]] = []
         for _, one, track, fits in sorted(pairs, key=lambda pair: pair[0]):
             if not any(one is taken or track is full for taken, full, _ in found):
                 found.append((one, track, fits))
@@ -211,7 +211,7 @@ class Localizer:
         if a.turned or b.turned or a.class_id != b.class_id or b in a.apart:
             return False
         shared = self._robot.covariance + _LEAST * np.eye(6)
-        of_a, of_b = a.best.joint[:3, 6:], b.best.joint[:3, 6:]
+        of_a, of_b = a.best.joint[:3, ROBOT], b.best.joint[:3, ROBOT]
         both = of_a @ np.linalg.solve(shared, of_b.T)
         spread = a.best.covariance[:3, :3] + b.best.covariance[:3, :3] - both - both.T
         off = a.best.position_xyz - b.best.position_xyz

@@ -29,8 +29,7 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.core.yaml_files import MANY_VALUES, open_yaml, to_yaml
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 
 class MapFile(NamedTuple):
@@ -96,18 +95,10 @@ def _track(path: Path, number: int, values: Any) -> LandmarkTrack:
     try:
         pose, quat = values["pose"], values["pose"]["orientation"]
         R = np.eye(3) if quat is None else rotations.to_matrix(_numbers(quat, 4))
-        estimate = known(_numbers(pose["position"], 3), R, _covariance(pose["covariance"]))
+        at = _numbers(pose["position"], 3), R, _covariance(pose["covariance"])
         size, seen = _numbers(values["size"], 3), int(values["seen"])
-        return LandmarkTrack(
-            str(values["class"]),
-            int(values["number"]),
-            quat is not None,
-            (Branch(estimate, 0.0),),
-            last_ns=0,
-            size_xyz=size,
-            sizes=seen if size.any() else 0,
-            seen=seen,
-        )
+        of_class = str(values["class"]), int(values["number"])
+        return LandmarkTrack.of_map(of_class, at, size, seen, turned=quat is not None)
     except (TypeError, KeyError, ValueError, OverflowError) as error:
         missing = isinstance(error, KeyError)
         why = f"missing {error.args[0]}" if missing else str(error)

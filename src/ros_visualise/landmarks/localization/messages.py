@@ -22,6 +22,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.markers import MarkerAction, MarkerType
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.localization.estimate import POSE
 from ros_visualise.landmarks.localization.localizer import ELLIPSOID
 from ros_visualise.landmarks.localization.track import LandmarkTrack
 
@@ -101,7 +102,7 @@ def _detection(track: LandmarkTrack, quat: Floats) -> Detection3D:
             weight,
             branch.estimate.position_xyz,
             rotations.from_matrix(branch.estimate.R_fixed_landmark),
-            branch.estimate.covariance,
+            branch.estimate.covariance[POSE, POSE],
             track.class_number,
         )
         for weight, branch in zip(track.weights, track.branches, strict=True)

@@ -19,9 +19,11 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization import branches
 from ros_visualise.landmarks.localization.branches import Branch, Branches
 from ros_visualise.landmarks.localization.estimate import (
+    POSE,
     CandidateUpdate,
     LandmarkEstimate,
     fit,
+    known,
     vague,
 )
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading
@@ -49,13 +51,29 @@ class LandmarkTrack:
     class_id: str
     class_number: int
     turned: bool
-    branches: Branches[LandmarkEstimate]
+    branches: Branches
     last_ns: int
     number: int = 0
     size_xyz: Floats = field(default_factory=lambda: np.zeros(3))
     sizes: int = 0
     seen: int = 1
     apart: WeakSet[LandmarkTrack] = field(default_factory=WeakSet)
+
+    @classmethod
+    def of_map(
+        cls,
+        of_class: tuple[str, int],
+        pose: tuple[Floats, Floats, Floats],
+        size_xyz: Floats,
+        seen: int,
+        turned: bool = True,
+        last_ns: int = 0,
+        number: int = 0,
+    ) -> LandmarkTrack:
+        """A landmark of a map: its class, position, rotation and covariance (6, 6)."""
+        first = (Branch(known(*pose)),)
+        sizes = seen if size_xyz.any() else 0
+        return cls(*of_class, turned, first, last_ns, number, size_xyz, sizes, seen)
 
     @property
     def name(self) -> str:
@@ -75,7 +93,8 @@ class LandmarkTrack:
     @property
     def covariance(self) -> Floats:
         """(6, 6) about the best estimate; includes the others while undecided."""
-        return branches.covariance(self.branches)
+        covariance: Floats = branches.covariance(self.branches)[POSE, POSE]
+        return covariance
 
     def carry(self, kept: Floats, covariance: Floats) -> None:
         """Propagate to a new robot error; see `LandmarkEstimate.propagated`."""
@@ -83,25 +102,25 @@ class LandmarkTrack:
             replace(b, estimate=b.estimate.propagated(kept, covariance)) for b in self.branches
         )
 
-    def fits(self, sightings: Sequence[PoseReading]) -> list[CandidateUpdate[LandmarkEstimate]]:
+    def fits(self, sightings: Sequence[PoseReading]) -> list[CandidateUpdate]:
         """For each branch, the update by the hypothesis of a detection that fits best."""
         found = []
         for branch in self.branches:
             several = [(fit(branch.estimate, one.expect), one.score) for one in sightings]
-            best, _ = max(several, key=lambda one: one[0].evidence + log_score(one[1]))
+            best, _ = max(several, key=lambda one: one[0].fit.evidence + log_score(one[1]))
             found.append(best)
         return found
 
-    def take(self, fits: Sequence[CandidateUpdate[LandmarkEstimate]], stamp_ns: int) -> bool:
+    def take(self, fits: Sequence[CandidateUpdate], stamp_ns: int) -> bool:
         """Update by a detection; at least one of the fits is an inlier. True if it has moved."""
         self.seen += 1
         return self._settle(branches.take(self.branches, fits), stamp_ns)
 
-    def contradict(self, elsewhere: Branches[LandmarkEstimate], stamp_ns: int) -> bool:
+    def contradict(self, elsewhere: Branches, stamp_ns: int) -> bool:
         """Consider a detection that fits no branch. True if it has moved."""
         return self._settle(branches.contradict(self.branches, elsewhere, self.seen), stamp_ns)
 
-    def _settle(self, found: Branches[LandmarkEstimate], stamp_ns: int) -> bool:
+    def _settle(self, found: Branches, stamp_ns: int) -> bool:
         self.branches, has_moved = branches.settled(found)
         self.last_ns = stamp_ns
         return has_moved
@@ -118,9 +137,7 @@ class LandmarkTrack:
             self.size_xyz = self.size_xyz + (size_xyz - self.size_xyz) / self.sizes
 
 
-def begin(
-    sightings: Sequence[PoseReading], robot: Floats, ground: Ground | None
-) -> Branches[LandmarkEstimate]:
+def begin(sightings: Sequence[PoseReading], robot: Floats, ground: Ground | None) -> Branches:
     """The branches of a newly seen landmark; empty if it cannot be located.
 
     Args:
@@ -147,7 +164,7 @@ def _begun(
     R = np.eye(3) if sighting.R_fixed_landmark is None else sighting.R_fixed_landmark
     if sighting.has_range:
         first = fit(vague(sighting.position_xyz, R, robot), sighting.expect)
-        yield first.updated, first.evidence
+        yield first.updated, first.fit.evidence
         return
     met = ground.meet(sighting) if ground else None
     if ground is None or met is None:
@@ -158,4 +175,4 @@ def _begun(
     range_m = float(np.linalg.norm(away))
     ray = away / range_m
     if ray @ first.updated.covariance[:3, :3] @ ray < (_SURE * range_m) ** 2:
-        yield first.updated, first.evidence
+        yield first.updated, first.fit.evidence

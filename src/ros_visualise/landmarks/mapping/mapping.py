@@ -12,8 +12,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import about_itself, about_origin, from_parts, inverse
 from ros_visualise.landmarks.localization.common_error import split_by
-from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.mapping.mounting import (
     Gyro,
     MountingCheck,
@@ -182,17 +181,10 @@ def _kept(found: SmoothedMap) -> dict[int, Numbers]:
 def _track(found: SmoothedMap, tag: int, rows: Numbers, covariance: Floats) -> LandmarkTrack:
     sightings = [found.problem.sightings[row] for row in rows]
     name, size = found.problem.names[tag], sightings[0].size_m
-    estimate = known(found.tags.t[tag], found.tags.R[tag], covariance)
-    return LandmarkTrack(
-        name,
-        _number(name),
-        True,
-        (Branch(estimate, 0.0),),
-        int(found.problem.stamps_ns[[one.view for one in sightings]].max()),
-        size_xyz=np.array([size, size, 0.0]),
-        sizes=len(rows),
-        seen=len(rows),
-    )
+    pose = found.tags.t[tag], found.tags.R[tag], covariance
+    last_ns = int(found.problem.stamps_ns[[one.view for one in sightings]].max())
+    square = np.array([size, size, 0.0])
+    return LandmarkTrack.of_map((name, _number(name)), pose, square, len(rows), last_ns=last_ns)
 
 
 def _number(name: str) -> int:
