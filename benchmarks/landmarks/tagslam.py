@@ -34,8 +34,8 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
-from ros_visualise.geometry.se3 import from_pose, inverse
-from ros_visualise.landmarks.localization.seen import cross, sighting_of
+from ros_visualise.geometry.se3 import cross, from_pose, inverse
+from ros_visualise.landmarks.localization.seen import sighting_of
 from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.mapping.problem import Problem, TagPrior, TagSighting
@@ -150,7 +150,7 @@ def combined(views: list[View]) -> dict[Pair, list[float]]:
             track = tracks[a, b]
             track.carry(np.zeros((6, 6)), covariance)
             fits = track.fits(sightings)
-            if any(fit.is_inlier for fit in fits):
+            if any(one.fit.is_inlier for one in fits):
                 track.take(fits, number)
     return {
         pair: [float(np.linalg.norm(track.best.position_xyz))] * track.seen

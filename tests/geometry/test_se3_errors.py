@@ -52,3 +52,10 @@ def test_errors_about_the_origin_and_about_a_point():
     np.testing.assert_allclose(shifted - p, error[:3], atol=1e-13)
     np.testing.assert_allclose(se3.rotation_vector(turned), error[3:], atol=1e-13)
     np.testing.assert_allclose(se3.about_itself(p) @ se3.about_origin(p), np.eye(6), atol=1e-12)
+
+
+def test_many_rotation_vectors_are_those_of_each():
+    R, _ = se3.exp(RNG.normal(size=(20, 6)))
+    R[0] = np.eye(3)
+    each = [se3.rotation_vector(one) for one in R]
+    np.testing.assert_allclose(se3.rotation_vectors(R), each, atol=1e-12)

@@ -115,6 +115,17 @@ def rotation_vector(R: Floats) -> Floats:
     return axis * (np.arctan2(sine, cosine) / sine) if sine > 0 else axis
 
 
+def rotation_vectors(R: Floats) -> Floats:
+    """(N, 3) of rotations (N, 3, 3) by less than half a turn."""
+    skew = R - np.swapaxes(R, 1, 2)
+    sine2 = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+    sine = np.linalg.norm(sine2, axis=1)
+    angle = np.arctan2(sine, np.trace(R, axis1=1, axis2=2) - 1)
+    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1), 0.5)
+    vectors: Floats = sine2 * scale[:, None]
+    return vectors
+
+
 def turn_between(R_to: Floats, R_from: Floats) -> Floats:
     """(3,) rotation vector from one rotation to the other, in their common axes."""
     return rotation_vector(R_to @ R_from.T)

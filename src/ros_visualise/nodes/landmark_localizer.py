@@ -144,13 +144,7 @@ class LandmarkLocalizer:
         header = detections.header
         T_fixed_camera = self._place(frames, header)
         robot = self._robot_covariance(frames, header.stamp_ns, T_fixed_camera[:3, 3])
-        rules = LocalizerRules(
-            params.min_sightings,
-            _errors(params),
-            self._ground(frames, header.stamp_ns),
-            prefix,
-            params.moving_classes,
-        )
+        rules = rules_of(params, prefix, frames, self._frame, header.stamp_ns)
         self._localizer.observe(detections, T_fixed_camera, rules, robot)
         return self._answer(Header(header.stamp_ns, self._frame))
 
@@ -194,15 +188,6 @@ class LandmarkLocalizer:
         self._localizer = Localizer(copy.deepcopy(self._known))
         self._shown, self._anew = LandmarkMessages(), True
 
-    def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:
-        """The ground in the fixed frame; None if unknown."""
-        p = self._params
-        if not p.ground:
-            return None
-        T = frames.lookup(self._frame, p.ground_frame or self._frame, stamp_ns)
-        normal = T[:3, 2]
-        return Ground(normal, p.ground_height + float(normal @ T[:3, 3]), p.ground_sigma)
-
     def _robot_covariance(self, frames: FrameTree, stamp_ns: int, camera: Floats) -> Floats | None:
         """Covariance (6, 6) of the camera's pose from odometry; None if unknown."""
         odom = self._odom
@@ -241,6 +226,19 @@ def check_map_name(path: Path) -> None:
         raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
 
 
-def _errors(p: LocalizerParams) -> ErrorModel:
+def rules_of(
+    p: LocalizerParams, prefix: str, frames: FrameTree, fixed_frame: str, stamp_ns: int
+) -> LocalizerRules:
+    """The rules for an image.
+
+    Raises:
+        NoTransform: the ground is unknown.
+    """
+    ground = None
+    if p.ground:
+        T = frames.lookup(fixed_frame, p.ground_frame or fixed_frame, stamp_ns)
+        height = p.ground_height + float(T[:3, 2] @ T[:3, 3])
+        ground = Ground(T[:3, 2], height, p.ground_sigma)
     attitude = math.radians(p.attitude_sigma)
-    return ErrorModel(p.position_sigma, attitude, p.position_time, p.attitude_time)
+    errors = ErrorModel(p.position_sigma, attitude, p.position_time, p.attitude_time)
+    return LocalizerRules(p.min_sightings, errors, ground, prefix, p.moving_classes)

@@ -4,8 +4,7 @@ import numpy as np
 from made_passes import mean_band
 from made_worlds import drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.se3 import from_parts
-from ros_visualise.landmarks.mapping.motions import logarithm
+from ros_visualise.geometry.se3 import from_parts, rotation_vector
 from ros_visualise.landmarks.mapping.priors import FIRST
 from ros_visualise.landmarks.mapping.smoothing import smooth
 from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
@@ -30,7 +29,7 @@ def squared_distance(seed):
     number = int(random.integers(len(found.tags.t)))
     true = tags[int(found.problem.names[number].split("_")[1])]
     R, t = found.tags.R[number], found.tags.t[number]
-    error = np.concatenate([t - true[:3, 3], logarithm(R @ true[:3, :3].T)])
+    error = np.concatenate([t - true[:3, 3], rotation_vector(R @ true[:3, :3].T)])
     return float(error @ np.linalg.solve(found.covariances[number], error))
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from made_worlds import drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.se3 import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse, rotation_vectors
 from ros_visualise.landmarks.mapping.mapping import map_of
-from ros_visualise.landmarks.mapping.motions import logarithms, relative
+from ros_visualise.landmarks.mapping.motions import relative
 from ros_visualise.landmarks.mapping.mounting import Gyro, camera_mounting, imu_mounting
 from ros_visualise.landmarks.mapping.smoothing import smooth
 from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
@@ -58,7 +58,7 @@ def test_exact_motion_gives_the_exact_turn(random):
 def turning(found, off, bias=0.0, random=None):
     """What a gyroscope measures, of an IMU that the frames take to be elsewhere by a turn."""
     R_imu_camera = np.tile(turn([0.3, 1.0, -0.5]), (len(found.views.t), 1, 1))
-    steps = R_imu_camera[0] @ turn(off) @ logarithms(relative(found.views).R)[..., None]
+    steps = R_imu_camera[0] @ turn(off) @ rotation_vectors(relative(found.views).R)[..., None]
     stamps = found.problem.stamps_ns
     rates = steps[..., 0] / np.diff(stamps)[:, None] * 1e9 + bias
     if random is not None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from made_worlds import SIZE, drifting, flight, floor, turn, world
 
-from ros_visualise.geometry.se3 import from_parts, inverse
+from ros_visualise.geometry.se3 import from_parts, inverse, rotation_vector
 from ros_visualise.landmarks.mapping.mapping import map_of
-from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.outliers import outliers
 from ros_visualise.landmarks.mapping.problem import DistancePrior, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
@@ -40,7 +39,7 @@ def errors(found, tags):
     true = tags if is_fixed else inverse(tags[numbers[found.problem.anchor]]) @ tags
     off = np.array(
         [
-            np.concatenate([t - true[n][:3, 3], logarithm(R @ true[n][:3, :3].T)])
+            np.concatenate([t - true[n][:3, 3], rotation_vector(R @ true[n][:3, :3].T)])
             for R, t, n in zip(*found.tags, numbers, strict=True)
         ]
     )

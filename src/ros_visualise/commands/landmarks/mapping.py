@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,26 +14,21 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.core.printing import print_status
 from ros_visualise.data import (
     Detection,
-    Detection3D,
     Detections,
     Detections3D,
-    Floats,
-    Header,
     Imu,
     Transforms,
-    TransformStamped,
 )
 from ros_visualise.data.poses import is_static
-from ros_visualise.geometry import rotations
-from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
+from ros_visualise.landmarks.localization.localizer import Localizer
 from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.mapping.mapping import TagMap, map_of
 from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
 from ros_visualise.landmarks.mapping.survey import Survey, read_survey
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
-from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
+from ros_visualise.nodes.landmark_localizer import LocalizerParams, rules_of
 
 _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
 """Errors that remain in the views of a smoothed map, and their time constant."""
@@ -138,21 +134,17 @@ def _objects_again(
         position_sigma=min(params.position_sigma, _LEFT_M),
         attitude_time=_LEFT_S,
         position_time=_LEFT_S,
-        fixed_frame=frame_id,
-        map="",
     )
-    localizer = LandmarkLocalizer(params)
-    frames, answer, last_ns = FrameTree(), None, 0
+    localizer, prefix = Localizer(), params.object_prefix
     for message in _objects(gathered):
-        poses = _poses(made, gathered, frame_id, message, params.ground_frame)
-        if poses:
-            frames.add(Transforms(poses), static=False)
-            answer = localizer.step(params, objects=message, frames=frames)
-            last_ns = message.header.stamp_ns
-    seen = localizer.report()["seen"]
-    found = answer["landmarks"].detections if answer else ()
-    is_new = [one for one in found if one.class_id not in gathered.tag_names]
-    return [_track(one, last_ns, seen.get(one.id, 1)) for one in is_new]
+        stamp_ns = message.header.stamp_ns
+        T = gathered.place(frame_id, message)
+        with suppress(NoTransform):
+            rules = rules_of(params, prefix, gathered.frames, frame_id, stamp_ns)
+            if T is not None:
+                localizer.observe(message, made.correction(stamp_ns) @ T, rules)
+    found = localizer.landmarks.values()
+    return [one for one in found if one.class_id not in gathered.tag_names]
 
 
 def _objects(gathered: MappingData) -> Iterator[Detections]:
@@ -161,39 +153,3 @@ def _objects(gathered: MappingData) -> Iterator[Detections]:
         rest = tuple(one for one in message.detections if not is_tag(one))
         if rest:
             yield replace(message, detections=rest)
-
-
-def _poses(
-    made: TagMap, gathered: MappingData, frame_id: str, message: Detections, ground: str
-) -> tuple[TransformStamped, ...]:
-    """Poses of the camera, and of the ground's frame if it is another; empty if unknown."""
-    header = message.header
-    T = gathered.place(frame_id, message)
-    if T is None:
-        return ()
-    found = [_stamped(header.frame_id, made.correction(header.stamp_ns) @ T, header, frame_id)]
-    if ground and ground != frame_id:
-        try:
-            T = gathered.frames.lookup(frame_id, ground, header.stamp_ns)
-        except NoTransform:
-            return ()
-        found.append(_stamped(ground, T, header, frame_id))
-    return tuple(found)
-
-
-def _stamped(child: str, T: Floats, header: Header, frame_id: str) -> TransformStamped:
-    quat_xyzw = rotations.from_matrix(T[:3, :3])
-    return TransformStamped(child, T[:3, 3], quat_xyzw, Header(header.stamp_ns, frame_id))
-
-
-def _track(one: Detection3D, last_ns: int, seen: int) -> LandmarkTrack:
-    best = one.hypotheses[0]
-    R = rotations.to_matrix(best.quat_xyzw)
-    return LandmarkTrack.of_map(
-        (one.class_id, best.number),
-        (best.position_xyz, R, np.array(best.covariance)),
-        one.size_xyz,
-        seen,
-        turned=one.id == one.class_id,
-        last_ns=last_ns,
-    )

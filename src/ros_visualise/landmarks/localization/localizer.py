@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,8 +15,7 @@ from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotEr
 from ros_visualise.landmarks.localization.seen import Ground, PoseReading, sighting_of
 from ros_visualise.landmarks.localization.sizes import SizeMeasurement
 from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
-
-log = logging.getLogger(__name__)
+from ros_visualise.landmarks.once_log import OnceLog
 
 ELLIPSOID = 7.815
 """95 % point of the chi-square distribution with 3 degrees of freedom."""
@@ -78,7 +76,7 @@ class Localizer:
         self._tentative: list[LandmarkTrack] = []
         self._robot = RobotError()
         self._numbers = count(1)
-        self._told: set[str] = set()
+        self._log = OnceLog("landmark_localizer")
         for track in known:
             self._confirm(track)
 
@@ -187,7 +185,7 @@ class Localizer:
         """Handle a tag seen where it cannot be."""
         if track in there:
             self.skipped["duplicate in the image"] += 1
-            self._tell(f"two copies of {track.name}; following one")
+            self._log.say(f"two copies of {track.name}; following one")
             return
         self.skipped["elsewhere"] += 1
         self._tell_if_moved(track, track.contradict(new.branches, new.last_ns))
@@ -231,9 +229,4 @@ class Localizer:
 
     def _tell_if_moved(self, track: LandmarkTrack, has_moved: bool) -> None:
         if has_moved and track.number:
-            self._tell(f"{track.name} moved; following it from there")
-
-    def _tell(self, what: str) -> None:
-        if what not in self._told:
-            self._told.add(what)
-            log.warning("%s (further occurrences suppressed)", what)
+            self._log.say(f"{track.name} moved; following it from there")

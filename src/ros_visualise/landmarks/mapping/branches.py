@@ -13,8 +13,9 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.se3 import rotation_vectors
 from ros_visualise.landmarks.mapping.minimising import GATE, robust
-from ros_visualise.landmarks.mapping.motions import between, logarithms
+from ros_visualise.landmarks.mapping.motions import between
 from ros_visualise.landmarks.mapping.problem import Poses
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import Unknowns
@@ -65,7 +66,7 @@ def _others(terms: Terms, state: Unknowns, tags: bool) -> Poses:
                 R.append(state.tags.R[one.tag] @ turned.T)
                 t.append(state.tags.t[one.tag] - R[-1] @ hypothesis.position_xyz)
     number, there, place = np.array(numbers, int), np.array(R), np.array(t)
-    apart = np.linalg.norm(logarithms(np.swapaxes(now.R[number], 1, 2) @ there), axis=1)
+    apart = np.linalg.norm(rotation_vectors(np.swapaxes(now.R[number], 1, 2) @ there), axis=1)
     found = Poses(now.R.copy(), now.t.copy())
     for row in np.argsort(apart):
         found.R[number[row]], found.t[number[row]] = there[row], place[row]
@@ -108,7 +109,7 @@ def _better(terms: Terms, state: Unknowns, tried: Unknowns, tags: bool) -> Flipp
     for one in (state, tried):
         loss = robust(GATE)((_seen(terms, one)[0] ** 2).sum(axis=1))[1]
         sums.append(np.bincount(number, loss, minlength=len(now.t)))
-    apart = np.linalg.norm(logarithms(np.swapaxes(now.R, 1, 2) @ then.R), axis=1)
+    apart = np.linalg.norm(rotation_vectors(np.swapaxes(now.R, 1, 2) @ then.R), axis=1)
     is_other = apart > _APART_RAD
     take = is_other & (sums[1] < sums[0] - _GAIN)
     R, t = np.where(take[:, None, None], then.R, now.R), np.where(take[:, None], then.t, now.t)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.landmarks.gates import GATES
 from ros_visualise.landmarks.mapping.normal import Factor, NormalEquations
 from ros_visualise.landmarks.mapping.priors import add_known
 from ros_visualise.landmarks.mapping.problem import Flags
@@ -16,8 +17,8 @@ from ros_visualise.landmarks.mapping.unknowns import Unknowns
 Weigh = Callable[[Floats], tuple[Floats, Floats]]
 """Squared residuals (S,) -> weights (S,), and the contribution of each sighting to the sum."""
 
-GATE = 26.12
-"""99.9 % point of the chi-square distribution with 8 degrees of freedom."""
+GATE = GATES[8]
+"""Largest squared residual of the corners of a sighting that fits."""
 
 _DAMPING, _MOST_DAMPING = 1e-5, 1e8
 _CONVERGED = 1e-7  # smallest relative decrease of the sum

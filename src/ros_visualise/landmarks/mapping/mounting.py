@@ -15,8 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
+from ros_visualise.geometry.se3 import cross, rotation_vectors
+from ros_visualise.landmarks.gates import GATES
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, kept, minimise, robust
-from ros_visualise.landmarks.mapping.motions import logarithms, relative
+from ros_visualise.landmarks.mapping.motions import relative
 from ros_visualise.landmarks.mapping.noise import scales_of_odometry
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, result_of
 from ros_visualise.landmarks.mapping.terms import Terms
@@ -26,7 +28,6 @@ from ros_visualise.landmarks.pose.refinement import turn
 _FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # prior of a mounting
 _FREE_RATE = 0.1  # rad/s, of a gyroscope's bias
 _ROUNDS = 4
-_TURNED = 16.27  # 99.9 % point of chi-square with 3 degrees of freedom
 _NOTICED_DEG = 0.5  # smallest reported rotation
 _VAGUE_DEG = 1.5  # standard deviation beyond which a rotation counts as unknown
 _LONGEST_S = 1.0  # longest time between views for comparison with an IMU
@@ -59,7 +60,7 @@ class MountingCheck:
     def is_wrong(self) -> bool:
         """True if the motion contradicts the transform, about the observable axes."""
         turned, variances = self._known
-        return float((turned**2 / variances).sum()) > _TURNED and self._angle_deg > _NOTICED_DEG
+        return float((turned**2 / variances).sum()) > GATES[3] and self._angle_deg > _NOTICED_DEG
 
     @property
     def _known(self) -> tuple[Floats, Floats]:
@@ -140,13 +141,13 @@ def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
 
     A constant bias of the IMU is estimated as well.
     """
-    seen = logarithms(relative(found.views).R)
+    seen = rotation_vectors(relative(found.views).R)
     turned, elapsed_s = _integrated(gyro, found.problem.stamps_ns)
     R = gyro.R_imu_camera
     usable = np.isfinite(turned).all(axis=(1, 2)) & (elapsed_s < _LONGEST_S) & (elapsed_s > 0)
     if usable.sum() < _LEAST_TURNS:
         return None
-    by_imu = logarithms(np.swapaxes(R[:-1], 1, 2)[usable] @ turned[usable] @ R[1:][usable])
+    by_imu = rotation_vectors(np.swapaxes(R[:-1], 1, 2)[usable] @ turned[usable] @ R[1:][usable])
     seen, elapsed_s = seen[usable], elapsed_s[usable]
     by_bias = -np.swapaxes(R[:-1], 1, 2)[usable] * elapsed_s[:, None, None]
     off, bias = np.eye(3), np.zeros(3)
@@ -154,17 +155,17 @@ def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
     for _ in range(10):
         believed = (by_imu + by_bias @ bias) @ off
         left = seen - believed
-        J = np.concatenate([_cross(believed), np.swapaxes(off, 0, 1) @ by_bias], axis=2)
+        J = np.concatenate([cross(believed), np.swapaxes(off, 0, 1) @ by_bias], axis=2)
         size = np.linalg.norm(left, axis=1)
         weights = 1 / np.maximum(1, size / max(2 * np.median(size), 1e-9))
         variance = float((weights * size**2).sum() / max(3 * weights.sum() - 6, 1)) + 1e-14
         information = np.einsum("n,nki,nkj->ij", weights, J, J) / variance + prior
         slope = np.einsum("n,nki,nk->i", weights, J, left) / variance
-        believed_off = np.concatenate([logarithms(off[None])[0], bias])
+        believed_off = np.concatenate([rotation_vectors(off[None])[0], bias])
         step = np.linalg.solve(information, slope - prior @ believed_off)
         off, bias = off @ turn(step[:3]), bias + step[3:]
     covariance = np.linalg.inv(information)[:3, :3]
-    vector = logarithms(off[None])[0]
+    vector = rotation_vectors(off[None])[0]
     return MountingCheck(
         "the camera relative to the IMU", np.rad2deg(vector), np.rad2deg(np.rad2deg(covariance))
     )
@@ -188,11 +189,3 @@ def _integrated(gyro: Gyro, stamps_ns: npt.NDArray[np.int64]) -> tuple[Floats, F
             R = R @ step
         turns[view] = R
     return turns, elapsed_s
-
-
-def _cross(vectors: Floats) -> Floats:
-    """(N, 3, 3) cross-product matrices of (N, 3)."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    return matrices - np.swapaxes(matrices, 1, 2)

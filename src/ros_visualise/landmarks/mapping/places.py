@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.landmarks.gates import GATES
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.outliers import HANGING, MOVED, SURVEY, TWICE, Outlier
 from ros_visualise.landmarks.mapping.problem import Problem
@@ -39,7 +40,7 @@ from ros_visualise.landmarks.mapping.starting import (
 )
 
 _GAP_S = 5.0  # out of sight for so long, a tag may be elsewhere
-_OPEN = 90.0  # squared distance of an open loop: four times the 99.9 % point for 6 numbers
+_OPEN = 4 * GATES[6]  # squared distance of an open loop
 _NEAR, _FAR = 5.0, 10.0  # sides of a tag: at the same place; an open loop
 _TRIED, _ROUNDS = 24, 6
 _STANDS_OUT, _LEAST_SURVEYED = 5.0, 5  # times the median; tags

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.mapping.motions import logarithm, offsets
+from ros_visualise.geometry.se3 import rotation_vector, turn_between
+from ros_visualise.landmarks.mapping.motions import offsets
 from ros_visualise.landmarks.mapping.normal import NormalEquations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Poses, Problem, TagPrior
 from ros_visualise.landmarks.mapping.unknowns import (
@@ -44,7 +45,7 @@ def _add_anchor(normal: NormalEquations, state: Unknowns, problem: Problem) -> f
     odometry = problem.odometry
     if odometry is None:
         anchor = problem.anchor
-        apart = np.concatenate([state.tags.t[anchor], logarithm(state.tags.R[anchor])])
+        apart = np.concatenate([state.tags.t[anchor], rotation_vector(state.tags.R[anchor])])
         return _add_tag(normal, anchor, apart / _ANCHOR, np.diag(1 / _ANCHOR))
     T = odometry.T_fixed_camera[:1]
     first = Poses(state.views.R[:1], state.views.t[:1])
@@ -66,7 +67,7 @@ def _add_surveyed(normal: NormalEquations, state: Unknowns, known: TagPrior) -> 
     off = (state.tags.t[known.tag] - known.position_xyz) / known.position_sigma
     total = _add_tag(normal, known.tag, off, np.diag(1 / known.position_sigma) @ np.eye(3, 6))
     if known.R is not None:
-        turned = logarithm(state.tags.R[known.tag] @ known.R.T) / known.R_sigma
+        turned = turn_between(state.tags.R[known.tag], known.R) / known.R_sigma
         total += _add_tag(normal, known.tag, turned, np.diag(1 / known.R_sigma) @ np.eye(6)[3:])
     return total
 

@@ -19,8 +19,6 @@ from ros_visualise.landmarks.pose.rays import Rays, rays_of
 Flags = npt.NDArray[np.bool_]
 """Masks of views, tags or sightings."""
 
-"""Corners of a tag with side 1, in its frame: x right, y up, z towards the viewer."""
-
 
 class Poses(NamedTuple):
     """Poses R_map_body (N, 3, 3) and t (N, 3), metres."""
