@@ -59,11 +59,20 @@ def corners_seen(T_map_camera, T_map_tag, size=SIZE):
 
 
 def world(
-    random, cameras, tags, sigma_px=0.0, size_of=None, place_of=None, odometry=None, larger_px=0.0
+    random,
+    cameras,
+    tags,
+    sigma_px=0.0,
+    size_of=None,
+    place_of=None,
+    odometry=None,
+    larger_px=0.0,
+    lasting=0.0,
 ):
     """The problem of these views.
 
     Args:
+        lasting: correlation of the errors of a tag's corners from one sighting to the next.
         size_of: tag -> its true size; all are said to be SIZE.
         place_of: (tag, view) -> T_map_tag; by default it stands still.
         larger_px: by how much tags are seen too large.
@@ -71,6 +80,7 @@ def world(
     from ros_visualise.landmarks.mapping.outward import outward_steps
 
     sightings = []
+    errors = {}
     for view, T in enumerate(cameras):
         for tag, stands in enumerate(tags):
             there = place_of(tag, view) if place_of else [stands]
@@ -79,7 +89,11 @@ def world(
                 if corners is None:
                     continue
                 corners = corners + larger_px * outward_steps(corners)
-                corners = corners + sigma_px * random.standard_normal((4, 2))
+                new = sigma_px * random.standard_normal((4, 2))
+                if tag in errors:
+                    new = lasting * errors[tag] + np.sqrt(1 - lasting**2) * new
+                errors[tag] = new
+                corners = corners + errors[tag]
                 [poses] = squares_poses(corners[None], [SIZE], INFO, [max(sigma_px, 0.05)])
                 if poses:
                     hypotheses = [hypothesis(pose) for pose in poses]

@@ -14,6 +14,7 @@ from ros_visualise.landmarks.mapping.outliers import UNSTEADY
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
 
+_LASTING = 1.5  # views that count as one
 _WORST = 3  # views, and tags, that are named
 
 
@@ -31,6 +32,8 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
         f"corners: rms {_rms(found.residuals_px[found.inliers]):.2f} px; tags appear"
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
     )
+    if found.noise.views >= _LASTING:
+        lines[-1] += f"; {found.noise.views:.1f} views of a pass count as one, as their errors last"
     if found.problem.odometry is None and not found.problem.surveyed:
         anchor = escaped(found.problem.names[found.problem.anchor])
         lines.append(f"no tf: the map is in the frame of {anchor}")

@@ -82,7 +82,8 @@ def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquat
     terms.add_seen(normal, state, weights)
     of_odometry = terms.add_gone(normal, state)
     known = add_known(normal, state, terms.problem, terms.prior)
-    return normal, float(losses.sum() + (of_odometry**2).sum() + known)
+    seen = losses.sum() / terms.noise.views
+    return normal, float(seen + (of_odometry**2).sum() + known)
 
 
 def final(terms: Terms, state: Unknowns, inliers: Flags) -> Factor:

@@ -23,6 +23,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.gates import GATES
+from ros_visualise.landmarks.mapping.noise import PASS_NS
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.outliers import HANGING, MOVED, SURVEY, TWICE, Outlier
 from ros_visualise.landmarks.mapping.problem import Problem
@@ -39,7 +40,6 @@ from ros_visualise.landmarks.mapping.starting import (
     to_survey,
 )
 
-_GAP_S = 5.0  # out of sight for so long, a tag may be elsewhere
 _OPEN = 4 * GATES[6]  # squared distance of an open loop
 _NEAR, _FAR = 5.0, 10.0  # sides of a tag: at the same place; an open loop
 _TRIED, _ROUNDS = 24, 6
@@ -246,7 +246,7 @@ def _times_in_sight(problem: Problem, tag: int) -> Numbers:
     stamps = np.array([problem.stamps_ns[problem.sightings[r].view] for r in _rows(problem, tag)])
     order = np.argsort(stamps, kind="stable")
     parts = np.zeros(len(stamps), int)
-    parts[order[1:]] = np.cumsum(np.diff(stamps[order]) > _GAP_S * 1e9)
+    parts[order[1:]] = np.cumsum(np.diff(stamps[order]) > PASS_NS)
     return parts
 
 

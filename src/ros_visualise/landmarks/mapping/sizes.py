@@ -39,7 +39,8 @@ def larger(found: SmoothedMap) -> SizeErrors:
     """
     terms = Terms(found.problem, found.noise)
     state = Unknowns(found.views, found.tags, found.shared)
-    residuals, by_pose, by_shared = terms.seen(state, terms.sigma_px())
+    sigma_px = terms.sigma_px() * np.sqrt(found.noise.views)
+    residuals, by_pose, by_shared = terms.seen(state, sigma_px)
     residuals, by_pose, by_shared = (one[found.inliers] for one in (residuals, by_pose, by_shared))
     views, tags = terms.corners.views[found.inliers], terms.corners.tags[found.inliers]
     by_view, by_tag = between(by_pose, state.views, state.tags, views, tags)

@@ -12,7 +12,11 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.branches import turn_tags, turn_views
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, final, kept, minimise, robust
-from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
+from ros_visualise.landmarks.mapping.noise import (
+    extra_of_corners,
+    lasting_views,
+    scales_of_odometry,
+)
 from ros_visualise.landmarks.mapping.normal import Factor
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
@@ -102,7 +106,8 @@ def smooth(
         state = minimise(terms, state, robust(9 * scale * GATE), 10)
     state, worse = _turned(terms, state, noise is None)
     state, inliers = _settled(terms, state, noise is None)
-    return result_of(terms, state, inliers, worse < DECIDED, noise is None)
+    undecided = worse < DECIDED * terms.noise.views
+    return result_of(terms, state, inliers, undecided, noise is None)
 
 
 def _estimate_px(terms: Terms, state: Unknowns) -> None:
@@ -130,6 +135,7 @@ def _settled(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, 
     for _ in range(_SETTLED):
         if estimated:
             _estimate_px(terms, state)
+            terms.with_noise(views=lasting_views(terms, state, inliers))
             terms.noise = scales_of_odometry(terms, state, inliers)
         before, inliers = inliers, chi2_of(terms, state) < GATE
         state = minimise(terms, state, kept(inliers), 10)

@@ -63,9 +63,9 @@ class Terms:
         return self.seen(state, np.ones(len(self.corners.views)))[0]
 
     def add_seen(self, normal: NormalEquations, state: Unknowns, weights: Floats) -> None:
-        """Add the corners, each sighting with its weight (S,)."""
+        """Add the corners, each sighting with its weight (S,), divided by ``noise.views``."""
         residuals, by_pose, by_shared = self.seen(state, self.sigma_px())
-        root = np.sqrt(weights)[:, None]
+        root = np.sqrt(weights / self.noise.views)[:, None]
         bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
         residuals, root = np.where(bad[:, None], 0, residuals), np.where(bad[:, None], 0, root)
         views, tags = self.corners.views, self.corners.tags

@@ -32,12 +32,14 @@ class MeasurementNoise:
 
     Attributes:
         extra_px: additional noise of corners, beside that given by the tag's size.
+        views: number of views of a tag that count as one, as the errors of its corners last.
         way_m, tilt_rad, heading_rad: errors of the odometry after one metre; they grow with the
             root of the distance.
         still_m, still_rad: added between any two views.
     """
 
     extra_px: float = 0.0
+    views: float = 1.0
     way_m: float = 0.03
     tilt_rad: float = math.radians(0.1)
     heading_rad: float = math.radians(0.3)
