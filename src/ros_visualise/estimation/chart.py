@@ -23,8 +23,9 @@ from ros_visualise.landmarks.gates import Innovation
 
 _SIDES = 0.02  # largest relative difference between two sizes of a tag
 _MOVED = 8  # images in a row that contradict a landmark, while others fit
-_MOST_ACTIVE = 30  # landmarks in the state that are not at rest
-_LEFT_ACTIVE = 12
+_LEFT_ACTIVE = 12  # landmarks at least that do not rest, with all that are in view
+_MORE_ACTIVE = 18  # so many more, before they rest
+_MOST_ACTIVE = 90  # even while a division costs much
 _MOST_CONSIDERED = 60  # landmarks of a frozen map in the state
 _FORGOTTEN_NS = 20_000_000_000  # how long a pending landmark waits to be seen again
 _FORGOTTEN_SOON_NS = 3_000_000_000  # if it has been seen once
@@ -340,7 +341,11 @@ class Chart:
             for landmark in several[: max(len(several) - _MOST_CONSIDERED, 0)]:
                 if landmark.name in self.landmarks:
                     self._drop(state, landmark)
-        elif len(state.keys) > _MOST_ACTIVE:
-            last = [one for one in several if one.name in self.landmarks][-_LEFT_ACTIVE:]
+            return state
+        last = [one for one in several if one.name in self.landmarks]
+        in_view = sum(one.last_ns == stamp_ns for one in last)
+        last = last[-max(in_view, _LEFT_ACTIVE) :]
+        most = len(last) + _MORE_ACTIVE if state.is_settled else _MOST_ACTIVE
+        if len(state.keys) > most:
             return state.divided({key for one in last for key in one.keys})
         return state

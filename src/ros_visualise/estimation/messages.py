@@ -107,7 +107,7 @@ def tracks_of(
 
 def _common(state: State, keys: list[str]) -> Floats:
     """(6, 6) common covariance of the tags in the state."""
-    rows = state.rows_of(keys, robot=0)
+    rows = state.rows_of(keys)
     return split(state.P[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.measuring import CAMERAS, LinearizedPair, Pair, measure
+from ros_visualise.estimation.resting import PER_LANDMARK, Indices
 from ros_visualise.estimation.robot import POSE, own_states
-from ros_visualise.estimation.state import PER_LANDMARK, Indices, Mask, State
+from ros_visualise.estimation.state import Mask, State
 from ros_visualise.landmarks.gates import Innovation
 
 GROUND = own_states("height of the ground", 1)
@@ -26,10 +28,17 @@ _OF_CAMERA = slice(POSE.stop, POSE.stop + 5)
 
 def fits(view: CameraView, pairs: Sequence[Pair], state: State) -> list[Innovation]:
     """The innovation of each pair, separately."""
-    return [
-        _fit(one, _columns(view, [pair], state), state)
-        for pair, one in zip(pairs, measure(view, pairs, state), strict=True)
-    ]
+    columns = _columns(view, pairs, state)
+    shared, own = columns[: _OF_CAMERA.stop], columns[_OF_CAMERA.stop :].reshape(-1, PER_LANDMARK)
+    found: dict[int, Innovation] = {}
+    for group in _groups(measure(view, pairs, state)):
+        each = np.hstack([np.tile(shared, (len(group.places), 1)), own[group.places]])
+        H = np.concatenate([group.of_shared, group.of_landmark], axis=2)
+        P = state.P[each[:, :, None], each[:, None, :]]
+        spread = H @ P @ np.swapaxes(H, 1, 2) + group.noise
+        compared = _innovations(group.residual, spread, group.noise)
+        found |= zip(group.places.tolist(), compared, strict=True)
+    return [found[number] for number in range(len(pairs))]
 
 
 def update(
@@ -44,23 +53,25 @@ def update(
     Huber, Robust Statistics, 1981, section 7.
     """
     columns = _columns(view, pairs, state)
-    P = state.P
-    error = np.zeros(len(P))
-    settled = _CONVERGED * np.sqrt(np.maximum(np.diag(P)[columns], 0)) + _LEAST
+    P = state.P[np.ix_(columns, columns)]
+    is_free = np.ones(len(columns), bool) if free is None else free[columns]
+    error = np.zeros(len(columns))
+    settled = _CONVERGED * np.sqrt(np.maximum(np.diag(P), 0)) + _LEAST
     moved = state
     for turn in range(_ROUNDS):
         residual, H, noise = _stacked(measure(view, pairs, moved), len(columns), turn > 0)
-        PH = P[:, columns] @ H.T
-        innovation = residual + H @ error[columns]
+        PH = P @ H.T
+        innovation = residual + H @ error
         before = error
-        error = PH @ np.linalg.solve(H @ PH[columns] + noise, innovation)
+        error = PH @ np.linalg.solve(H @ PH + noise, innovation)
         if not np.isfinite(error).all():  # the camera got behind a landmark
             return state
-        if free is not None:
-            error[~free] = 0
-        if (np.abs(error - before)[columns] < settled).all():
+        error[~is_free] = 0
+        if (np.abs(error - before) < settled).all():
             break
-        moved = state.moved(error)
+        every = np.zeros(state.size)
+        every[columns] = error
+        moved = state.moved(every)
     return state.corrected(columns, H, innovation, noise, free)
 
 
@@ -101,16 +112,61 @@ def stand_on(state: State, key: str, height_m: float, roughness_m: float) -> Sta
 def _columns(view: CameraView, pairs: Sequence[Pair], state: State) -> Indices:
     """The states that pairs depend on: the robot's pose, the camera, and their landmarks."""
     camera = CAMERAS[view.camera].rows
-    landmarks = state.rows_of([pair.key for pair in pairs], robot=0)
+    landmarks = state.rows_of([pair.key for pair in pairs])
     return np.concatenate([np.arange(POSE.stop), np.arange(camera.start, camera.stop), landmarks])
 
 
-def _fit(one: LinearizedPair, columns: Indices, state: State) -> Innovation:
-    if not np.isfinite(one.residual).all():
-        return Innovation(_BEHIND, len(one.residual), -_BEHIND)
-    H = np.hstack([one.of_robot, one.of_camera, one.of_landmark])
-    spread = H @ state.P[np.ix_(columns, columns)] @ H.T + one.noise
-    return Innovation.of(one.residual, spread, one.noise)
+def _innovations(residuals: Floats, spreads: Floats, noises: Floats) -> Iterator[Innovation]:
+    """Innovations of residuals (G, k) with covariances (G, k, k)."""
+    is_seen = np.isfinite(residuals.sum(axis=1))
+    seen = np.where(is_seen[:, None], residuals, 0.0)
+    distances2 = (seen * np.linalg.solve(spreads, seen[..., None])[..., 0]).sum(axis=1)
+    volumes = np.linalg.slogdet(noises)[1] - np.linalg.slogdet(spreads)[1]
+    evidences = np.where(is_seen, (volumes - distances2) / 2, -_BEHIND)
+    distances2 = np.where(is_seen, distances2, _BEHIND)
+    for distance2, evidence in zip(distances2.tolist(), evidences.tolist(), strict=True):
+        yield Innovation(distance2, residuals.shape[1], evidence)
+
+
+class _PairGroup(NamedTuple):
+    """G linearized pairs of k numbers each.
+
+    ``places`` (G,) are theirs among all pairs, ``residual`` (G, k), ``of_shared`` (G, k, 11) the
+    derivatives by the robot's twist and the camera, ``of_landmark`` (G, k, 6), ``noise`` (G, k, k).
+    """
+
+    places: Indices
+    residual: Floats
+    of_shared: Floats
+    of_landmark: Floats
+    noise: Floats
+
+    def robust(self) -> _PairGroup:
+        """The same with more noise in tags' corners that fit badly."""
+        if self.residual.shape[1] != 8:
+            return self
+        several = self.residual**2 / np.diagonal(self.noise, axis1=1, axis2=2)
+        off = np.sqrt(several.reshape(-1, 4, 2).sum(axis=2))
+        factors = np.repeat(np.sqrt(np.maximum(off / _HUBER, 1.0)), 2, axis=1)
+        return self._replace(noise=self.noise * factors[:, :, None] * factors[:, None, :])
+
+
+def _groups(several: Sequence[LinearizedPair]) -> Iterator[_PairGroup]:
+    """Pairs of the same size each."""
+    sizes = np.array([len(one.residual) for one in several])
+    for size in np.unique(sizes):
+        places = np.flatnonzero(sizes == size)
+        group = [several[place] for place in places.tolist()]
+        of_robot, of_camera = (
+            np.array([getattr(one, name) for one in group]) for name in ("of_robot", "of_camera")
+        )
+        yield _PairGroup(
+            places,
+            np.array([one.residual for one in group]),
+            np.concatenate([of_robot, of_camera], axis=2),
+            np.array([one.of_landmark for one in group]),
+            np.array([one.noise for one in group]),
+        )
 
 
 def _stacked(
@@ -118,22 +174,15 @@ def _stacked(
 ) -> tuple[Floats, Floats, Floats]:
     """Residual (m,), derivative (m, columns) and noise (m, m) of all pairs of an image."""
     total = sum(len(one.residual) for one in several)
-    H, noise = np.zeros((total, columns)), np.zeros((total, total))
+    residual, H, noise = np.zeros(total), np.zeros((total, columns)), np.zeros((total, total))
     start = 0
-    for number, one in enumerate(several):
-        rows = slice(start, start + len(one.residual))
-        own = _OF_CAMERA.stop + PER_LANDMARK * number
-        H[rows, POSE], H[rows, _OF_CAMERA] = one.of_robot, one.of_camera
-        H[rows, own : own + PER_LANDMARK] = one.of_landmark
-        inflation = _inflation(one) if robust else np.ones(len(one.residual))
-        noise[rows, rows] = one.noise * inflation[:, None] * inflation
-        start = rows.stop
-    return np.concatenate([one.residual for one in several]), H, noise
-
-
-def _inflation(one: LinearizedPair) -> Floats:
-    """(k,) factors on the deviations, larger for corners that fit badly."""
-    if len(one.residual) != 8:
-        return np.ones(len(one.residual))
-    off = np.sqrt((one.residual**2 / np.diag(one.noise)).reshape(4, 2).sum(axis=1))
-    return np.repeat(np.sqrt(np.maximum(off / _HUBER, 1.0)), 2)
+    for group in _groups(several):
+        group = group.robust() if robust else group
+        count, size = group.residual.shape
+        rows = start + np.arange(count * size).reshape(count, size)
+        residual[rows], H[rows, : _OF_CAMERA.stop] = group.residual, group.of_shared
+        own = _OF_CAMERA.stop + PER_LANDMARK * group.places[:, None] + np.arange(PER_LANDMARK)
+        H[rows[:, :, None], own[:, None, :]] = group.of_landmark
+        noise[rows[:, :, None], rows[:, None, :]] = group.noise
+        start += count * size
+    return residual, H, noise
