@@ -25,7 +25,6 @@ from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 INSIDE_POSE, INSIDE_CORNERS = 12.59, 15.51
 """Of chi squared of 6 and of 8 numbers, 95% are below these."""
 PHOTOS = CameraInfo(612, 816, np.array([[765.0, 0, 393.72], [0, 764.18, 304.66], [0, 0, 1]]))
-INTERVAL_S = 0.1
 Pose = tuple[np.ndarray, np.ndarray, np.ndarray]
 """R, t, and the covariance of t and of a rotation about the camera's axes."""
 
@@ -51,14 +50,14 @@ def distance(one: Pose, R: np.ndarray, t: np.ndarray) -> float:
     return float(error @ np.linalg.solve(one[2], error))
 
 
-def rendered(camera: Camera, count: int, seed: int) -> str:
+def rendered(camera: Camera, count: int, seed: int, readout_s: float) -> str:
     """The cells of a row."""
     size = camera_pictures.HEIGHT, camera_pictures.WIDTH
     info = CameraInfo(*size, camera.matrix, np.array(camera.D), distortion_model=camera.model)
-    params = TagParams(size=camera_pictures.SIZE_M)
+    params = TagParams(size=camera_pictures.SIZE_M, readout=readout_s)
     node, poses, corners, off = TagDetector(params), [], [], []
     for number, seen in enumerate(camera_pictures.sights(camera, count, seed)):
-        header = Header(round((number + 1) * INTERVAL_S * 1e9), "camera")
+        header = Header(round((number + 1) * camera_pictures.INTERVAL_S * 1e9), "camera")
         image = Image(seen.gray, "mono8", header, info)
         for found in node.step(image, params)["detections"].detections:
             if found.id == str(seen.id) and found.hypotheses[0].covariance.any():
@@ -116,7 +115,10 @@ def main() -> None:
     asked = parser.parse_args()
     print("| camera | found | median px | largest px | poses | inside 95% | corners | inside 95% |")
     for name in asked.cameras:
-        print(f"| {name} | {rendered(CAMERAS[name], asked.count, asked.seed)} |", flush=True)
+        camera = CAMERAS[name]
+        unknown = {f"{name}, unknown readout": -1.0} if camera.readout_s else {}
+        for row, readout_s in {name: camera.readout_s, **unknown}.items():
+            print(f"| {row} | {rendered(camera, asked.count, asked.seed, readout_s)} |", flush=True)
     if asked.photos:
         print("\n| photographs | pairs of tags | mean | inside 95% |")
         photographed(asked.photos / "tags" / "swatbotics")

@@ -128,7 +128,7 @@ def random_pose(camera: Camera, rng: np.random.Generator, side_px: float, tilt_d
         heading = rng.uniform(0, 2 * np.pi)
         speed = camera.speed_px * np.linalg.norm(t) / camera.focal
         pose = Pose(R, t, speed * np.array([np.cos(heading), np.sin(heading), 0]))
-        ends = [camera.see(square @ R.T + pose.after(s).t) for s in (-0.1, 0, 0.1)]
+        ends = [camera.see(square @ R.T + pose.after(s).t) for s in (-0.3, 0, 0.1)]
         uv = np.concatenate(ends)
         low, high = uv.min(axis=0) - 15, uv.max(axis=0) + 15
         if (low > 0).all() and high[0] < WIDTH and high[1] < HEIGHT:
@@ -293,11 +293,13 @@ CAMERAS = {
 }
 
 _SIDES, _TILTS = (26, 40, 64, 110), (0, 15, 30, 45, 60)
+INTERVAL_S, _VIEWS = 0.1, 4  # between pictures; and of each tag that moves
+_CHANGE = 0.15  # of its velocity from one picture to the next, as a fraction (standard deviation)
 
 
 @dataclass(frozen=True)
 class Sight:
-    """A picture, with the one of the same tag before it, and the truth."""
+    """A picture and the truth."""
 
     gray: np.ndarray
     id: int
@@ -307,10 +309,25 @@ class Sight:
 
 
 def sights(camera: Camera, count: int, seed: int = 1):
-    """Pictures of tags of all sizes, tilts and places, as one camera takes them one by one."""
+    """Pictures of tags of all sizes, tilts and places, as one camera takes them one by one.
+
+    A tag that moves is in four consecutive pictures.
+    """
     rng = np.random.default_rng([seed, 34])
     for number in range(count):
         side, tilt = _SIDES[number % 4], _TILTS[number % 5]
         pose, id = random_pose(camera, rng, side, tilt), int(rng.integers(587))
-        gray = take(camera, pose, id, rng)
-        yield Sight(gray, id, pose, corners_of(camera, pose), side)
+        for one in _moments(camera, pose, rng):
+            gray = take(camera, one, id, rng)
+            yield Sight(gray, id, one, corners_of(camera, one), side)
+
+
+def _moments(camera: Camera, pose: Pose, rng: np.random.Generator) -> list[Pose]:
+    """Poses of a tag that ends at a pose."""
+    poses = [pose]
+    for _ in range(_VIEWS - 1 if camera.speed_px else 0):
+        now = poses[0]
+        change = rng.normal(0, _CHANGE * np.linalg.norm(now.velocity), 3) * [1, 1, 0]
+        t = now.t - INTERVAL_S * (now.velocity - change / 2)
+        poses.insert(0, Pose(now.R, t, now.velocity - change))
+    return poses

@@ -156,7 +156,7 @@ def test_poses_of_detected_tags_are_as_sure_as_they_say(side, tilt, blur, noise)
     info = replace(SMALL, header=Header(0, "camera"))
     R, t, corners = scatter(side, tilt, 0.0, info=info)
     cells, border = draw_cells(family("tag36h11"), 7)
-    params = TagParams(size=SIZE, corner_floor=0.0)
+    params = TagParams(size=SIZE, corner_floor=0.0, readout=0.0)
     detector, found = TagDetector(params), {}
     rng = np.random.default_rng(6)
     for number, one in enumerate(corners[:DRAWN]):

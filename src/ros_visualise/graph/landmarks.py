@@ -120,6 +120,7 @@ def with_landmarks(
     names = [node.name for node in found]
     if TAGS in names and _is_simulated(graph) and graph.source is not None:
         rendered = {"tags": tags_of_world(graph.source.params.world), "corner_floor": 0.0}
+        rendered["readout"] = graph.source.params.camera_readout
         whole = whole.configured({TAGS: rendered})
     return whole.configured({name: settings[name] for name in names if name in settings})
 

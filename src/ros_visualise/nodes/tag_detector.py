@@ -16,6 +16,7 @@ from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.landmarks.tags.search import TagSearch
+from ros_visualise.landmarks.tags.shutter import RollingShutter
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
@@ -81,11 +82,13 @@ class TagDetector:
 
     def __init__(self, params: TagParams) -> None:
         self._search = TagSearch()
+        self._shutter = RollingShutter()
         self._remarks = OnceLog("tag_detector")
         self._prepare(params)
 
     def reset(self) -> None:
         self._search.reset()
+        self._shutter.reset()
 
     def step(self, image: Image, params: TagParams) -> dict[str, Image | Detections]:
         if params is not self._params:
@@ -98,6 +101,7 @@ class TagDetector:
         info = self._calibration(image)
         every = self._search.find(self._finder, gray, params.search_every, info)
         tags = self._known.present(every, image.header.stamp_ns, self._ignored)
+        tags = self._shutter.at_stamp(tags, image.header.stamp_ns, image.height, params.readout)
         found = locate_or_remark(
             tags, self._known, params.size, info, params.camera, self._errors, self._remarks
         )

@@ -11,6 +11,7 @@ from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, parse_ids, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
+from ros_visualise.landmarks.tags.shutter import RollingShutter
 from ros_visualise.nodes import node
 
 
@@ -25,6 +26,7 @@ class TagPoses:
 
     def __init__(self, params: PoseParams) -> None:
         self._remarks = OnceLog("tag_poses")
+        self._shutter = RollingShutter()
         self._path = ""
         self._known = KnownTags()
         self._floor = params.corner_floor
@@ -40,6 +42,9 @@ class TagPoses:
         info = corners.camera_info
         if info is None and tags:
             self._remarks.say("no poses: the tags come without a camera calibration")
+        if info:
+            stamp_ns = corners.header.stamp_ns
+            tags = self._shutter.at_stamp(tags, stamp_ns, info.height, params.readout)
         found = locate_or_remark(
             tags, self._known, params.size, info, params.camera, self._errors, self._remarks
         )

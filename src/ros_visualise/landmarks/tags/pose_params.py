@@ -40,6 +40,15 @@ class PoseParams:
         slider=(0, 2),
         group="poses",
     )
+    readout: float = param(
+        -1.0,
+        "readout time of the camera's rolling shutter from the first row to the last, seconds; the"
+        " stamp is that of the middle row; 0: global shutter; below 0: unknown, so corners of"
+        " moving tags are less certain",
+        min=-1,
+        max=0.2,
+        group="poses",
+    )
     calibration: str = param(
         "",
         "camera calibration written by ros-visualise calibrate: its uncertainty, instead of "
