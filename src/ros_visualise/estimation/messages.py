@@ -37,6 +37,7 @@ from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
+_IN_TURN = 12  # landmarks out of view, in each message
 _SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 
 _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
@@ -77,13 +78,6 @@ def _places(state: State, landmarks: Iterable[Landmark], common: Floats) -> dict
     return dict(zip(keys, map(_Place, p, R, covariances), strict=True))
 
 
-def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
-    """The landmarks that correct the robot; an undecided one has both poses."""
-    used = navigator.chart.used
-    places = _places(navigator.belief.state, used, navigator.common)
-    return Detections3D(tuple(_detection(one, places) for one in used), header)
-
-
 def tracks_of(
     navigator: Navigator, given: Mapping[str, LandmarkTrack]
 ) -> tuple[list[LandmarkTrack], Floats]:
@@ -111,17 +105,71 @@ def _common(state: State, keys: list[str]) -> Floats:
     return split(state.P[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
-def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> MarkerArray:
-    """The ellipsoids of robot and landmarks: green if used, red if rejected, with the reason."""
-    axes_lengths, axes = ellipsoid(now.covariance[:3, :3])
+class _LandmarkMessage(NamedTuple):
+    """Messages of a landmark, and of what; they are final if its colour will not change."""
+
+    landmark: Landmark
+    detection: Detection3D
+    markers: list[Marker]
+    is_final: bool
+
+
+class RenewedMessages:
+    """Messages of all landmarks: made anew for those in view, and for a few others in turn."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, _LandmarkMessage] = {}
+        self._turn = 0
+
+    def of(
+        self, navigator: Navigator, now: RobotEstimate, header: Header
+    ) -> tuple[Detections3D, MarkerArray]:
+        """The landmarks that correct the robot, and the ellipsoids of robot and all landmarks.
+
+        An undecided landmark has both poses. Markers are green if used, red if rejected, with the
+        reason.
+        """
+        landmarks = navigator.chart.landmarks
+        self._make(navigator, self._due(landmarks, navigator.outcome), header)
+        made = [self._made[name] for name in landmarks]
+        self._made = dict(zip(landmarks, made, strict=True))
+        used = tuple(one.detection for one in made if one.landmark.is_used)
+        drawn = [_robot(now, header), *(marker for one in made for marker in one.markers)]
+        return Detections3D(used, header), MarkerArray(tuple(drawn))
+
+    def _due(self, landmarks: Mapping[str, Landmark], outcome: ImageOutcome) -> list[Landmark]:
+        names = list(landmarks)
+        turn = {names[(self._turn + n) % len(names)] for n in range(min(_IN_TURN, len(names)))}
+        self._turn = (self._turn + _IN_TURN) % max(len(names), 1)
+        return [
+            one
+            for name, one in landmarks.items()
+            if name in turn
+            or name in outcome.rejected
+            or (made := self._made.get(name)) is None
+            or made.landmark is not one
+            or not made.is_final
+        ]
+
+    def _make(self, navigator: Navigator, due: list[Landmark], header: Header) -> None:
+        outcome = navigator.outcome
+        places = _places(navigator.belief.state, due, navigator.common)
+        for one in due:
+            markers = _landmark(outcome, one, places[one.key], header.stamp_ns)
+            is_fresh = one.name in outcome.used or header.stamp_ns - one.last_ns < _SHOWN_NS
+            self._made[one.name] = _LandmarkMessage(
+                one,
+                _detection(one, places),
+                [replace(marker, header=header) for marker in markers],
+                not is_fresh and one.name not in outcome.rejected,
+            )
+
+
+def _robot(now: RobotEstimate, header: Header) -> Marker:
+    lengths, axes = ellipsoid(now.covariance[:3, :3])
     color = np.array([*(_BLUE if now.is_located else _RED), 0.4])
     place = now.T_map_base[:3, 3]
-    drawn = [Marker(MarkerType.SPHERE, place, axes, axes_lengths, color, ns="robot", id=0)]
-    landmarks = navigator.chart.landmarks.values()
-    places = _places(navigator.belief.state, landmarks, navigator.common)
-    for one in landmarks:
-        drawn += _landmark(navigator.outcome, one, places[one.key], header.stamp_ns)
-    return MarkerArray(tuple(replace(one, header=header) for one in drawn))
+    return Marker(MarkerType.SPHERE, place, axes, lengths, color, header=header, ns="robot", id=0)
 
 
 def diagnostics_of(

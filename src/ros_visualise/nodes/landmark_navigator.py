@@ -116,6 +116,7 @@ class LandmarkNavigator:
         self._cameras: list[str] = []
         self._unused: Counter[str] = Counter()
         self._rejections = Rejections()
+        self._messages = messages.RenewedMessages()
 
     def reset(self) -> None:
         """Start over: time jumped. The map that was built so far is kept."""
@@ -287,8 +288,8 @@ class LandmarkNavigator:
         self._shown_ns, self._state = at.stamp_ns, state
         answer: dict[str, Any] = {"diagnostics": messages.diagnostics_of(navigator, self._now, at)}
         if self._now is not None:
-            answer["landmarks"] = messages.landmarks_of(navigator, at)
-            answer["markers"] = messages.markers_of(navigator, self._now, at)
+            of_landmarks = self._messages.of(navigator, self._now, at)
+            answer["landmarks"], answer["markers"] = of_landmarks
         return answer
 
 
