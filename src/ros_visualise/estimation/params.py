@@ -176,11 +176,19 @@ class CameraErrorParams:
         file=bool,
     )
     camera_turn: float = param(
-        0.0,
+        0.5,
         "estimate an error of the camera's mounting: its standard deviation, degrees; 0: do not",
         min=0,
         max=20,
         slider=(0, 5),
+        group="camera",
+    )
+    camera_turn_time: float = param(
+        20.0,
+        "time constant of that error, seconds, as on a gimbal; 0: it is constant",
+        min=0,
+        max=1e5,
+        slider=(0, 100),
         group="camera",
     )
     camera_focal: float = param(
@@ -272,7 +280,9 @@ class NavigatorParams(
             MapRules(self.mode, self.min_sightings, self.min_parallax, plane),
             odometry,
             imu,
-            CameraErrors(self.camera_clock, turn_rad, max(self.camera_focal, focal)),
+            CameraErrors(
+                self.camera_clock, turn_rad, self.camera_turn_time, max(self.camera_focal, focal)
+            ),
             self.imu,
             math.radians(self.level_sigma),
             self.delay,

@@ -14,7 +14,7 @@ from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN
 from ros_visualise.estimation.odometry import AXES, SCALES, OdometryNoise
 from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
-from ros_visualise.estimation.sensors import SENSORS
+from ros_visualise.estimation.sensors import SENSORS, Prior
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import GROUND
 
@@ -28,11 +28,13 @@ class CameraErrors:
     Attributes:
         clock_s: of the camera's clock.
         turn_rad: of its attitude on the robot.
+        turn_s: time constant with which that changes, as on a gimbal; 0: it is constant.
         focal: of its focal length, as a fraction.
     """
 
     clock_s: float = 0.05
-    turn_rad: float = 0.0
+    turn_rad: float = np.radians(0.5)
+    turn_s: float = 20.0
     focal: float = 0.0
 
     @property
@@ -101,8 +103,12 @@ class NavigatorSettings:
     def aging(self, seconds: float) -> tuple[Floats, Floats]:
         """Factors (n,) on the sensors' states, and variances (n,) added, over some time."""
         keep, noise = np.ones(core()), np.zeros(core())
+        wander = Prior(self.camera.turn_rad, time_s=self.camera.turn_s or None).over(seconds)
         for one in CAMERAS:
-            noise[one.rows.start + CLOCK] = (self.camera.clock_s > 0) * _CLOCK_WALK**2 * seconds
+            start = one.rows.start
+            noise[start + CLOCK] = (self.camera.clock_s > 0) * _CLOCK_WALK**2 * seconds
+            turns = slice(start + TURN.start, start + TURN.stop)
+            keep[turns], noise[turns] = wander
         for sensor in SENSORS.all():
             for states, prior in sensor.states(self.sensor(sensor.name)).items():
                 keep[states.rows], noise[states.rows] = prior.over(seconds)

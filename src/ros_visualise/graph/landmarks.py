@@ -37,6 +37,9 @@ _OBJECTS = {
 }
 """Outputs of the detector of objects beside one of tags."""
 
+_REAL = ("camera_k1", "camera_readout", "camera_exposure", "tag_dirt")
+"""Parameters of a simulated camera, other than 0 if its pictures are unlike ideal ones."""
+
 Settings = Mapping[str, Mapping[str, Any]]
 
 
@@ -119,7 +122,9 @@ def with_landmarks(
     whole = graph.joined(*found)
     names = [node.name for node in found]
     if TAGS in names and _is_simulated(graph) and graph.source is not None:
-        rendered = {"tags": tags_of_world(graph.source.params.world), "corner_floor": 0.0}
+        rendered: dict[str, Any] = {"tags": tags_of_world(graph.source.params.world)}
+        if _is_ideal(graph.source.params):
+            rendered["corner_floor"] = 0.0
         rendered["readout"] = graph.source.params.camera_readout
         whole = whole.configured({TAGS: rendered})
     return whole.configured({name: settings[name] for name in names if name in settings})
@@ -133,6 +138,11 @@ def tags_of_world(name: str) -> str:
 def has_frames(graph: Graph) -> bool:
     """True if the pose of its camera is published."""
     return bool(graph.topics_of(Transforms))
+
+
+def _is_ideal(camera: Any) -> bool:
+    """True if a simulated camera has no errors that its images hide."""
+    return not any(getattr(camera, name, 0) for name in _REAL)
 
 
 def _is_simulated(graph: Graph) -> bool:
