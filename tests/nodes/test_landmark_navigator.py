@@ -176,7 +176,7 @@ def test_landmarks_are_told_with_covariance(params):
 
 def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
     path = tmp_path / "built.yaml"
-    params = NavigatorParams(save_to=str(path), level_sigma=0.1, corner_floor=0.1)
+    params = NavigatorParams(save_to=str(path), level_sigma=0.1, corner_floor=0.1, camera_turn=0.0)
     node = LandmarkNavigator(params)
     node.save_map()
     assert "nothing saved" in caplog.text

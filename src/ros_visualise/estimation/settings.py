@@ -33,7 +33,7 @@ class CameraErrors:
     """
 
     clock_s: float = 0.05
-    turn_rad: float = np.radians(0.5)
+    turn_rad: float = 0.0
     turn_s: float = 20.0
     focal: float = 0.0
 

@@ -1,8 +1,13 @@
-"""Rangefinder: the distance to the ground, along the x axis of its frame."""
+"""Rangefinder: the distance to the ground, along the x axis of its frame, with a scale error.
+
+Many measurements of one height average their noise, not their scale: without that state the height
+would be more certain than any rangefinder is.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +15,13 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Range
 from ros_visualise.estimation.belief import Belief
-from ros_visualise.estimation.robot import POSE, RobotState, core
-from ros_visualise.estimation.sensors import Expected, Reading, Sensor
+from ros_visualise.estimation.robot import POSE, OwnStates, RobotState, core, own_states
+from ros_visualise.estimation.sensors import Expected, Prior, Reading, Sensor
 from ros_visualise.estimation.updating import GROUND
 from ros_visualise.geometry import se3
+
+SCALE = own_states("scale of the rangefinder", 1)
+"""Error of all distances, as a fraction: positive if they are too long."""
 
 _STEEP = 0.5  # sine of the least angle between the beam and the ground
 
@@ -29,6 +37,14 @@ class RangefinderErrorParams:
         min=1e-3,
         max=10,
         slider=(0.01, 1),
+        group="rangefinder",
+    )
+    rangefinder_scale: float = param(
+        0.01,
+        "scale error (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=1,
+        slider=(0, 0.1),
         group="rangefinder",
     )
 
@@ -47,6 +63,10 @@ class RangefinderModel(Sensor):
         variance = message.variance if known else params.rangefinder_sigma**2
         return np.array([message.range]), np.array([[variance]])
 
+    def states(self, params: RangefinderErrorParams) -> Mapping[OwnStates, Prior]:
+        """The scale error."""
+        return {SCALE: Prior(params.rangefinder_scale)}
+
     def expect(
         self, robot: RobotState, reading: Reading, params: RangefinderErrorParams
     ) -> Expected | None:
@@ -58,11 +78,14 @@ class RangefinderModel(Sensor):
         # `ground_height` is a parameter of the node, beside those of this sensor
         ground = getattr(params, "ground_height", 0.0) + robot[GROUND][0]
         distance = (ground - at[2]) / beam[2]
+        factor = 1 + float(robot[SCALE][0])
         H = np.zeros((1, core()))
         H[:, POSE] = np.hstack([np.eye(3), -se3.cross(at)])[2] / -beam[2]
         H[0, 3:6] += distance * se3.cross(beam)[2] / beam[2]
         H[:, GROUND.rows] = 1 / beam[2]
-        return Expected(reading.values - distance, H, reading.covariance)
+        H *= factor
+        H[:, SCALE.rows] = distance
+        return Expected(reading.values - factor * distance, H, reading.covariance)
 
     def give_way(self, belief: Belief, residual: Floats, params: RangefinderErrorParams) -> str:
         """Make the height of the ground uncertain."""
