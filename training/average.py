@@ -1,10 +1,9 @@
-"""Average the refinement heads of two files that `export.py` wrote.
+"""Average both networks of two files that `export.py` wrote.
 
-    python training/average.py START.onnx TRAINED.onnx RESULT.onnx --share 0.5
+    python training/average.py START.onnx TRAINED.onnx PICTURES RESULT.onnx --share 0.5
 
-The first network, and all else, is that of START, bit for bit. Training on few worlds forgets some
-of what was learned from many; the mean of the weights before and after keeps both, as long as they
-have not diverged.
+Training on few worlds forgets some of what was learned from many; the mean of the weights before
+and after keeps both, as long as they have not diverged.
 
 Source of the idea: Wortsman et al., Robust fine-tuning of zero-shot models, 2022.
 """
@@ -12,60 +11,63 @@ Source of the idea: Wortsman et al., Robust fine-tuning of zero-shot models, 202
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-import onnx
-from onnx import numpy_helper
+import torch
+from export import write_onnx
+from network import Network
 from running import run
+from second import CHANNELS, SIDE, Second
+from start import Layer, Start, read_start, start_first, start_second
+from store import some_pictures
+from torch import nn
 
 from ros_visualise.core.errors import OpenError
 
-_HEAD = "last/"
 
-
-def average(start: Path, trained: Path, result: Path, share: float, about: dict[str, str]) -> None:
+def average(
+    start: Path,
+    trained: Path,
+    pictures: Path,
+    result: Path,
+    shares: tuple[float, float],
+    seed: int,
+) -> None:
     """Write the mean.
 
     Args:
-        share: of the trained weights, 0 to 1.
-        about: more lines for its metadata.
+        pictures: worlds, to measure the ranges of the integers by.
+        shares: of the trained weights, 0 to 1, of the first network and of the refinement head.
+        seed: chooses these pictures.
 
     Raises:
-        OpenError: the heads have different layers.
+        OpenError: the networks have different layers.
     """
-    model, other = onnx.load(str(start)), onnx.load(str(trained))
-    ours, theirs = (list(_head_weights(each)) for each in (model, other))
-    shapes = [[list(each.dims) for each in some] for some in (ours, theirs)]
-    if shapes[0] != shapes[1]:
-        raise OpenError(f"{start} and {trained}: refinement heads of different shapes")
-    for own, new in zip(ours, theirs, strict=True):
-        old = numpy_helper.to_array(own).astype(np.float64)
-        mean = (1 - share) * old + share * numpy_helper.to_array(new)
-        kind = numpy_helper.to_array(own).dtype
-        own.CopyFrom(numpy_helper.from_array(mean.astype(kind), own.name))
-    lines = {each.key: each.value for each in model.metadata_props}
-    del model.metadata_props[:]
-    onnx.helper.set_model_props(model, {**lines, **about})
-    onnx.checker.check_model(model)
-    onnx.save(model, str(result))
+    old, new = read_start(start), read_start(trained)
+    if (old.widths, len(old.classes)) != (new.widths, len(new.classes)):
+        raise OpenError(f"{start} and {trained}: networks of different shapes")
+    classes = len(new.classes)
+    network, head = Network(classes, new.widths[0]), Second(classes, new.widths[1])
+    first = mean(old.first, new.first, shares[0], network)
+    both = Start(first, mean(old.second, new.second, shares[1], head), new.classes, new.steps)
+    start_first(network, both, both.classes, torch.rand(2, 3, 64, 64))
+    parts = torch.rand(2, CHANNELS, SIDE, SIDE), torch.ones(2, 2), torch.ones(2, 2)
+    start_second(head, both, both.classes, parts)
+    about = {"seed": str(seed), "steps": str(both.steps), "shares": "{} {}".format(*shares)}
+    write_onnx(network, head, both.classes, result, about, some_pictures(pictures, seed))
 
 
-def _head_weights(model: onnx.ModelProto) -> Iterator[onnx.TensorProto]:
-    """The weights of the refinement head in the order of execution, each once."""
-    stored = {each.name: each for each in model.graph.initializer}
-    cast = {node.output[0]: node.input[0] for node in model.graph.node if node.op_type == "Cast"}
-    names = _weight_names(model.graph.node)
-    for name in dict.fromkeys(cast.get(name, name) for name in names):
-        if name in stored:
-            yield stored[name]
-
-
-def _weight_names(nodes: Sequence[onnx.NodeProto]) -> Iterator[str]:
-    for node in nodes:
-        if node.op_type in ("Conv", "Gemm") and node.name.startswith(_HEAD):
-            yield from node.input[1:]
+def mean(
+    old: Sequence[Layer], new: Sequence[Layer], share: float, network: nn.Module
+) -> list[Layer]:
+    """The mean of the weights of a network's layers, so much of it from the new ones."""
+    count = sum(isinstance(each, nn.Conv2d | nn.Linear) for each in network.modules())
+    pairs = zip(old[:count], new[:count], strict=True)
+    return [
+        Layer(*((1 - share) * a + share * b for a, b in zip(*layers, strict=True)))
+        for layers in pairs
+    ]
 
 
 def main() -> int:
@@ -73,12 +75,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("start", type=Path)
     parser.add_argument("trained", type=Path)
+    parser.add_argument("pictures", type=Path, help="folder of worlds")
     parser.add_argument("result", type=Path)
-    parser.add_argument(
-        "--share", type=float, default=0.5, help="of TRAINED (default: %(default)s)"
-    )
+    share = "of TRAINED in the %s (default: %%(default)s)"
+    parser.add_argument("--first-share", type=float, default=0.5, help=share % "first network")
+    parser.add_argument("--share", type=float, default=0.5, help=share % "refinement head")
+    parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    average(asked.start, asked.trained, asked.result, asked.share, {})
+    shares = asked.first_share, asked.share
+    average(asked.start, asked.trained, asked.pictures, asked.result, shares, asked.seed)
     return 0
 
 

@@ -14,8 +14,6 @@ _QUARTERED = 0.6
 """Fraction of pictures composed of four parts."""
 _AROUND = 0.9
 """Fraction of parts centred on a landmark, if there is one."""
-_EMPTY = 0.5
-"""Frequency of pictures without a landmark, relative to those with one."""
 _SHRUNK, _LEAST_SCALE = 0.15, 0.5
 """Fraction of parts at another scale, in a gray letterbox."""
 _HALF_BELOW = 0.75  # at smaller scales the picture of half the size is looked at
@@ -47,8 +45,7 @@ def make_batch(store: Store, count: int, random: Random, crop: int = 0) -> tuple
 
 def _cut(store: Store, count: int, side: int, random: Random) -> tuple[Tensor, Tensor]:
     """Square parts (P, side, side, 3), some mirrored, and their rows (P, n, 8)."""
-    weights = torch.where(store.rows[:, 0, 0] == ABSENT, _EMPTY, 1.0)
-    which = random.choice(weights, count)
+    which = random.choice(store.weights, count)
     shrunk = random.chance(_SHRUNK, count)
     scale = torch.where(shrunk, random.uniform(count, low=_LEAST_SCALE), 1.0)[:, None]
     mirrored = random.chance(0.5, count)[:, None]

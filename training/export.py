@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import onnx
 import torch
-from integers import Images, to_integers
+from integers import Images, to_integers, without_copies
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
 from running import run
@@ -222,7 +222,7 @@ def _export(
             output_names=output_names,
             dynamic_axes=free,
         )
-        return onnx.load(file.name)
+        return without_copies(onnx.load(file.name))
 
 
 def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:

@@ -79,6 +79,22 @@ def to_integers(model: onnx.ModelProto, pictures: Iterable[Images]) -> onnx.Mode
     return result
 
 
+def without_copies(model: onnx.ModelProto) -> onnx.ModelProto:
+    """The same model, with no copies of its weights: newer torch writes one for a second use.
+
+    Otherwise quantization would take a copy for a result, with a coarse scale at run time.
+    """
+    stored = {each.name for each in model.graph.initializer}
+    copies = {}
+    for node in list(model.graph.node):
+        for at, name in enumerate(node.input):
+            node.input[at] = copies.get(name, name)
+        if node.op_type == "Identity" and node.input[0] in stored:
+            copies[node.output[0]] = node.input[0]
+            model.graph.node.remove(node)
+    return model
+
+
 def _is_chosen(node: onnx.NodeProto) -> bool:
     in_scope = node.op_type in _OPERATIONS and _SCOPE.match(node.name)
     return bool(in_scope) and not _FLOATS.search(node.name)

@@ -28,7 +28,7 @@ class Truth(NamedTuple):
     points: Tensor
     """(B, n, 2)."""
     ignored: Tensor
-    """(B, n) bool; what is there is neither landmark nor background."""
+    """(B, n) bool; what is there is neither a landmark of its class nor none."""
 
 
 class Taken(NamedTuple):
@@ -52,9 +52,11 @@ def detection_loss(
     own, things, strides = taken[:2], (taken.pictures, taken.things), grid[1][taken.cells]
     wanted = torch.zeros_like(logits)
     wanted[(*own, truth.kinds[things])] = taken.quality
-    weight = 1 - (_inside(grid[0], truth.boxes) & truth.ignored[:, None]).any(dim=2).float()
+    hidden = _inside(grid[0], truth.boxes) & truth.ignored[:, None]  # (B, cells, n)
+    of_kind = functional.one_hot(truth.kinds.clamp(min=0), classes).float()
+    weight = 1 - (hidden.float() @ of_kind).clamp(max=1)
     weight[own] = 1
-    focus = (logits.sigmoid() - wanted).abs().pow(2).detach() * weight[..., None]
+    focus = (logits.sigmoid() - wanted).abs().pow(2).detach() * weight
     cost = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
     of_box = taken.quality * (1 - giou(boxes[own], truth.boxes[things]))
     gap = (points[own] - truth.points[things]) / strides

@@ -2,9 +2,10 @@
 
     python training/negatives.py OUT/pictures FOLDER FILM.mp4 --worlds 20 --start aerial.onnx
 
-Each world gets a folder like those of `pictures.py`, with no labels, and a line for each source in
+Each world gets a folder like those of `pictures.py`, and a line for each source in
 ``sources.json``: its name and the SHA-256 of its bytes. No source may show a pad or a tag. Most
-streets show vehicles and posts: parts where the network to start from detects one are left out.
+streets show vehicles and posts: what the network to start from detects as one is neither taught as
+one nor as none. Of a few parts, the one with the likeliest false pad or tag is kept.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from grounds import Canvas
 from pictures import PER_WORLD, SIZE
 from running import run
+from shots import MOST_THINGS
 from worlds import CLASSES
 
 from ros_visualise.core.errors import OpenError
@@ -33,9 +36,13 @@ _FRAMES = 40
 _LONGEST = 2000  # pixels of a picture's longer side
 _LEAST_PART = 96
 """Side of the smallest part that is cut out, pixels."""
-_SURE = 0.05
+_CANDIDATES = 3
+"""Parts among which the hardest is chosen."""
+_GRAY = 0.15
+"""Fraction of the parts without colours."""
+_SURE = 0.1
 _UNLABELLED = ("vehicle", "post")
-_QUALITY = 60, 96  # of JPEG
+_QUALITY = 60, 92  # of JPEG
 
 
 def files_in(sources: Sequence[Path]) -> list[Path]:
@@ -86,10 +93,25 @@ def cut_part(random: np.random.Generator, picture: Canvas) -> Canvas:
     return np.asarray(cv2.resize(part, SIZE, interpolation=how), np.uint8)
 
 
-def shows_unlabelled(network: Network, picture: Canvas) -> bool:
-    """True if a network detects what the pictures may show without a label."""
+class Part(NamedTuple):
+    """A part, its rows of ``labels.json``, and the score of the likeliest false pad or tag."""
+
+    picture: Canvas
+    rows: list[list[float]]
+    hardness: float
+
+
+def judge(network: Network, picture: Canvas) -> Part:
+    """A part with what it may show without a label; this counts as hidden."""
     found = network.detect(picture, "BGR", SelectionRules(min_score=_SURE))
-    return any(network.names[int(kind)] in _UNLABELLED for kind in found.classes)
+    rows, hardness = [], 0.0
+    for kind, box, score in zip(found.classes, found.boxes_xyxy, found.scores, strict=True):
+        if network.names[int(kind)] in _UNLABELLED:
+            middle, foot = float(box[0] + box[2]) / 2, float(box[3])
+            rows.append([int(kind), *np.round(box, 3).tolist(), middle, foot, -1.0])
+        else:
+            hardness = max(hardness, float(score))
+    return Part(picture, rows[:MOST_THINGS], hardness)
 
 
 def write_worlds(out: Path, files: Sequence[Path], worlds: int, seed: int, start: Path) -> None:
@@ -98,31 +120,30 @@ def write_worlds(out: Path, files: Sequence[Path], worlds: int, seed: int, start
     pictures = [_shrunk(picture) for path in files for picture in read_pictures(path)]
     if not pictures:
         raise OpenError("no pictures to cut; give other sources")
-    for number in range(worlds):
-        folder = out / f"nothing_{seed}_{number}"
+    for world in range(worlds):
+        folder = out / f"nothing_{seed}_{world}"
         if (folder / "labels.json").exists():
             continue
         folder.mkdir(parents=True, exist_ok=True)
-        random = np.random.default_rng((seed, number))
-        names = [f"{each:04d}.jpg" for each in range(PER_WORLD)]
-        for name in names:
-            part = _clean_part(random, pictures, network)
+        random = np.random.default_rng((seed, world))
+        labels: dict[str, list[list[float]]] = {}
+        for number in range(PER_WORLD):
+            part, name = _hard_part(random, pictures, network), f"{number:04d}.jpg"
             setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*_QUALITY))]
-            cv2.imwrite(str(folder / name), part, setting)
+            cv2.imwrite(str(folder / name), part.picture, setting)
+            labels[name] = part.rows
         sources = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
         (folder / "sources.json").write_text(json.dumps(sources))
-        labels = {"classes": CLASSES, "pictures": {name: [] for name in names}}
-        (folder / "labels.json").write_text(json.dumps(labels))
+        whole = {"classes": CLASSES, "pictures": labels}
+        (folder / "labels.json").write_text(json.dumps(whole))
 
 
-def _clean_part(
-    random: np.random.Generator, pictures: Sequence[Canvas], network: Network
-) -> Canvas:
-    for _ in range(100):
-        part = cut_part(random, pictures[random.integers(len(pictures))])
-        if not shows_unlabelled(network, part):
-            return part
-    raise OpenError("no part without a vehicle or a post in 100 tries; give other pictures")
+def _hard_part(random: np.random.Generator, pictures: Sequence[Canvas], network: Network) -> Part:
+    cut = [cut_part(random, pictures[random.integers(len(pictures))]) for _ in range(_CANDIDATES)]
+    for number in np.nonzero(random.random(_CANDIDATES) < _GRAY)[0]:
+        gray = cv2.cvtColor(cut[number], cv2.COLOR_BGR2GRAY)
+        cut[number] = np.asarray(cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR), np.uint8)
+    return max((judge(network, each) for each in cut), key=lambda part: part.hardness)
 
 
 def main() -> int:

@@ -18,8 +18,8 @@ FRAMES = (
 )
 """A bare letter and one on a cross are drawn more often: they have no edge that helps."""
 HELD_OUT_FRAMES = ("pentagon", "diamond")
-LETTERS = ("plain", "round", "stencil", "wide", "edged", "serif", "hollow", "cross")
-"""Styles of the H; ``cross`` is a cross in its place."""
+LETTERS = ("plain", "round", "stencil", "wide", "edged", "serif", "hollow", "cross", "cross")
+"""Styles of the H; ``cross`` is a cross in its place, drawn more often."""
 HELD_OUT_LETTERS = ("slanted", "flared")
 _SIDES = {"triangle": 3, "square": 4, "diamond": 4, "pentagon": 5, "hexagon": 6, "octagon": 8}
 _TURNS = {

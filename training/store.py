@@ -21,6 +21,9 @@ from ros_visualise.core.errors import OpenError
 Canvas = npt.NDArray[np.uint8]
 ABSENT = -1
 """The class of a row that is none."""
+_EMPTY, _REAL = 0.5, 2.0
+"""How often rendered pictures without a landmark and real pictures are shown, relative to others.
+"""
 
 
 class Store:
@@ -28,27 +31,39 @@ class Store:
 
     Args:
         folder: of worlds, as `pictures.py` writes them. All pictures are square and equally large.
-        worlds: there is room for so many, and for all that are there already; those of 160 pictures
-            of 320 pixels take 61 MB each.
+        worlds: there is room for so many rendered ones, and for all that are there already; those
+            of 160 pictures of 320 pixels take 61 MB each.
     """
 
     def __init__(self, folder: Path, worlds: int) -> None:
         self.folder, self.count, self.side = folder, 0, 0
         self.classes: tuple[str, ...] = ()
-        self._room = max(worlds, len(list(folder.glob("*/labels.json"))))
+        there, real = (len(list(folder.glob(f"*/{name}.json"))) for name in ("labels", "sources"))
+        self.room = max(worlds + real, there)
         self._worlds: set[Path] = set()
-        self._pixels = self._rows = torch.empty(0)
+        self._pixels = self._rows = self._real = torch.empty(0)
 
     @property
     def rows(self) -> Tensor:
         """(N, MOST_THINGS, 8) as in ``labels.json``; the class of those beyond is `ABSENT`."""
         return self._rows[: self.count]
 
+    @property
+    def real(self) -> Tensor:
+        """(N,) bool: the pictures that `negatives.py` cut out of real ones."""
+        return self._real[: self.count]
+
+    @property
+    def weights(self) -> Tensor:
+        """(N,) how often each picture is shown."""
+        shown = torch.where(self.rows[:, 0, 0] == ABSENT, _EMPTY, 1.0)
+        return torch.where(self.real, _REAL, shown)
+
     def refresh(self) -> int:
         """Take in the worlds that have become whole, while there is room; how many are there."""
-        if len(self._worlds) < self._room:
+        if len(self._worlds) < self.room:
             new = set(self.folder.glob("*/labels.json")) - self._worlds
-            for path in sorted(new)[: self._room - len(self._worlds)]:
+            for path in sorted(new)[: self.room - len(self._worlds)]:
                 self._add(path)
         return len(self._worlds)
 
@@ -72,11 +87,12 @@ class Store:
         new = slice(self.count, self.count + count)
         self._pixels[new] = torch.from_numpy(pictures).to(DEVICE)
         self._rows[new] = torch.from_numpy(rows).to(DEVICE)
+        self._real[new] = path.with_name("sources.json").exists()
         self._worlds.add(path)
         self.count += count
 
     def _make_room(self, world: tuple[int, ...], classes: tuple[str, ...]) -> None:
-        count, pixels = self._room * world[0], world[1]
+        count, pixels = self.room * world[0], world[1]
         self.side, self.classes = math.isqrt(pixels * 4 // 5), classes
         try:
             self._pixels = torch.empty(count, pixels, 3, dtype=torch.uint8, device=DEVICE)
@@ -84,6 +100,7 @@ class Store:
             need = f"{count} pictures need {3e-9 * count * pixels:.1f} GB"
             raise OpenError(f"{need} of memory: ask for fewer --worlds") from error
         self._rows = torch.empty(count, MOST_THINGS, 8, device=DEVICE)
+        self._real = torch.zeros(count, dtype=torch.bool, device=DEVICE)
 
     def cut(self, which: Tensor, x: Tensor, y: Tensor, half: Tensor) -> Tensor:
         """Parts (P, H, W, 3) of pictures, 0 to 1; beyond a picture's edges its last pixels go on.

@@ -57,7 +57,7 @@ class Trainer:
 
     Args:
         network: what is trained.
-        minutes: how long it will train; the learning rate falls to zero by then.
+        length: how long it will train; the learning rate falls to zero by then.
         rate: the highest learning rate.
         steps: that it was trained before.
     """
@@ -66,16 +66,16 @@ class Trainer:
         self,
         network: Network,
         classes: tuple[str, ...],
-        minutes: float,
+        length: Length,
         seed: int,
         rate: float = _RATE,
         steps: int = 0,
     ) -> None:
-        self.classes, self.minutes, self.seed, self.rate = classes, minutes, seed, rate
+        self.classes, self.length, self.seed, self.rate = classes, length, seed, rate
         self.network = network.to(DEVICE, memory_format=FORMAT)
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
         self.optimizer = make_optimizer(self.network, _DECAY)
-        self.steps, self.seconds = steps, 0.0
+        self.steps, self.seconds, self._before = steps, 0.0, steps
 
     def step(self, pictures: Tensor, truth: Truth) -> Tensor:
         """Learn from one batch; its losses of classes, boxes and points, (3,)."""
@@ -94,8 +94,8 @@ class Trainer:
 
     @property
     def done(self) -> float:
-        """The share of the time that is over, 0 to 1."""
-        return min(self.seconds / 60 / self.minutes, 1.0) if self.minutes else 1.0
+        """The share that is over, 0 to 1."""
+        return self.length.done(self.seconds, self.steps - self._before)
 
     def save(self, path: Path) -> None:
         """Write all that is needed to go on."""
@@ -149,8 +149,10 @@ def stop(rendering: list[subprocess.Popen[bytes]]) -> None:
         each.wait()
 
 
-def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]]) -> None:
-    """Wait until the first worlds are whole."""
+def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]], all_: bool) -> None:
+    """Wait until the first worlds are whole, or all, so that their order is always the same."""
+    for each in rendering if all_ else []:
+        each.wait()
     while store.refresh() < _FIRST_WORLDS and any(each.poll() is None for each in rendering):
         time.sleep(1)
     if not store.count:
@@ -160,14 +162,15 @@ def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]]) ->
 def make_trainer(store: Store, asked: argparse.Namespace) -> Trainer:
     """The trainer of a fresh network, or of one that goes on from a file."""
     classes, more = store.classes, math.sqrt(asked.batch / _BATCH)
+    length = Length(asked.minutes, asked.steps)
     if asked.start is None:
         network = Network(len(classes), asked.width)
-        return Trainer(network, classes, asked.minutes, asked.seed, more * _RATE)
+        return Trainer(network, classes, length, asked.seed, more * _RATE)
     start = read_start(asked.start)
     network = Network(len(classes), start.widths[0])
     pictures, _ = make_batch(store, _MEASURED, Random(asked.seed, 1), _CROP)
     start_first(network, start, classes, pictures.cpu())
-    return Trainer(network, classes, asked.minutes, asked.seed, more * _RATE_ON, start.steps)
+    return Trainer(network, classes, length, asked.seed, more * _RATE_ON, start.steps)
 
 
 def train(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) -> None:
@@ -231,10 +234,12 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path, help="folder for pictures, checkpoints and the network")
-    parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s; 0: none")
-    parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
-    steps = "length in steps instead of minutes: the same again on the same kind of machine"
-    parser.add_argument("--second-steps", type=int, default=0, help=steps)
+    minutes = "default: %(default)s; 0: no limit but that of the steps"
+    parser.add_argument("--minutes", type=float, default=90, help=minutes)
+    parser.add_argument("--second-minutes", type=float, default=40, help=minutes)
+    steps = "at most so many, begun when all worlds are there: with no minutes, repeatable"
+    parser.add_argument("--steps", type=int, default=0, help=steps)
+    parser.add_argument("--second-steps", type=int, default=0, help="at most so many")
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     many = "%(default)s pictures are learned from in one step"
     parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help=many)
@@ -260,15 +265,15 @@ def main() -> int:
     rendering = start_rendering(asked.out, asked)
     try:
         store = Store(asked.out / "pictures", asked.worlds)
-        wait_for_pictures(store, rendering)
+        wait_for_pictures(store, rendering, asked.steps > 0)
         trainer = make_trainer(store, asked)
         if (asked.out / "checkpoint.pt").exists():
             trainer.load(asked.out / "checkpoint.pt")
         train(trainer, store, asked.out, asked)
         for each in rendering:
             each.wait()
-        if (there := store.refresh()) < asked.worlds:
-            print(f"only {there} of {asked.worlds} worlds are there: see above why", flush=True)
+        if (there := store.refresh()) < store.room:
+            print(f"only {there} of {store.room} worlds are there: see above why", flush=True)
         look_again(trainer, store, asked.out, asked)
     finally:
         stop(rendering)

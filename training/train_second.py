@@ -22,7 +22,8 @@ SAY_S = 15.0
 """Between two lines about the losses."""
 BATCH = 128
 """Parts in one step."""
-_OF_NONE = 0.42  # of a batch; the rest is shared alike by the classes
+_OF_NONE, _OF_REAL = 0.25, 0.17  # of a batch, from rendered and from real pictures
+"""The rest is shared alike by the classes."""
 RATE, RATE_ON = 3e-3, 1.5e-3
 """The highest learning rates, from nothing and from a network that has learned."""
 _DECAY = 0.05
@@ -35,16 +36,15 @@ _FAR = 2.0  # half sides; a ground point beyond is not looked for in this part
 
 
 class Length(NamedTuple):
-    """How long to train: so many minutes, or steps where these are not 0."""
+    """How long to train: so many minutes or steps, whichever ends first; 0 is no limit."""
 
     minutes: float
     steps: int = 0
 
-    def done(self, start: float, step: int) -> float:
-        """The share that is over, after a start in seconds of `time.monotonic`."""
-        if self.steps:
-            return step / self.steps
-        return (time.monotonic() - start) / 60 / self.minutes
+    def done(self, seconds: float, steps: int) -> float:
+        """The share that is over, 0 to 1."""
+        pairs = (seconds / 60, self.minutes), (steps, self.steps)
+        return min(max((now / limit for now, limit in pairs if limit), default=1.0), 1.0)
 
 
 def some_parts(looks: Looks, store: Store, random: Random) -> tuple[Tensor, Tensor, Tensor]:
@@ -71,7 +71,7 @@ def train_second(
     network = network.to(DEVICE, memory_format=FORMAT)
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = make_optimizer(network, _DECAY)
-    groups = _groups(looks, network.classes, batch)
+    groups = _groups(looks, store, network.classes, batch)
     weights = torch.tensor(_WEIGHTS, device=DEVICE)
 
     def make_batch() -> Views:
@@ -82,7 +82,7 @@ def train_second(
     start = said = time.monotonic()
     with ThreadPoolExecutor(1) as batches:
         upcoming = batches.submit(make_batch)
-        while (done := length.done(start, step)) < 1:
+        while (done := length.done(time.monotonic() - start, step)) < 1:
             rate = highest * min(1.0, done / _WARM + 0.01)
             for group in optimizer.param_groups:
                 group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
@@ -118,12 +118,11 @@ def second_loss(raw: Tensor, seen: Views) -> tuple[Tensor, Tensor, Tensor]:
     return of_class, of_box, of_point
 
 
-def _groups(looks: Looks, classes: int, batch: int) -> list[tuple[Tensor, int]]:
+def _groups(looks: Looks, store: Store, classes: int, batch: int) -> list[tuple[Tensor, int]]:
     """Crops by label, and the number of each in a batch."""
-    shares = {NONE: _OF_NONE, **dict.fromkeys(range(classes), (1 - _OF_NONE) / classes)}
-    found = []
-    for label, share in shares.items():
-        group = torch.nonzero(looks.labels == label)[:, 0]
-        if len(group):
-            found.append((group, max(1, round(share * batch))))
-    return found
+    none, real = looks.labels == NONE, store.real[looks.which]
+    share = (1 - _OF_NONE - _OF_REAL) / classes
+    kinds = [(none & ~real, _OF_NONE), (none & real, _OF_REAL)]
+    kinds += [(looks.labels == kind, share) for kind in range(classes)]
+    groups = [(torch.nonzero(chosen)[:, 0], share) for chosen, share in kinds]
+    return [(group, max(1, round(share * batch))) for group, share in groups if len(group)]

@@ -8,7 +8,7 @@ from onnx import TensorProto, helper, numpy_helper
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
 
 import onnxruntime
-from integers import to_integers
+from integers import to_integers, without_copies
 
 SIDE, WIDTH = 32, 8
 
@@ -98,3 +98,17 @@ def test_layers_stay_in_their_order(both):
         [node.name for node in model.graph.node if node.op_type == "Conv"] for model in both
     )
     assert after == before
+
+
+def test_without_copies_the_weights_themselves_are_used():
+    model = made_network()
+    session = onnxruntime.InferenceSession(model.SerializeToString())
+    picture = np.random.default_rng(0).uniform(0, 1, (1, 3, SIDE, SIDE)).astype(np.float32)
+    before = session.run(None, {"images": picture})[0]
+    plain = without_copies(model)
+    stored = {each.name for each in plain.graph.initializer}
+    convs = [node for node in plain.graph.node if node.op_type == "Conv"]
+    assert len(convs) == 4
+    assert all(set(node.input[1:]) <= stored for node in convs)
+    session = onnxruntime.InferenceSession(plain.SerializeToString())
+    assert np.array_equal(before, session.run(None, {"images": picture})[0])

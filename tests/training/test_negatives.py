@@ -1,6 +1,7 @@
 """Worlds of parts of real pictures without landmarks, to train on."""
 
 import json
+from types import MappingProxyType
 
 import cv2
 import negatives
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from negatives import cut_part, files_in, write_worlds
 
-from ros_visualise.core.errors import OpenError
+from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 
 
@@ -50,7 +51,23 @@ def test_a_part_lies_inside_of_a_picture_of_any_shape():
         assert (cut_part(random, picture) == 200).all()
 
 
-def test_parts_with_what_may_be_there_without_a_label_are_left_out(sources, tmp_path, monkeypatch):
-    monkeypatch.setattr(negatives, "shows_unlabelled", lambda network, part: True)
-    with pytest.raises(OpenError, match="no part without a vehicle"):
-        write_worlds(tmp_path / "out", files_in([sources]), 1, 7, OWN_MODEL)
+def test_what_may_be_there_without_a_label_is_hidden_and_the_hardest_part_is_kept(
+    sources, tmp_path, monkeypatch
+):
+    class Guess:
+        names = MappingProxyType({0: "helipad", 2: "post"})
+
+        def detect(self, picture, *_):
+            score = float(picture.mean()) / 255
+            boxes = np.array([[1.0, 2, 30, 40], [5, 5, 9, 50]])
+            return Candidates(boxes, np.array([score, 0.3]), np.array([0, 2]))
+
+    monkeypatch.setattr(negatives, "PER_WORLD", 4)
+    monkeypatch.setattr(negatives, "Network", lambda path: Guess())
+    write_worlds(tmp_path / "out", files_in([sources]), 1, 7, OWN_MODEL)
+    labels = json.loads((tmp_path / "out" / "nothing_7_0" / "labels.json").read_text())
+    assert all(rows == [[2, 5, 5, 9, 50, 7, 50, -1]] for rows in labels["pictures"].values())
+    parts = [np.full((320, 320, 3), level, np.uint8) for level in (20, 90, 50)]
+    monkeypatch.setattr(negatives, "cut_part", lambda random, picture: parts[int(picture)])
+    chosen = negatives._hard_part(np.random.default_rng(0), [0, 1, 2], Guess())
+    assert chosen.hardness == pytest.approx(chosen.picture.mean() / 255)
