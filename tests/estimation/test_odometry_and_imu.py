@@ -3,7 +3,21 @@
 import numpy as np
 import pytest
 from driven import drive, params
-from world import Sensor, World, along, exp, map_text, square, surveyed, tags_on_ground
+from world import (
+    T0,
+    Event,
+    S,
+    Sensor,
+    World,
+    along,
+    exp,
+    map_text,
+    square,
+    surveyed,
+    tags_on_ground,
+)
+
+from ros_visualise.data import Header, Range
 
 GRID = [(x, y, -5) for x in range(0, 13, 4) for y in range(0, 13, 4)]
 TAGS = tags_on_ground(GRID)
@@ -87,3 +101,24 @@ def test_covariance_in_the_odometry_is_used():
         several.append(drive(world.events(12), params()).nees(world, 6).mean())
     mean = float(np.mean(several))
     assert mean < 6, f"NEES {mean:.1f} of 3: {several}"
+
+
+def test_a_rangefinder_decides_between_imu_and_an_odometry_that_stalls():
+    """No tag is in view, and the robot climbs 2.5 m meanwhile."""
+    world = World(
+        along((0, 0, 2), (40, 0, 42)),
+        odometry=Sensor(50),
+        imu=Sensor(100, priority=-1),
+        slips=[(5.0, 6.2, 0.0)],
+    )
+    random = np.random.default_rng(3)
+    events = world.events(12)
+    for t in np.arange(0.3, 12, 0.05):
+        R, p = world.truth(t)
+        distance = p[2] / (R.T @ [0, 0, 1])[2] + random.normal(0, 0.02)
+        at = Header(round((t + T0) * S), "below")
+        events.append(Event(t, 2, "rangefinder", Range(distance, 0.1, 100.0, header=at)))
+    run = drive(sorted(events, key=lambda one: one[:2]), params(), start=world.start())
+    assert abs(run.errors(world, 6.5)[0][:, 2]).max() < 0.5
+    assert run.falsely_certain(world) == 0
+    assert run.counted("odometry rejected") > 5

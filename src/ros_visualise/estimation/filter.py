@@ -31,12 +31,12 @@ from ros_visualise.estimation.odometry import (
 )
 from ros_visualise.estimation.pose_search import SearchPrior, apart, completed
 from ros_visualise.estimation.robot import POSE, core
-from ros_visualise.estimation.sensors import SENSORS, Reading
+from ros_visualise.estimation.sensors import SENSORS, Reading, Sensor
 from ros_visualise.estimation.settings import NavigatorSettings
 from ros_visualise.estimation.updating import fits
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
-from ros_visualise.landmarks.gates import DECIDED
+from ros_visualise.landmarks.gates import DECIDED, Innovation
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
@@ -267,8 +267,23 @@ class Filter:
         belief.rival = completed(belief.rival, belief.state, list(keys.values()))
         pairs = [Pair(sight, keys[sight.name]) for sight in tags if sight.name in keys]
         several = [fits(view, pairs, one) for one in (belief.rival, belief.state)]
-        odometry, imu = (sum(max(fit.evidence, _WORST) for fit in one) for one in several)
-        belief.rival_lead += odometry - imu
+        self._decide(belief, *several)
+
+    def _weigh(self, belief: Belief, reading: Reading, sensor: Sensor) -> None:
+        """Let another sensor decide between IMU and odometry."""
+        assert belief.rival is not None
+        params = self.settings.sensor(reading.sensor)
+        fits = [sensor.fit(one, reading, params) for one in (belief.rival, belief.state)]
+        odometry, imu = ([fit] if fit is not None else [] for fit in fits)
+        if odometry and imu:
+            self._decide(belief, odometry, imu)
+
+    def _decide(self, belief: Belief, odometry: list[Innovation], imu: list[Innovation]) -> None:
+        """Compare how well measurements fit the rival, by odometry, and the state, by the IMU."""
+        by_odometry, by_imu = (
+            sum(max(fit.evidence, _WORST) for fit in one) for one in (odometry, imu)
+        )
+        belief.rival_lead += by_odometry - by_imu
         if belief.rival_lead > DECIDED:
             self._follow_odometry(belief)
         elif belief.rival_lead < -DECIDED:
@@ -283,6 +298,8 @@ class Filter:
             belief.counts[f"{reading.sensor} unused"] += 1
             return
         self._age(belief)
+        if belief.rival is not None:
+            self._weigh(belief, reading, sensor)
         sensor.apply(belief, reading, self.settings.sensor(reading.sensor))
 
     def _age(self, belief: Belief) -> None:

@@ -19,10 +19,11 @@ from ros_visualise.core.registry import Registry, holding
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.robot import OwnStates, RobotState, core
-from ros_visualise.landmarks.gates import GATES
+from ros_visualise.landmarks.gates import Innovation
 
 if TYPE_CHECKING:
     from ros_visualise.estimation.belief import Belief
+    from ros_visualise.estimation.state import State
 
 PATIENCE_S = 3.0
 """Seconds of refused measurements before the estimate gives way."""
@@ -112,6 +113,11 @@ class Sensor(ABC):
         """States of its own."""
         return {}
 
+    def fit(self, state: State, reading: Reading, params: Any) -> Innovation | None:
+        """Compare a reading with a state; None if it says nothing of it."""
+        expected = self.expect(state.robot, reading, params)
+        return None if expected is None else _innovation(expected, state)
+
     def apply(self, belief: Belief, reading: Reading, params: Any) -> None:
         """Correct a belief; what is refused for long raises its uncertainty first."""
         expected = self.expect(belief.state.robot, reading, params)
@@ -119,10 +125,8 @@ class Sensor(ABC):
             belief.counts[f"{self.name} unused"] += 1
             return
         residual, H, noise = expected
-        P, columns = belief.state.P, np.arange(core())
-        spread = H @ P[: core(), : core()] @ H.T + noise
-        if residual @ np.linalg.solve(spread, residual) < GATES[len(residual)]:
-            belief.state = belief.state.corrected(columns, H, residual, noise)
+        if _innovation(expected, belief.state).is_inlier:
+            belief.state = belief.state.corrected(np.arange(core()), H, residual, noise)
             belief.accept(self.name)
             return
         refusal = belief.refuse(self.name)
@@ -131,6 +135,12 @@ class Sensor(ABC):
             done = self.give_way(belief, residual, params)
             belief.note(f"{self.name} has contradicted the estimate for {refused_s:.0f} s: {done}")
             belief.forgive(self.name)
+
+
+def _innovation(expected: Expected, state: State) -> Innovation:
+    H = expected.H
+    spread = H @ state.P[: core(), : core()] @ H.T + expected.noise
+    return Innovation.of(expected.residual, spread, expected.noise)
 
 
 SENSORS: Registry[Sensor] = Registry(
