@@ -11,15 +11,15 @@ Source of the idea: Wortsman et al., Robust fine-tuning of zero-shot models, 202
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 from export import write_onnx
+from layers import mean
 from network import Network
 from running import run
 from second import CHANNELS, SIDE, Second
-from start import Layer, Start, read_start, start_first, start_second
+from start import Start, read_start, start_first, start_second
 from store import some_pictures
 from torch import nn
 
@@ -49,8 +49,9 @@ def average(
         raise OpenError(f"{start} and {trained}: networks of different shapes")
     classes = len(new.classes)
     network, head = Network(classes, new.widths[0]), Second(classes, new.widths[1])
-    first = mean(old.first, new.first, shares[0], network)
-    both = Start(first, mean(old.second, new.second, shares[1], head), new.classes, new.steps)
+    first = mean(old.first, new.first, shares[0], _layers(network))
+    second = mean(old.second, new.second, shares[1], _layers(head))
+    both = Start(first, second, new.classes, new.steps)
     start_first(network, both, both.classes, torch.rand(2, 3, 64, 64))
     parts = torch.rand(2, CHANNELS, SIDE, SIDE), torch.ones(2, 2), torch.ones(2, 2)
     start_second(head, both, both.classes, parts)
@@ -58,16 +59,8 @@ def average(
     write_onnx(network, head, both.classes, result, about, some_pictures(pictures, seed))
 
 
-def mean(
-    old: Sequence[Layer], new: Sequence[Layer], share: float, network: nn.Module
-) -> list[Layer]:
-    """The mean of the weights of a network's layers, so much of it from the new ones."""
-    count = sum(isinstance(each, nn.Conv2d | nn.Linear) for each in network.modules())
-    pairs = zip(old[:count], new[:count], strict=True)
-    return [
-        Layer(*((1 - share) * a + share * b for a, b in zip(*layers, strict=True)))
-        for layers in pairs
-    ]
+def _layers(network: nn.Module) -> int:
+    return sum(isinstance(each, nn.Conv2d | nn.Linear) for each in network.modules())
 
 
 def main() -> int:

@@ -17,6 +17,7 @@ import onnx
 import torch
 from export import LAYOUT, VERSION
 from google.protobuf.message import DecodeError
+from layers import Layer
 from network import BOX, POINT, SPREAD, Network
 from onnx import numpy_helper
 from second import Second
@@ -25,13 +26,6 @@ from torch import Tensor, nn
 from ros_visualise.core.errors import OpenError
 
 _SCALE = 2.0  # of a layer's weights, by those of a fresh one: what follows makes up for it
-
-
-class Layer(NamedTuple):
-    """A convolution or dense layer in a file."""
-
-    weight: Tensor
-    bias: Tensor
 
 
 class Start(NamedTuple):
