@@ -52,29 +52,16 @@ def corridor(views: int, tags: int) -> tuple[Structure, list[Term]]:
 
 def recording(folder: Path) -> tuple[Structure, list[Term]]:
     """Equations of TagSLAM's recording, where its map begins."""
-    from tagslam import Recorded, _hypothesis, located
+    from tagslam import Recorded, joint_sightings, located
 
     from ros_visualise.landmarks.mapping.minimising import chi2_of, linearised, robust
-    from ros_visualise.landmarks.mapping.problem import Problem, TagSighting
+    from ros_visualise.landmarks.mapping.problem import Problem
     from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
     from ros_visualise.landmarks.mapping.terms import Terms
     from ros_visualise.landmarks.mapping.unknowns import Unknowns
 
     recorded = Recorded(folder, 0.0)
-    several = [(k, view) for k, view in enumerate(located(recorded)) if len(view) > 1]
-    names = sorted({n for _, view in several for n in view})
-    sightings = [
-        TagSighting(
-            number,
-            names.index(n),
-            recorded.images[k][n],
-            recorded.sizes[n],
-            recorded.info,
-            [_hypothesis(pose) for pose in found],
-        )
-        for number, (k, view) in enumerate(several)
-        for n, found in view.items()
-    ]
+    several, names, sightings = joint_sightings(recorded, located(recorded))
     problem = Problem(np.arange(len(several), dtype=np.int64), names, sightings)
     problem = Problem(problem.stamps_ns, names, sightings, anchor=anchor_of(problem))
     begun = begin(problem)

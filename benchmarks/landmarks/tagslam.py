@@ -170,17 +170,10 @@ def _from_tag(pose: PoseEstimate) -> tuple[Floats, Floats]:
     return T, J @ pose.covariance @ J.T
 
 
-def smoothed(
-    recorded: Recorded,
-    views: list[View],
-    position_m: float,
-    turn_rad: float,
-    corners_px: float | None = None,
-) -> dict[int, Floats]:
-    """Positions (3,) of tags, by all views at once and the survey with these deviations.
-
-    That of corners is estimated unless it is given.
-    """
+def joint_sightings(
+    recorded: Recorded, views: list[View]
+) -> tuple[list[tuple[int, View]], list[int], list[TagSighting]]:
+    """Views of several tags with their numbers, the ids of these tags, and all their sightings."""
     several = [(k, view) for k, view in enumerate(views) if len(view) > 1]
     names = sorted({n for _, view in several for n in view})
     sightings = [
@@ -195,6 +188,21 @@ def smoothed(
         for number, (k, view) in enumerate(several)
         for n, poses in view.items()
     ]
+    return several, names, sightings
+
+
+def smoothed(
+    recorded: Recorded,
+    views: list[View],
+    position_m: float,
+    turn_rad: float,
+    corners_px: float | None = None,
+) -> dict[int, Floats]:
+    """Positions (3,) of tags, by all views at once and the survey with these deviations.
+
+    That of corners is estimated unless it is given.
+    """
+    several, names, sightings = joint_sightings(recorded, views)
     known = [
         TagPrior(names.index(n), place, np.full(3, position_m), turn, np.full(3, turn_rad))
         for n, (place, turn) in recorded.poses.items()
