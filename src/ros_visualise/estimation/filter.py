@@ -244,7 +244,7 @@ class Filter:
         """Go over to the rival; if no tag has decided, their difference stays uncertain."""
         assert belief.rival is not None
         off = apart(belief.rival, belief.state)
-        belief.state, belief.rival = belief.rival, None
+        belief.state, belief.rival, belief.is_by_imu = belief.rival, None, False
         if belief.rival_lead <= DECIDED:
             self._widen(belief, off)
         self._ignore_imu(belief)
@@ -411,7 +411,7 @@ class Filter:
         if belief.has_pose:
             belief.counts["recovered"] += 1
             belief.note(f"relocalized by {', '.join(sorted(belief.search.names))}")
-        belief.state = found
+        belief.state, belief.is_by_imu = found, False  # its previous pose is none of odometry's
         there = {*found.keys, *(found.resting.left if found.resting else ())}
         belief.chart = belief.chart.copy()
         belief.chart.keep(there)
