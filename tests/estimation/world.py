@@ -215,6 +215,7 @@ class World:
         walk, heading, tilt: odometry noise, m/sqrt(m) and rad/sqrt(m).
         kidnapped: (time, (3,)): the robot is moved, and no sensor notices.
         imu_turned: (from, to, (3, 3)): the IMU's axes are others.
+        shakes_rad: the camera's attitude differs from its frame, anew in each image.
         pixel: standard deviation of corners, as their detector states.
         clutter: part of the images that has a false tag, each with a name of its own.
         size_factor: true sizes of tags are multiplied by it in detections.
@@ -243,6 +244,7 @@ class World:
     states_covariance: bool = False
     kidnapped: tuple[float, Any] | None = None
     imu_turned: Sequence[tuple[float, float, Any]] = ()
+    shakes_rad: float = 0.0
     gyro: float = 3e-4
     accel: float = 3e-3
     pixel: float = 0.3
@@ -399,7 +401,8 @@ class World:
 
     def _images(self, times, random):
         for t in times:
-            camera = self.truth(t) @ CAMERA
+            shaken = Pose(exp(self.shakes_rad * random.normal(size=3)), np.zeros(3))
+            camera = self.truth(t) @ CAMERA @ shaken
             seen = [
                 one
                 for name, tag in self.tags.items()

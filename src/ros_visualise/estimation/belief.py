@@ -16,8 +16,10 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.chart import Chart, ImageOutcome
+from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.pose_search import PoseSearch
 from ros_visualise.estimation.state import State
+from ros_visualise.estimation.steadiness import Steadiness
 
 _MOST_NOTES = 20
 _QUIET_NS = 10_000_000_000
@@ -78,6 +80,7 @@ class Belief:
         contradicted: images in a row that contradict the pose, the first at ``contradicted_ns``.
         last_print: of the last image.
         imu: how far the IMU is trusted.
+        cameras: how steady each camera is on the robot.
         rival: the state by the odometry, while the trusted IMU disagrees with that.
         rival_lead: log-likelihood of tags for the rival, relative to ``state``.
         is_by_imu: True if the IMU alone has propagated it since the last odometry.
@@ -103,6 +106,7 @@ class Belief:
     contradicted_ns: int = 0
     last_print: bytes = b""
     imu: ImuTrust = ImuTrust()
+    cameras: tuple[Steadiness, ...] = (Steadiness(),) * len(CAMERAS)
     rival: State | None = None
     rival_lead: float = 0.0
     is_by_imu: bool = False

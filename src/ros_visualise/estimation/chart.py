@@ -172,6 +172,11 @@ class Chart:
         there = [self.landmarks[one.name] for one in sights if one.name in self.landmarks]
         return {one.name: one.key for one in there if one.is_used and one.has_orientation}
 
+    def decided(self, sights: Iterable[Sighting]) -> list[Pair]:
+        """The tags in view with one reading left, whether they may be used yet or not."""
+        there = [(one, self.landmarks[one.name]) for one in sights if one.name in self.landmarks]
+        return [Pair(one, tag.key) for one, tag in there if len(tag.keys) == 1]
+
     @property
     def tags(self) -> int:
         """Number of tags that may be used."""

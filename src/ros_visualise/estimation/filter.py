@@ -17,7 +17,7 @@ from ros_visualise.estimation.belief import Belief, ImuTrust
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
-from ros_visualise.estimation.measuring import CAMERAS, CLOCK, Pair, camera_of
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, Pair, camera_of, turn_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
@@ -307,7 +307,8 @@ class Filter:
         last_ns = belief.memory.get("aged")
         belief.remember("aged", belief.now_ns)
         if last_ns is not None and belief.now_ns > last_ns:
-            keep, noise = self.settings.aging((belief.now_ns - last_ns) / 1e9)
+            seconds, levels = (belief.now_ns - last_ns) / 1e9, [one.level for one in belief.cameras]
+            keep, noise = self.settings.aging(seconds, levels)
             belief.state = belief.state.copy()
             belief.state.age(keep, noise)
             robot = belief.state.robot
@@ -328,6 +329,7 @@ class Filter:
         if belief.is_located:
             if belief.rival is not None:
                 self._judge(belief, view)
+            self._check_steadiness(belief, view)
             belief.state, belief.outcome = belief.chart.take(belief.state, view)
             self._verify(belief, view)
             return
@@ -336,6 +338,24 @@ class Filter:
         self._recover(belief, 2 if belief.has_pose else 1)
         if belief.reason and view.sights:
             belief.outcome.advice["the robot"] = belief.reason
+
+    def _check_steadiness(self, belief: Belief, view: CameraView) -> None:
+        """Give the camera's attitude more room once images have shown that it needs it."""
+        tags = belief.chart.usable(view, ImageOutcome())
+        belief.state = belief.chart.enter(belief.state, tags)
+        pairs = belief.chart.decided(tags)
+        before, errors = belief.cameras[view.camera], self.settings.camera
+        after = before.after(view, pairs, belief.state, errors)
+        cameras = [*belief.cameras]
+        cameras[view.camera] = after
+        belief.cameras = tuple(cameras)
+        if after.level > before.level:
+            now = errors.at_level(after.level)
+            belief.state.inflate(turn_of(view.camera), np.eye(3) * now.turn_rad**2)
+            belief.note(
+                f"camera {view.camera + 1} turns by more than camera_turn says: taking "
+                f"{np.degrees(now.turn_rad):.2g} degrees within {now.turn_s:.2g} s"
+            )
 
     @staticmethod
     def _name_clock(belief: Belief, view: CameraView) -> None:
@@ -355,9 +375,13 @@ class Filter:
         keys = belief.chart.keys_of(tags)
         up = up_of(self.odometer.at(view.stamp_ns)) if self.odometer.covers(view.stamp_ns) else None
         if keys and up is not None:
-            prior = SearchPrior(up, self.settings.level_rad, self.settings.odometry)
+            prior = self._search_prior(belief, view, up)
             belief.search.look(view, belief.state, keys, prior)
         return keys
+
+    def _search_prior(self, belief: Belief, view: CameraView, up: Floats) -> SearchPrior:
+        errors = self.settings.camera.at_level(belief.cameras[view.camera].level)
+        return SearchPrior(up, self.settings.level_rad, self.settings.odometry, errors.turn_rad)
 
     def _verify(self, belief: Belief, view: CameraView) -> None:
         """Search for another pose while all map tags contradict this one."""

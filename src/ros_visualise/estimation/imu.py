@@ -34,6 +34,7 @@ class ImuNoise:
         gyro, accel: noise densities, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz).
         gyro_bias, accel_bias: initial biases, rad/s and m/s^2.
         gyro_walk, accel_walk: bias random walks, rad/s/sqrt(s) and m/s^2/sqrt(s).
+        clock_s: delay of the rates in the sensor, and what is between its clock and the odometry's.
     """
 
     gyro: float = 1e-3
@@ -42,6 +43,7 @@ class ImuNoise:
     accel_bias: float = 0.1
     gyro_walk: float = 1e-4
     accel_walk: float = 1e-3
+    clock_s: float = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +55,15 @@ class Mounting:
 
 
 class ImuInterval(NamedTuple):
-    """An interval of nearly constant rates (3,) in rad/s and specific force (3,) in m/s^2."""
+    """An interval with its mean rates (3,) in rad/s and specific force (3,) in m/s^2.
+
+    ``change`` (3,) is that of the rates in it, rad/s.
+    """
 
     seconds: float
     rates: Floats
     force: Floats
+    change: Floats
 
 
 ImuIntervals = list[ImuInterval]
@@ -126,7 +132,9 @@ class ImuBuffer:
             m = min(n + 1, len(times) - 1)
             rates = (self._samples[n].rates + self._samples[m].rates) / 2
             force = (self._at_origin(n) + self._at_origin(m)) / 2
-            parts.append(ImuInterval((b - a) / 1e9, rates, force))
+            part = (b - a) / max(known[n - first + 1] - known[n - first], 1)
+            change = (self._samples[m].rates - self._samples[n].rates) * part
+            parts.append(ImuInterval((b - a) / 1e9, rates, force, change))
         return parts
 
     def densities(self, until_ns: int) -> tuple[float, float]:
@@ -177,7 +185,8 @@ def propagate_by_imu(state: State, parts: ImuIntervals, model: ImuNoise) -> None
     J[VELOCITY, ACCEL.rows] = -lasting.sum(axis=0)
     rates = R @ (parts[-1].rates - robot[GYRO])
     moved = replace(robot, R=R, p=p[-1], v=v[-1], rates=rates)
-    state.propagate(moved, J, _noise(turned, seconds, left, model))
+    changes = (middles @ np.array([part.change for part in parts])[..., None]) * model.clock_s
+    state.propagate(moved, J, _noise(turned, seconds, left, model, (turned @ changes).sum(axis=0)))
 
 
 def _attitudes(robot: RobotState, parts: ImuIntervals) -> tuple[Floats, Floats]:
@@ -217,11 +226,16 @@ def _motion(seconds: float, fall: Floats) -> Floats:
     return J
 
 
-def _noise(turned: Floats, seconds: Floats, left: Floats, model: ImuNoise) -> Floats:
-    """(n, n) covariance that all intervals add to the errors."""
+def _noise(
+    turned: Floats, seconds: Floats, left: Floats, model: ImuNoise, delayed: Floats
+) -> Floats:
+    """(n, n) covariance that all intervals add to the errors.
+
+    ``delayed`` (_MOVED, 1) is the error of one standard deviation of the clock.
+    """
     noise = np.zeros((core(), core()))
     rows = np.concatenate(turned * (model.gyro * np.sqrt(seconds[..., None])), axis=1)
-    noise[:_MOVED, :_MOVED] = rows @ rows.T
+    noise[:_MOVED, :_MOVED] = rows @ rows.T + delayed @ delayed.T
     of_v, of_both, of_p = (float((seconds * left**n).sum()) * model.accel**2 for n in range(3))
     noise[VELOCITY, VELOCITY] += of_v * _EYE
     noise[VELOCITY, :3] += of_both * _EYE

@@ -26,6 +26,12 @@ CAMERAS = tuple(own_states(f"camera {number}", 5) for number in (1, 2))
 CLOCK, TURN, FOCAL = 0, slice(1, 4), 4
 
 
+def turn_of(camera: int) -> slice:
+    """Rows of the error of a camera's attitude."""
+    start = CAMERAS[camera].rows.start
+    return slice(start + TURN.start, start + TURN.stop)
+
+
 class Pair(NamedTuple):
     """A sighting, and the key of its landmark in the state."""
 

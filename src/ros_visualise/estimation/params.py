@@ -139,6 +139,14 @@ class ImuErrorParams:
     accel_walk: float = param(
         5e-4, "accelerometer bias random walk, m/s^3/sqrt(Hz)", min=0, max=1, group="imu"
     )
+    imu_clock: float = param(
+        2e-3,
+        "delay of the IMU's rates against the odometry (standard deviation), seconds",
+        min=0,
+        max=0.5,
+        slider=(0, 0.02),
+        group="imu",
+    )
 
 
 @dataclass(frozen=True)
@@ -271,6 +279,7 @@ class NavigatorParams(
             self.accel_bias,
             self.gyro_walk,
             self.accel_walk,
+            self.imu_clock,
         )
         ground = GroundPlane(self.ground_height, self.ground_sigma, self.ground_roughness)
         plane = ground if self.ground else None

@@ -17,7 +17,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
 from ros_visualise.estimation.landmark import seen_noise
-from ros_visualise.estimation.measuring import Pair
+from ros_visualise.estimation.measuring import Pair, turn_of
 from ros_visualise.estimation.odometry import (
     OdometryNoise,
     OdometryStep,
@@ -58,17 +58,19 @@ class PoseCandidate:
 
 
 class SearchPrior(NamedTuple):
-    """Prior knowledge, the same for all candidates.
+    """Prior knowledge, the same for all candidates of an image.
 
     Attributes:
         up: (3,) the odometry's vertical, in the robot's axes.
         level_rad: standard deviation of the tilt of the odometry's frame.
         odometry: its errors.
+        turn_rad: standard deviation of the camera's attitude on the robot.
     """
 
     up: Floats
     level_rad: float
     odometry: OdometryNoise
+    turn_rad: float
 
 
 class PoseSearch:
@@ -142,7 +144,7 @@ class PoseSearch:
             for pose in sight.poses:
                 if pose.R is None:
                     continue
-                there = _stand(view, state, keys[sight.name], pose, prior.odometry)
+                there = _stand(view, state, keys[sight.name], pose, prior)
                 there, fit = level(there, prior.up, prior.level_rad)
                 if not fit.is_inlier:
                     continue
@@ -197,11 +199,12 @@ def _rests(state: State, key: str) -> bool:
 
 
 def _stand(
-    view: CameraView, state: State, key: str, pose: ObservedPose, noise: OdometryNoise
+    view: CameraView, state: State, key: str, pose: ObservedPose, prior: SearchPrior
 ) -> State:
     """The state with the robot where one reading of a landmark places it.
 
-    The robot then has the landmark's error, and that of the reading.
+    The robot then has the landmark's error, and that of the reading; the camera's attitude may have
+    been part of what was wrong before, and is unknown again.
     """
     assert pose.R is not None
     n = state.keys.index(key)
@@ -210,7 +213,10 @@ def _stand(
     R = R_camera @ view.R_base_camera.T
     placed = state.copy()
     seen = _VAGUER * seen_noise(pose, R_camera, p_camera)
-    place_robot(placed, R, p_camera - R @ view.p_base_camera, seen, noise)
+    place_robot(placed, R, p_camera - R @ view.p_base_camera, seen, prior.odometry)
+    turn = turn_of(view.camera)
+    placed.forget(turn)
+    placed.inflate(turn, np.eye(3) * prior.turn_rad**2)
     placed.share(POSE, np.eye(6), placed.rows(key))
     return placed
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
-from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN, turn_of
 from ros_visualise.estimation.odometry import AXES, SCALES, OdometryNoise
 from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
 from ros_visualise.estimation.sensors import SENSORS, Prior
@@ -19,6 +19,7 @@ from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import GROUND
 
 _CLOCK_WALK = 1e-4  # s per sqrt(s)
+_STEADY_S = 20.0  # time constant of an attitude stated to be constant, where it is not
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,13 @@ class CameraErrors:
     turn_rad: float = 0.0
     turn_s: float = 20.0
     focal: float = 0.0
+
+    def at_level(self, level: int) -> CameraErrors:
+        """The same for a camera less steady than stated, see `estimation.steadiness`."""
+        if not level:
+            return self
+        changes_s = (self.turn_s or _STEADY_S) / 10**level
+        return replace(self, turn_rad=self.turn_rad * 3**level, turn_s=changes_s)
 
     @property
     def variances(self) -> Floats:
@@ -100,15 +108,19 @@ class NavigatorSettings:
         if self.rules.mode is not MapMode.BUILD:
             yield GRAVITY, np.full(2, (GRAVITY_MS2 * self.level_rad) ** 2)
 
-    def aging(self, seconds: float) -> tuple[Floats, Floats]:
-        """Factors (n,) on the sensors' states, and variances (n,) added, over some time."""
+    def aging(self, seconds: float, levels: Sequence[int]) -> tuple[Floats, Floats]:
+        """Factors (n,) on the sensors' states, and variances (n,) added, over some time.
+
+        ``levels`` are those of the cameras, see `CameraErrors.at_level`.
+        """
         keep, noise = np.ones(core()), np.zeros(core())
-        wander = Prior(self.camera.turn_rad, time_s=self.camera.turn_s or None).over(seconds)
-        for one in CAMERAS:
-            start = one.rows.start
-            noise[start + CLOCK] = (self.camera.clock_s > 0) * _CLOCK_WALK**2 * seconds
-            turns = slice(start + TURN.start, start + TURN.stop)
-            keep[turns], noise[turns] = wander
+        for camera, level in enumerate(levels):
+            errors = self.camera.at_level(level)
+            noise[CAMERAS[camera].rows.start + CLOCK] = (
+                (errors.clock_s > 0) * _CLOCK_WALK**2 * seconds
+            )
+            wander = Prior(errors.turn_rad, time_s=errors.turn_s or None).over(seconds)
+            keep[turn_of(camera)], noise[turn_of(camera)] = wander
         for sensor in SENSORS.all():
             for states, prior in sensor.states(self.sensor(sensor.name)).items():
                 keep[states.rows], noise[states.rows] = prior.over(seconds)

@@ -41,6 +41,19 @@ def fits(view: CameraView, pairs: Sequence[Pair], state: State) -> list[Innovati
     return [found[number] for number in range(len(pairs))]
 
 
+def together(
+    view: CameraView, pairs: Sequence[Pair], state: State, rows: slice, variance: float
+) -> tuple[Innovation, Innovation]:
+    """The innovation of all pairs as one: of the state, and with more variance in some rows."""
+    columns = _columns(view, pairs, state)
+    residual, H, noise = _stacked(measure(view, pairs, state), len(columns), robust=False)
+    spread = H @ state.P[np.ix_(columns, columns)] @ H.T + noise
+    more = H[:, (columns >= rows.start) & (columns < rows.stop)]
+    both = np.array([spread, spread + variance * more @ more.T])
+    first, second = _innovations(np.tile(residual, (2, 1)), both, np.array([noise, noise]))
+    return first, second
+
+
 def update(
     state: State, view: CameraView, pairs: Sequence[Pair], free: Mask | None = None
 ) -> State:

@@ -22,6 +22,15 @@ _ALTERNATIVE = math.log(3.0)  # log of how many times larger the errors of a mis
 _MISFIT = math.log(1e3)
 
 
+def gate(size: int) -> float:
+    """99.9% point of the chi-square distribution of any number of measured values.
+
+    Source: E. Wilson, M. Hilferty, The distribution of chi-square, 1931; within 0.1% from 9 on.
+    """
+    part = 2 / (9 * size)
+    return GATES.get(size) or size * (1 - part + 3.0902 * math.sqrt(part)) ** 3
+
+
 class Innovation(NamedTuple):
     """Consistency of a measurement with the state: a squared Mahalanobis distance.
 
@@ -36,7 +45,7 @@ class Innovation(NamedTuple):
     @property
     def is_inlier(self) -> bool:
         """True if it passes the 99.9% gate."""
-        return self.distance2 < GATES[self.size]
+        return self.distance2 < gate(self.size)
 
     @classmethod
     def of(cls, residual: Floats, spread: Floats, noise: Floats, beyond: float = 0.0) -> Innovation:

@@ -1,0 +1,56 @@
+"""Laws of a camera that shakes: it is found out, named, and the pose is as uncertain as it is."""
+
+import numpy as np
+import pytest
+from driven import drive, params
+from world import HERE, Pose, Sensor, World, along, from_rpy, square, tags_on_ground
+
+TAGS = tags_on_ground([(x, y, -5) for x in range(0, 13, 4) for y in range(0, 13, 4)])
+UNSTEADY = "camera 1 turns by more than camera_turn says"
+
+
+@pytest.mark.parametrize("shakes_deg", [1.5, 4.0])
+def test_a_camera_less_steady_than_stated_is_named_and_allowed_for(shakes_deg):
+    world = World(along(*square()), TAGS, seed=2, shakes_rad=np.radians(shakes_deg))
+    run = drive(world.events(20), params(), start=HERE)
+    assert run.says(UNSTEADY)
+    assert run.counted("loss") == 0, run.lines
+    assert run.falsely_certain(world, 8) == 0
+    assert run.nees(world, 8).mean() < 9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_steady_camera_is_not_suspected(seed):
+    world = World(along(*square()), TAGS, seed, shakes_rad=np.radians(0.1))
+    run = drive(world.events(20), params(), start=HERE)
+    assert run.counted("images") > 80
+    assert not run.says(UNSTEADY)
+
+
+def test_a_tag_that_was_moved_beside_others_is_no_shaking_camera():
+    tags = tags_on_ground([(x, y, -5) for x in range(0, 13, 2) for y in range(0, 13, 2)])
+    moved = {**tags}
+    for name in list(tags)[::5]:
+        pose = tags[name].pose
+        moved[name] = tags[name]._replace(pose=Pose(pose.R, pose.p + [0.4, -0.3, 0]))
+    path, given = along(*square()), params()
+    before, after = World(path, tags).events(32), World(path, moved).events(32)
+    run = drive([one for one in before if one.arrival_s < 16], given, start=HERE)
+    run = drive([one for one in after if one.arrival_s > 16], given, run=run)
+    assert run.says("has it moved")
+    assert not run.says(UNSTEADY)
+
+
+def test_a_delayed_gyroscope_on_a_rolling_robot_does_not_turn_it():
+    """At 190 degrees per second, 3 ms are half a degree; the odometry has no such delay."""
+    way = along(*square())
+
+    def rolling(t):
+        swings = 0.5 * (1 - np.exp(-((max(t, 0) / 3) ** 3)))
+        return Pose(way(t).R @ from_rpy(swings * np.sin(6.5 * t), 0, 0), way(t).p)
+
+    imu = Sensor(100, clock_s=0.003, priority=-1)
+    world = World(rolling, TAGS, odometry=Sensor(50), imu=imu, turn_scale=0.01)
+    run = drive(world.events(20), params(), start=HERE)
+    assert run.falsely_certain(world, 5) == 0
+    assert run.nees(world, 5, size=6).mean() < 10
