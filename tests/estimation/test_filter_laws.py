@@ -61,15 +61,16 @@ def test_measurements_of_an_imu_joined_are_those_one_by_one():
     robot = robot.with_own(GYRO, random.normal(size=3) * 0.01)
     robot = robot.with_own(ACCEL, random.normal(size=3) * 0.1)
     spread = random.normal(size=(core(), core()))
-    state, noise = State(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
+    white = ImuNoise(gyro_walk=0, accel_walk=0, clock_s=0)
+    state = State(robot, spread @ spread.T)
     parts = [
-        ImuInterval(0.01 + 0.002 * n, random.normal(size=3), random.normal(size=3) * 3)
+        ImuInterval(0.01 + 0.002 * n, *random.normal(size=(2, 3)) * [[1], [3]], np.zeros(3))
         for n in range(5)
     ]
     joined, alone = state.copy(), state.copy()
-    propagate_by_imu(joined, parts, noise)
+    propagate_by_imu(joined, parts, white)
     for part in parts:
-        propagate_by_imu(alone, [part], noise)
+        propagate_by_imu(alone, [part], white)
     np.testing.assert_allclose(joined.P, alone.P, rtol=1e-9, atol=1e-9)
     for name in ("R", "p", "v"):
         there, expected = getattr(joined.robot, name), getattr(alone.robot, name)

@@ -167,7 +167,7 @@ def test_an_imu_may_come_in_any_order_and_what_is_no_number_is_refused():
     assert not imu.add(60 * 10**6, np.full(3, np.nan), np.zeros(3), IN_THE_MIDDLE)
     assert not imu.add(20 * 10**6, np.zeros(3), np.zeros(3), IN_THE_MIDDLE)
     parts = imu.between(10 * 10**6, 50 * 10**6)
-    assert [seconds for seconds, _, _ in parts] == pytest.approx([0.01] * 4)
+    assert [one.seconds for one in parts] == pytest.approx([0.01] * 4)
 
 
 def test_an_imu_away_from_the_middle_feels_its_turns():
@@ -181,8 +181,8 @@ def test_an_imu_away_from_the_middle_feels_its_turns():
         force = force + np.cross(speed_up, at.p)
         imu.add(10_000_000 * number, at.R.T @ rates, at.R.T @ force, at)
     parts = imu.between(50_000_000, 150_000_000)
-    assert sum(seconds for seconds, _, _ in parts) == pytest.approx(0.1)
-    np.testing.assert_allclose([force for *_, force in parts], [[1, 2, 9]] * len(parts))
+    assert sum(one.seconds for one in parts) == pytest.approx(0.1)
+    np.testing.assert_allclose([one.force for one in parts], [[1, 2, 9]] * len(parts))
 
 
 def test_gps_holds_the_error_small_between_landmarks():
