@@ -32,7 +32,7 @@ def test_a_tag_that_was_moved_beside_others_is_no_shaking_camera():
     moved = {**tags}
     for name in list(tags)[::5]:
         pose = tags[name].pose
-        moved[name] = tags[name]._replace(pose=Pose(pose.R, pose.p + [0.4, -0.3, 0]))
+        moved[name] = tags[name]._replace(pose=Pose(pose.R, np.add(pose.p, (0.4, -0.3, 0))))
     path, given = along(*square()), params()
     before, after = World(path, tags).events(32), World(path, moved).events(32)
     run = drive([one for one in before if one.arrival_s < 16], given, start=HERE)
