@@ -15,9 +15,10 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.access import access_rules
-from ros_visualise.ui.page.server import close_server, open_server
+from ros_visualise.ui.page.server import PageServer
 from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.ui.server.access import access_rules
+from ros_visualise.ui.shell import VISER
 
 FLAGS = [
     "--no-sandbox",
@@ -83,16 +84,18 @@ def chromium() -> Iterator[object]:
 
 
 @pytest.fixture
-def browse(chromium, page: Page) -> Iterator[Callable[[], object]]:
-    """Opens the page in a browser of its own, until its images are there."""
+def browse(chromium, page: Page) -> Iterator[Callable[..., object]]:
+    """Opens viser's page, or another, in a browser of its own, until its images are there."""
     contexts = []
 
-    def open_browser() -> object:
+    def open_browser(path: str = VISER) -> object:
         context = chromium.new_context(viewport={"width": 1280, "height": 720})
         contexts.append(context)
         tab = context.new_page()
-        tab.goto(page.url)
-        tab.wait_for_function(
+        tab.goto(page.url + path)
+        if path != VISER:
+            tab.wait_for_selector("iframe", timeout=120_000)
+        tab.frames[-1].wait_for_function(
             "document.querySelectorAll(\"img[src^='blob:']\").length == 3", timeout=120_000
         )
         return tab
@@ -120,9 +123,9 @@ def clock() -> Clock:
 @pytest.fixture
 def server(port: int) -> Iterator[viser.ViserServer]:
     """An empty page."""
-    server = open_server("127.0.0.1", port, "test", access_rules("127.0.0.1"))
-    yield server
-    close_server(server)
+    server = PageServer("127.0.0.1", port, "test", access_rules("127.0.0.1"))
+    yield server.viser
+    server.close()
 
 
 @pytest.fixture

@@ -16,6 +16,8 @@ import zstandard
 from waiting import wait_for
 from websockets.sync.client import connect
 
+from ros_visualise.ui.shell import VISER
+
 TOKEN = "a-token-of-the-tests_00"
 VIEW_TOKEN = "another-one-to-look-01"
 """What the pages of these tests are opened with (`conftest.tokens`)."""
@@ -61,9 +63,11 @@ class Client:
     """Connects as a browser does and knows what it was told of: elements by their
     labels, nodes of the scene by their names."""
 
-    def __init__(self, port: int, path: str = f"/{TOKEN}", origin: str | None = None) -> None:
+    def __init__(
+        self, port: int, path: str = f"/{TOKEN}", origin: str | None = None, query: str = ""
+    ) -> None:
         self.socket = connect(
-            f"ws://127.0.0.1:{port}{path}",
+            f"ws://127.0.0.1:{port}{path}{VISER}{query}",
             subprotocols=[f"viser-v{viser.__version__}"],
             origin=origin,
             max_size=None,

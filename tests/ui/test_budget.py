@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import pytest
 
 from ros_visualise.ui.look.answers import Refusal
-from ros_visualise.ui.page.budget import Budget, Client, Share
+from ros_visualise.ui.server.budget import Budget, Client, Share
 
 ONE, OTHER = Client("192.0.2.1"), Client("192.0.2.2")
 LOOKING = [Client(f"192.0.2.{number}", is_viewer=True) for number in range(9)]

@@ -4,7 +4,7 @@ import pytest
 from page_client import TOKEN, VIEW_TOKEN
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.ui.page.access import Fetch, access_rules, is_loopback
+from ros_visualise.ui.server.access import Fetch, access_rules, is_loopback
 
 OWN = "127.0.0.1:8080"
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from contextlib import closing
+from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -14,15 +15,17 @@ import pytest
 import viser
 from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, addresses, get
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from ros_visualise.core import supervision
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.shell import VISER
 
-EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}"></iframe><script>
+EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}/viser"></iframe><script>
 window.told = new Promise(tell => {{
-    const socket = new WebSocket("ws://127.0.0.1:{port}/{token}", ["viser-v{version}"]);
+    const socket = new WebSocket("ws://127.0.0.1:{port}/{token}/viser", ["viser-v{version}"]);
     socket.onopen = () => tell("open");
     socket.onclose = () => tell("closed");
 }});
@@ -36,6 +39,7 @@ from ros_visualise.core import supervision
 from ros_visualise.ui.look import Inspector
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.shell import VISER
 page = Page(ViewOptions(port=int(sys.argv[1])))
 runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
 runtime.start()
@@ -101,6 +105,23 @@ def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
         upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
         key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
         assert get(port, path, **headers, **upgrade, **key)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "path", ["/_nicegui_ws/socket.io/?EIO=4&transport=websocket", VISER, "/?upload=a.mp4&size=1"]
+)
+def test_every_websocket_is_behind_the_gate(page, port, path):
+    for token, origin in (("", None), ("x", None), (TOKEN, "http://evil.example")):
+        with pytest.raises(InvalidStatus) as refused:
+            connect(f"ws://127.0.0.1:{port}/{token}{path}", origin=origin)
+        assert refused.value.response.status_code == 403
+
+
+def test_only_reading_methods_are_answered(page, port):
+    for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
+        with closing(HTTPConnection("127.0.0.1", port, timeout=60)) as asked:
+            asked.request(method, f"/{TOKEN}/", b"x")
+            assert asked.getresponse().status == 405
 
 
 def test_a_long_path_is_no_fault_of_the_server(page, port):
@@ -185,7 +206,8 @@ def test_the_address_is_printed_and_never_logged(port, runtime, caplog, capfd):
     get(port, f"/{TOKEN}/x", "")
     page.close()
     assert "evil.example" in caplog.text
-    assert not any(token in caplog.text for token in (TOKEN, VIEW_TOKEN))
+    own = [r.getMessage() for r in caplog.records if r.name != "websockets.client"]
+    assert not any(token in line for token in (TOKEN, VIEW_TOKEN) for line in own)
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
@@ -358,7 +380,7 @@ def test_parts_of_20_mib_are_not_kept(served, port):
     for _ in range(30):
         client = Client(port)
         client.send(start)
-        assert close_code(client, part) == 1009
+        assert close_code(client, part) in (1006, 1009)  # the rest of it is not read
     status = Path(f"/proc/{served.pid}/status").read_text()
     peak_kib = int(status.partition("VmHWM:")[2].split()[0])
     assert peak_kib < 600_000

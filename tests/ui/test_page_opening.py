@@ -8,7 +8,8 @@ from contextlib import closing
 
 import pytest
 from made_videos import numbered, write_video
-from page_client import Client
+from page_client import Client, get
+from waiting import wait_for
 
 from ros_visualise.commands import main
 
@@ -75,7 +76,8 @@ def client(run, port):
 def open_next(client, name):
     client.html.clear()
     client.set("Source", name)
-    client.read_until(lambda: any(f'data-title="{name} ' in html for html in client.html))
+    port = client.socket.remote_address[1]
+    wait_for(lambda: f"<title>{name} " in get(port)[2], "the page's title")
 
 
 def test_another_file_is_shown_as_the_one_before(run, client, folder):

@@ -4,6 +4,8 @@ from itertools import pairwise
 
 import pytest
 
+from ros_visualise.ui.shell import VISER
+
 PHONES = [(400, 800), (390, 844)]
 BOXES = """() => {
     const box = (element) => {
@@ -34,7 +36,7 @@ def test_an_image_and_its_sliders_fit(chromium, page, size):
         viewport={"width": width, "height": height}, has_touch=True, is_mobile=True
     )
     tab = context.new_page()
-    tab.goto(page.url, timeout=90_000)
+    tab.goto(page.url + VISER, timeout=90_000)
     for _ in range(900):
         boxes = tab.evaluate(BOXES)
         if boxes and fit(boxes, width, height):

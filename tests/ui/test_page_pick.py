@@ -9,6 +9,7 @@ from ros_visualise.lessons.lesson import GIVES, TAKES
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.nodes import node
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.ui.shell import VISER
 
 WIDE, HIGH = 240, 500  # higher than there is room for, so that it is narrower than its window
 
@@ -33,7 +34,7 @@ def runtime():
 def test_a_click_chooses_the_pixel_under_it(chromium, page, runtime):
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     tab = context.new_page()
-    tab.goto(page.url)
+    tab.goto(page.url + VISER)
     tab.wait_for_selector("text=240 × 500", timeout=60_000)
     box = tab.locator("img[src^='blob:']").bounding_box()
     scale = min(box["width"] / WIDE, box["height"] / HIGH)

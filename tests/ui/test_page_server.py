@@ -18,8 +18,8 @@ from waiting import wait_for
 from ros_visualise.core.errors import OpenError
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.access import access_rules
-from ros_visualise.ui.page.server import close_server, open_server
+from ros_visualise.ui.page.server import PageServer
+from ros_visualise.ui.server.access import access_rules
 
 PROBES = [b"", b"\x16\x03\x01\x02garbage\xff\xfe\r\n\r\n", b"HEAD / HTTP/1.1\r\n\r\n"]
 PROBES += [
@@ -106,12 +106,12 @@ def test_probes_and_broken_connections_leave_no_line(port):
 
 def test_who_knocks_as_the_server_ends_is_let_go(port):
     for _ in range(15):
-        server = open_server("127.0.0.1", port, "test", access_rules("127.0.0.1"))
+        server = PageServer("127.0.0.1", port, "test", access_rules("127.0.0.1"))
         knocking = Thread(target=knock, args=(port,))
         knocking.start()
-        close_server(server)
+        server.close()
         knocking.join()
-        server._websock_server._server_thread.join(5)
+        server.host.serving.result(5)
     gc.collect()  # what was forgotten would warn here, which is an error
 
 
@@ -214,18 +214,18 @@ class Changing(deque):
 
 
 def test_any_thread_changes_the_page_however_the_waiting_browsers_change(port):
-    server = open_server("127.0.0.1", port, "page", access_rules("127.0.0.1"))
-    server.gui.add_html("before")
+    server = PageServer("127.0.0.1", port, "page", access_rules("127.0.0.1"))
+    server.viser.gui.add_html("before")
     client = Client(port)
     client.read_until(lambda: "before" in client.html)
-    buffer = server._websock_server.get_message_buffer()
+    buffer = server.viser._websock_server.get_message_buffer()
 
     async def change_who_waits():
         buffer.message_event._waiters = Changing(buffer.message_event._waiters)
 
     asyncio.run_coroutine_threadsafe(change_who_waits(), buffer.event_loop).result(60)
     for text in ("first", "second", "third"):
-        server.gui.add_html(text)
+        server.viser.gui.add_html(text)
         client.read_until(lambda text=text: text in client.html)
     client.socket.close()
-    close_server(server)
+    server.close()

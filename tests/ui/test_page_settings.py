@@ -8,10 +8,11 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
 from ros_visualise.ui import ViewOptions, read_arrangement
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.shell import VISER
 
 
 def test_reload_and_a_link_lose_nothing(browse, page, runtime):
-    tab = browse()
+    tab = browse("")
     filters = runtime.parameters["filters"]
     assert "#" not in tab.url
     filters.update({"threshold": 77})
@@ -30,7 +31,7 @@ def test_reload_and_a_link_lose_nothing(browse, page, runtime):
     kept = "#filters/threshold=78&edge_detector/image=/edges_overlay"
     wait_in(tab, lambda: tab.url.endswith(kept))
 
-    other = browse()
+    other = browse("")
     wait_in(other, lambda: other.url == tab.url)
     filters.update({"threshold": 60})
     for one in (tab, other):
@@ -62,8 +63,11 @@ def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
     asked = []
     tab.on("websocket", lambda socket: asked.append(socket.url))
     tab.goto(f"{page.url}/?websocket=ws://evil.example:{port + 1}&playbackPath=x#a=b")
-    tab.wait_for_selector("img[src^='blob:']", timeout=120_000)
-    assert set(asked) == {f"ws://127.0.0.1:{port}/"}
+    tab.frame_locator("iframe").locator("img[src^='blob:']").first.wait_for(timeout=120_000)
+    assert {address.partition("?")[0] for address in asked} == {
+        f"ws://127.0.0.1:{port}/_nicegui_ws/socket.io/",
+        f"ws://127.0.0.1:{port}{VISER}",
+    }
     context.close()
     page.close()
 

@@ -13,12 +13,12 @@ from waiting import wait_for
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-import ros_visualise.ui.page.connection
+import ros_visualise.ui.server.door
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.file_chooser import FileChooser
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.sending import send
-from ros_visualise.ui.page.uploads import UploadedFile
+from ros_visualise.ui.server.host import page_loop
+from ros_visualise.ui.server.uploads import UploadedFile
 
 OURS = {"X-Ros-Visualise": "1"}
 PIXELS = "/?ask=pixels&topic=/edges"
@@ -62,8 +62,7 @@ def shown(page, runtime):
 
 
 def stall_after(monkeypatch, stall_s):
-    brief = partial(send, stall_s=stall_s)
-    monkeypatch.setattr(ros_visualise.ui.page.connection, "send", brief)
+    monkeypatch.setattr(ros_visualise.ui.server.door, "STALL_S", stall_s)
 
 
 def test_who_takes_an_answer_slowly_gets_all_of_it(shown, port, monkeypatch):
@@ -120,9 +119,7 @@ def test_the_end_waits_for_nobody(port, runtime):
             stack.enter_context(socket.create_connection(("127.0.0.1", port)))
         get(port, PIXELS, **OURS)
         page.close()
-        thread = page._server._websock_server._server_thread
-        thread.join(5)
-        assert not thread.is_alive()
+        page._server.host.serving.result(5)
     gc.collect()  # what was forgotten would warn here, which is an error
 
 
@@ -170,7 +167,7 @@ def test_who_connects_and_asks_for_nothing_keeps_nobody_out(shown, port):
 
 
 def test_of_many_who_connect_at_once_few_stay(shown, port, monkeypatch):
-    monkeypatch.setattr(ros_visualise.ui.page.connection, "_REQUEST_S", 600.0)
+    monkeypatch.setattr(ros_visualise.ui.server.door, "REQUEST_S", 600.0)
     with ExitStack() as held:
         silent = []
         for _ in range(3):
@@ -188,7 +185,7 @@ def come_together(shown, come):
         is_held.set()
         may_go_on.wait(60)
 
-    shown._server.get_event_loop().call_soon_threadsafe(hold)
+    page_loop().call_soon_threadsafe(hold)
     is_held.wait(60)
     come()
     may_go_on.set()

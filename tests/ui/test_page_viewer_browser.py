@@ -7,6 +7,8 @@ from page_client import TOKEN, VIEW_TOKEN, wait_in
 from test_page_browser import element, value_of
 from waiting import wait_for
 
+from ros_visualise.ui.shell import VISER
+
 READY = "document.querySelectorAll(\"img[src^='blob:']\").length == 3"
 
 
@@ -26,7 +28,7 @@ def visit(chromium):
         contexts.append(context)
         context.set_default_timeout(120_000)
         tab = context.new_page()
-        tab.goto(address)
+        tab.goto(address + VISER)
         tab.wait_for_function(READY, timeout=120_000)
         return tab
 
@@ -40,7 +42,7 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
     assert own.endswith(f"/{TOKEN}")
     assert view.endswith(f"/{VIEW_TOKEN}")
     looking, working = visit(view), visit(own)
-    assert [looking.url, working.url] == [view, own]
+    assert [looking.url, working.url] == [view + VISER, own + VISER]
     assert looking.get_by_text("Read-only").count() == 1
     assert working.get_by_text("Read-only").count() == 0
 

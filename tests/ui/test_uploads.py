@@ -9,7 +9,7 @@ from waiting import wait_for
 from websockets.exceptions import ConnectionClosedError
 
 from ros_visualise.ui.look.answers import BrowserQuery
-from ros_visualise.ui.page.uploads import Uploads
+from ros_visualise.ui.server.uploads import Uploads
 
 
 def run_async(coroutine):

@@ -12,14 +12,14 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.look import Answer, Inspector
 from ros_visualise.ui.look.answers import BrowserQuery, Refusal
-from ros_visualise.ui.page.access import AccessRules, access_rules
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
 from ros_visualise.ui.page.files import PageFiles
-from ros_visualise.ui.page.pool import Pool
-from ros_visualise.ui.page.server import close_server, empty_server, open_server, url
+from ros_visualise.ui.page.server import PageServer, url
 from ros_visualise.ui.page.settings import SettingsMemory
 from ros_visualise.ui.scene.urdf import read_urdf
+from ros_visualise.ui.server.access import AccessRules, access_rules
+from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ class Page:
         self.view_url = url(host, port, rules.view_token) if options.token else ""
         self._addresses = _lines(host, port, rules)
         self._inspector: Inspector | None = None  # queries may come as soon as there is a server
-        self._server = open_server(
+        self._server = PageServer(
             host, port, options.title, rules, options.flag, self._answer, self._files.receive
         )
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
@@ -70,14 +70,13 @@ class Page:
     @property
     def awaited(self) -> bool:
         """True while no browser shows it."""
-        return not self._server.get_clients()
+        return not self._server.viser.get_clients()
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph, in place of the one before."""
         if self._content is not None:
             self._leave()
             self._show(runtime)
-            self._server.gui.set_panel_label(self._files.title)
             return
         self._show(runtime)
         for line in self._addresses:
@@ -87,8 +86,10 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._inspector = Inspector(runtime)
+        if self._files.title:
+            self._server.shell.name(self._files.title)
         self._content = PageContent(
-            self._server, runtime, self._files, self._inspector, self._memory, self._urdf
+            self._server.viser, runtime, self._files, self._inspector, self._memory, self._urdf
         )
 
     def _leave(self) -> None:
@@ -97,7 +98,7 @@ class Page:
         assert self._inspector is not None
         self._content.close(_LEAVE_S)
         self._inspector.close()
-        empty_server(self._server)
+        self._server.empty()
 
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         if query.text("ask") == "recorded":
@@ -121,7 +122,7 @@ class Page:
             self._content.close(_CLOSE_S)
         if self._inspector is not None:
             self._inspector.close()
-        close_server(self._server)
+        self._server.close()
         self._querys.close()
         self._files.close()
         if self._browser is not None:

@@ -12,8 +12,8 @@ from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.look import PAGES, Inspector, link
-from ros_visualise.ui.page.connection import viewers
 from ros_visualise.ui.page.controls import PresetChoice
+from ros_visualise.ui.page.embedding import viewers
 from ros_visualise.ui.page.files import Opener, PageFiles
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture

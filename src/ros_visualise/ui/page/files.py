@@ -1,4 +1,4 @@
-"""PageFiles that come and go through the page: opened, uploaded, recorded and downloaded."""
+"""Files that come and go through the page: opened, uploaded, recorded and downloaded."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from ros_visualise.core.regular_files import open_file
 from ros_visualise.ui.file_chooser import SUFFIXES, FileChooser
 from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.gate import Receive
-from ros_visualise.ui.page.pool import Pool
-from ros_visualise.ui.page.uploads import MAX_GIB, Uploads
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.page.zipped import ZippedFolder
+from ros_visualise.ui.server.pool import Pool
+from ros_visualise.ui.server.uploads import MAX_GIB, Pieces, Uploads
+from ros_visualise.ui.server.zipped import ZippedFolder
 
 FOLDER = "Open"
 _PIECE_BYTES = 8 << 20
@@ -87,7 +86,7 @@ class PageFiles:
             zipped = self._zipped[path]
         return zipped.read(start, _PIECE_BYTES), zipped.size
 
-    async def receive(self, query: BrowserQuery, receive: Receive) -> None:
+    async def receive(self, query: BrowserQuery, receive: Pieces) -> None:
         if self.uploads is not None:
             await self.uploads.take(query, receive)
 
@@ -127,10 +126,9 @@ class Opener:
         return _NONE, *self._chooser.files()
 
     def _describe(self) -> str:
-        title = escape(self._files.title)
         text = self._uploads.state or f"up to {MAX_GIB} GiB, into {self._uploads.folder.absolute()}"
         return (
             '<div class="rv-note"><label class="rv-upload">Upload a file<input type="file" hidden '
-            f'multiple accept="{",".join(SUFFIXES)}" data-upload data-title="{title}">'
+            f'multiple accept="{",".join(SUFFIXES)}" data-upload>'
             f"</label> or drop it here: {escape(text)}</div>"
         )

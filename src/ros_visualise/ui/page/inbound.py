@@ -10,9 +10,6 @@ import msgspec
 import viser
 from viser._messages import KeyModifier
 
-MAX_BYTES = 64 * 1024
-"""Maximum size of one message; typed text is the largest."""
-
 Value = bool | int | float | str
 _Length = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 _Size = Annotated[float, msgspec.Meta(ge=0, le=65536)]

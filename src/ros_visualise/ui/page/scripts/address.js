@@ -1,12 +1,11 @@
 // Keeps the page's settings in its address, behind the #: the program's, from data-address, and
 // "view=x,y,z,x,y,z", position and target of this browser's camera, from data-anchor. A page that is
 // opened with such an address, or whose program was restarted, sends it to the program, unless
-// another web site opened the page (rv.isForeign). viser takes the part behind the # for a part of
-// its server's address, and behind the ? for another server; it must not see these as it starts,
-// nor write its server's address, which holds the token, into ours.
+// another web site opened the page (rv.isForeign). The address is that of the page around this one.
 (() => {
+  const { location, history } = parent;
   const PERIOD_MS = 500;
-  const isForeign = rv.isForeign || window.opener !== null;
+  const isForeign = rv.isForeign || parent.opener !== null;
   let run = ""; // of the program that has our address
   let view = "";
   let isMoved = false; // the camera, by hand
@@ -16,7 +15,7 @@
   if (!isForeign) sessionStorage.setItem("rv-opened", opened);
   const replace = history.replaceState.bind(history);
   replace(null, "", location.pathname);
-  history.replaceState = (state, title, url) => title === "Viser" || replace(state, title, url);
+  window.history.replaceState = () => {}; // viser writes its address, which holds the token
 
   function split(hash) {
     const [, address, view] = hash.match(/^#?(.*?)(?:(?:^|&|(?<=#))view=([^&]*))?$/);
@@ -60,5 +59,5 @@
 
   for (const moved of ["pointerdown", "wheel"])
     window.addEventListener(moved, (event) => (isMoved ||= event.target.matches?.("canvas")), true);
-  window.addEventListener("hashchange", () => isForeign || send(location.hash, () => false));
+  parent.addEventListener("hashchange", () => isForeign || send(location.hash, () => false));
 })();

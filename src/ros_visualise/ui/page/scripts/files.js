@@ -73,8 +73,4 @@
     event.preventDefault();
     download(link);
   });
-  setInterval(() => {
-    const title = input()?.dataset.title;
-    if (title) document.title = title;
-  }, 1000);
 })();

@@ -1,4 +1,4 @@
-"""PageFiles that a browser sends: into one folder, by plain names, up to a size."""
+"""Files that a browser sends: into one folder, by plain names, up to a size."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import os
 import secrets
 import shutil
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -17,11 +17,14 @@ from ros_visualise.core.limits import disk_reserve
 from ros_visualise.core.paths import inside
 from ros_visualise.ui.file_chooser import SUFFIXES
 from ros_visualise.ui.look.answers import BrowserQuery, Refusal
-from ros_visualise.ui.page.gate import UPLOAD, Receive
-from ros_visualise.ui.page.pool import Pool
+from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
+Pieces = Callable[[], Awaitable[str | bytes]]
+"""Gives the next piece of a file, or raises where the connection has ended."""
+UPLOAD = "upload"
+"""The parameter of queries whose connections send a file."""
 MAX_GIB, MAX_TOTAL_GIB = 8, 32
 """Maximum size of one upload, and of all those of a run that are still there."""
 _MOST = 4  # at once
@@ -55,7 +58,7 @@ class Uploads:
         """Progress of the present uploads, in words."""
         return ", ".join(f"{one.path.name}: {one.percent} %" for one in list(self._incoming))
 
-    async def take(self, query: BrowserQuery, receive: Receive) -> None:
+    async def take(self, query: BrowserQuery, receive: Pieces) -> None:
         """Receive the file whose name and size a query gives; then open the one named ``open``."""
         try:
             incoming = self._begin(query)
@@ -97,7 +100,7 @@ class Uploads:
         if disk.free < sum(one.missing for one in self._incoming) + size + reserve:
             raise RecordingError(f"{name}: less than {words} of disk space would be left")
 
-    async def _write(self, incoming: UploadedFile, receive: Receive) -> None:
+    async def _write(self, incoming: UploadedFile, receive: Pieces) -> None:
         """Receive all of a file, or raise RecordingError and remove it."""
         try:
             while incoming.missing:

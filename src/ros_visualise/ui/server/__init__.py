@@ -1,0 +1,1 @@
+"""The web server of the page: one port, one gate, one event loop."""
