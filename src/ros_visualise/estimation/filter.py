@@ -1,50 +1,41 @@
 """The filter: a belief and the next event give the next belief.
 
 Between events the robot is propagated by the IMU if it is trusted, and the odometry is compared
-with it; else by the odometry. Neither silently wins: while they disagree, the difference is part of
-the uncertainty, and an IMU that is ignored is tried again later.
+with it (`ros_visualise.estimation.rivalry`); else by the odometry.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.belief import Belief, ImuTrust
+from ros_visualise.estimation import rivalry
+from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
-from ros_visualise.estimation.measuring import CAMERAS, CLOCK, Pair, camera_of, turn_of
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, camera_of, turn_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
-    OdometryStep,
-    check_odometry,
     clone_pose,
     is_speed_known,
     place_robot,
     propagate_by_odometry,
     up_of,
 )
-from ros_visualise.estimation.pose_search import SearchPrior, apart, completed
-from ros_visualise.estimation.robot import POSE, core
-from ros_visualise.estimation.sensors import SENSORS, Reading, Sensor
+from ros_visualise.estimation.pose_search import SearchPrior
+from ros_visualise.estimation.robot import core
+from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
-from ros_visualise.estimation.updating import fits
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
-from ros_visualise.landmarks.gates import DECIDED, Innovation
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
-_MEMORY = 0.99  # smoothing of the rate of disagreements of IMU and odometry
-_WORST = -40.0  # evidence of a tag that fits badly
-_TOO_MUCH = 0.2  # of the odometry messages
-_CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
-_DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
 _WRONG_CLOCK_S = 0.02
 _SEARCHING = "not localized: needs one map tag in three images"
 
@@ -56,13 +47,6 @@ class OdometryEvent(NamedTuple):
 
 
 Event = OdometryEvent | CameraView | Reading
-
-
-@dataclass(eq=False)
-class ImuIsWrong(Exception):
-    """The IMU contradicts the odometry: go on from ``belief`` without it."""
-
-    belief: Belief
 
 
 class Filter:
@@ -97,7 +81,7 @@ class Filter:
         """The belief after an event.
 
         Raises:
-            ImuIsWrong: see there.
+            ImuIsWrong: see `rivalry`.
         """
         last, belief = belief, belief.copy()
         if belief.stamp_ns is None:
@@ -175,7 +159,7 @@ class Filter:
             step = self.odometer.step(before_ns, stamp_ns)
             has_jumped = step.speed > self.settings.fastest
             if belief.is_by_imu:
-                self._check(belief, step, has_jumped)
+                rivalry.compare(belief, step, self.settings.odometry, has_jumped)
             elif has_jumped and belief.has_pose and belief.is_located:
                 belief.search = belief.search.copy()
                 belief.search.clear()
@@ -186,110 +170,6 @@ class Filter:
         belief.is_by_imu = True
         belief.after_odometry = None
 
-    def _check(self, belief: Belief, step: OdometryStep, has_jumped: bool) -> None:
-        trust = belief.imu
-        checked = check_odometry(belief.state, step, self.settings.odometry)
-        if checked is not None:
-            belief.state = checked
-            if belief.rival is not None and not trust.disagreements:
-                self._widen(belief, apart(belief.rival, belief.state))  # no tag has decided
-                belief.rival = None
-            belief.imu = replace(
-                trust,
-                agreed_s=trust.agreed_s + step.seconds,
-                disagreements=0,
-                rate=trust.rate * _MEMORY,
-            )
-        elif has_jumped or step.is_long:
-            belief.note("the odometry began elsewhere; the IMU has carried the robot")
-        else:
-            self._disagree(belief, step)
-
-    def _disagree(self, belief: Belief, step: OdometryStep) -> None:
-        """Follow a trusted IMU for a while, beside the odometry; else go back to the odometry."""
-        trust = belief.imu
-        rate = _MEMORY * trust.rate + (1 - _MEMORY)
-        since_ns = trust.since_ns if trust.disagreements else step.from_ns
-        is_trusted = trust.agreed_s >= _CONFIRMED_S
-        if is_trusted and step.to_ns - since_ns <= _DISAGREEMENT_NS and rate <= _TOO_MUCH:
-            if belief.rival is None and belief.after_odometry is not None:
-                belief.rival = belief.after_odometry.state.copy()
-                belief.rival_lead = 0.0
-                propagate_by_odometry(belief.rival, step, self.settings.odometry)
-            count = trust.disagreements + 1
-            if count == 2:
-                belief.note("odometry and IMU disagree: is a wheel slipping, or a sensor stuck?")
-            belief.imu = replace(trust, disagreements=count, since_ns=since_ns, rate=rate)
-            belief.counts["odometry rejected"] += 1
-            return
-        if belief.rival is not None:
-            self._follow_odometry(belief)
-            return
-        assert belief.after_odometry is not None
-        back = belief.after_odometry.copy()
-        if rate > _TOO_MUCH:
-            self._ignore_imu(back)
-        else:
-            back.imu = replace(trust, rate=rate, ignored_until_ns=step.to_ns)
-        back.counts["imu rejected"] += 1
-        raise ImuIsWrong(back)
-
-    @staticmethod
-    def _ignore_imu(belief: Belief) -> None:
-        until_ns = belief.now_ns + round(belief.imu.back_off_s * 1e9)
-        belief.imu = ImuTrust(ignored_until_ns=until_ns, back_off_s=2 * belief.imu.back_off_s)
-        belief.note("the IMU contradicts the odometry: ignoring it; check its tf frame")
-
-    def _follow_odometry(self, belief: Belief) -> None:
-        """Go over to the rival; if no tag has decided, their difference stays uncertain."""
-        assert belief.rival is not None
-        off = apart(belief.rival, belief.state)
-        belief.state, belief.rival, belief.is_by_imu = belief.rival, None, False
-        if belief.rival_lead <= DECIDED:
-            self._widen(belief, off)
-        self._ignore_imu(belief)
-        belief.counts["imu rejected"] += 1
-
-    @staticmethod
-    def _widen(belief: Belief, off: Floats) -> None:
-        """Add a difference (6,), of the position and about the robot, to the uncertainty."""
-        twist = se3.about_origin(belief.state.robot.p) @ off
-        belief.state = belief.state.copy()
-        belief.state.inflate(POSE, np.multiply.outer(twist, twist))
-
-    def _judge(self, belief: Belief, view: CameraView) -> None:
-        """Let the tags of an image decide between IMU and odometry."""
-        tags = belief.chart.usable(view, ImageOutcome())
-        belief.state = belief.chart.enter(belief.state, tags)
-        keys = belief.chart.keys_of(tags)
-        if belief.rival is None or not keys:
-            return
-        belief.rival = completed(belief.rival, belief.state, list(keys.values()))
-        pairs = [Pair(sight, keys[sight.name]) for sight in tags if sight.name in keys]
-        several = [fits(view, pairs, one) for one in (belief.rival, belief.state)]
-        self._decide(belief, *several)
-
-    def _weigh(self, belief: Belief, reading: Reading, sensor: Sensor) -> None:
-        """Let another sensor decide between IMU and odometry."""
-        assert belief.rival is not None
-        params = self.settings.sensor(reading.sensor)
-        fits = [sensor.fit(one, reading, params) for one in (belief.rival, belief.state)]
-        odometry, imu = ([fit] if fit is not None else [] for fit in fits)
-        if odometry and imu:
-            self._decide(belief, odometry, imu)
-
-    def _decide(self, belief: Belief, odometry: list[Innovation], imu: list[Innovation]) -> None:
-        """Compare how well measurements fit the rival, by odometry, and the state, by the IMU."""
-        by_odometry, by_imu = (
-            sum(max(fit.evidence, _WORST) for fit in one) for one in (odometry, imu)
-        )
-        belief.rival_lead += by_odometry - by_imu
-        if belief.rival_lead > DECIDED:
-            self._follow_odometry(belief)
-        elif belief.rival_lead < -DECIDED:
-            belief.rival = None
-            belief.imu = replace(belief.imu, disagreements=0, rate=0.0)
-
     # other sensors, and images
 
     def _read(self, belief: Belief, reading: Reading) -> None:
@@ -298,9 +178,9 @@ class Filter:
             belief.counts[f"{reading.sensor} unused"] += 1
             return
         self._age(belief)
-        if belief.rival is not None:
-            self._weigh(belief, reading, sensor)
-        sensor.apply(belief, reading, self.settings.sensor(reading.sensor))
+        params = self.settings.sensor(reading.sensor)
+        rivalry.judge_by_sensor(belief, reading, sensor, params)
+        sensor.apply(belief, reading, params)
 
     def _age(self, belief: Belief) -> None:
         """Let the errors of sensors change over the time since they did last."""
@@ -328,7 +208,7 @@ class Filter:
         self._name_clock(belief, view)
         if belief.is_located:
             if belief.rival is not None:
-                self._judge(belief, view)
+                rivalry.judge_by_tags(belief, view)
             self._check_steadiness(belief, view)
             belief.state, belief.outcome = belief.chart.take(belief.state, view)
             self._verify(belief, view)

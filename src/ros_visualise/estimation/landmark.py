@@ -14,12 +14,11 @@ from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, update
 from ros_visualise.geometry.se3 import about_origin, adjoint
-from ros_visualise.landmarks.gates import DECIDED, Innovation, MisfitTest
+from ros_visualise.landmarks.gates import DECIDED, WORST, Innovation, MisfitTest
 from ros_visualise.landmarks.localization.common_error import beside
 from ros_visualise.landmarks.localization.track import log_score
 
 _SAME = 1.0  # squared distance below which two readings are merged
-_WORST = -40.0  # least evidence of a view, so that one outlier alone decides nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +136,7 @@ class Landmark:
                 state = update(state, view, [Pair(sight, key)], own)
         self._note(best, view, state)
         several = zip(self.evidence, found, strict=True)
-        self.evidence = [before + max(one.evidence, _WORST) for before, one in several]
+        self.evidence = [before + max(one.evidence, WORST) for before, one in several]
         self.decide(state)
         return state
 

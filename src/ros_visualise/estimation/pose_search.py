@@ -28,12 +28,11 @@ from ros_visualise.estimation.robot import POSE, core
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, level, update
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.gates import DECIDED
+from ros_visualise.landmarks.gates import DECIDED, WORST
 from ros_visualise.landmarks.localization.track import log_score
 
 _MOST = 8  # candidates followed at a time
 _LEAST_VIEWS = 3
-_WORST = -40.0  # evidence added by a tag that does not fit
 _MISSES = 3  # images in a row without a match after which a candidate is dropped
 _SAME_M, _SAME_RAD = 0.3, 0.1
 _VAGUER = 100.0  # factor on the first covariance: the same image is compared again afterwards
@@ -160,7 +159,7 @@ class PoseSearch:
         """Update a candidate by an image."""
         pairs = [Pair(sight, keys[sight.name]) for sight in sights]
         found = fits(view, pairs, place.state)
-        place.evidence += sum(max(one.evidence, _WORST) for one in found)
+        place.evidence += sum(max(one.evidence, WORST) for one in found)
         good = [pair for pair, one in zip(pairs, found, strict=True) if one.is_inlier]
         if not good:
             place.misses += 1

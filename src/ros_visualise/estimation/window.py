@@ -14,7 +14,8 @@ import numpy as np
 
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.filter import Event, Filter, ImuIsWrong, OdometryEvent
+from ros_visualise.estimation.filter import Event, Filter, OdometryEvent
+from ros_visualise.estimation.rivalry import ImuIsWrong
 from ros_visualise.estimation.settings import NavigatorSettings
 
 _MOST_WAITING = 100  # events, if the odometry has stopped

@@ -18,6 +18,9 @@ distances.
 DECIDED = 6.0
 """Log-likelihood ratio that decides between two hypotheses."""
 
+WORST = -40.0
+"""Log-likelihood of a measurement that does not fit at all: one more says nothing more."""
+
 _ALTERNATIVE = math.log(3.0)  # log of how many times larger the errors of a misfit are
 _MISFIT = math.log(1e3)
 
