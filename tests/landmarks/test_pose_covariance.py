@@ -179,7 +179,7 @@ def test_corners_in_a_worse_picture_are_told_to_be_worse():
     cells, border = draw_cells(family("tag36h11"), 7)
     corners = np.array([[30.0, 90], [90, 95], [95, 35], [35, 30]])
     spreads = []
-    for blur, noise in ((0.7, 2), (0.7, 4), (1.4, 4)):
+    for blur, noise in ((0.7, 4), (0.7, 8), (1.4, 8)):
         rng = np.random.default_rng(3)
         gray = drawn_tags.draw(cells, border, corners, (130, 130), rng, blur, noise)
         spreads.append(TagFinder([family("tag36h11")]).find(gray)[0].covariance_px2)

@@ -2,13 +2,16 @@
 
 Once a tag is decoded, all its cells are known. So all pixels near edges between black and white
 cells are explained together: by the corners; a blur, possibly longer in one direction; levels of
-gray that vary over the tag; a curve from light to levels (gamma); and white bleeding over black.
-This separates what the outer sides alone cannot: a larger tag from bleeding white, and neighbouring
-cells from blur. Through a calibrated lens this is done in the tag's `TagView`, where its sides are
-straight. The accuracy of the corners follows from the residuals, for each tag.
+gray that vary over the tag; a curve from light to levels (gamma), which lets white bleed over
+black; and halos, as of sharpening. This separates what the outer sides alone cannot: a larger tag
+from bleeding white, and neighbouring cells from blur. Through a calibrated lens this is done in the
+tag's `TagView`, where its sides are straight. The accuracy of the corners follows from the
+residuals, for each tag. Where they show that its cells are not on a flat grid (bent paper, a coarse
+print), the corners found by its sides stay.
 
 Source: B. Lucas, T. Kanade, An Iterative Image Registration Technique, 1981; the covariance is that
-of H. White, Maximum Likelihood Estimation of Misspecified Models, 1982, by groups of pixels.
+of H. White, Maximum Likelihood Estimation of Misspecified Models, 1982, by groups of pixels, these
+being as few as in H. Hotelling, The Generalization of Student's Ratio, 1931.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
+from ros_visualise.landmarks.pose.corner_noise import corner_sigma
 from ros_visualise.landmarks.tags.appearance import TagAppearance, appearance
 from ros_visualise.landmarks.tags.samples import LEAST, TagSamples, homographies, sample_tags
 from ros_visualise.landmarks.tags.views import block_diagonal, to_pixels, views_of
@@ -33,7 +37,8 @@ _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
 _HALO_PX2 = np.array([1.5, 0.0, 1.5])  # additional blur of what sharpening subtracts
 _LEAST_CONTRAST = 5.0  # levels of gray
 _WORST_FIT = 0.2  # largest residual, as a fraction of the contrast
-_UNSEEN = 1.5  # factor on squared errors: the fit absorbs some, and others are rare and large
+_UNSURE = 12.0  # deviation, relative to AprilTag's, of tags whose cells are not on a flat grid
+_HOTELLING = 9  # degrees of freedom that are lost since a covariance of 8 numbers is estimated too
 _MODEL_PX = 0.004  # error of the rendering itself, whose blur is a Gaussian's
 _RIDGE = 1e-7
 
@@ -42,7 +47,7 @@ class Fitted(NamedTuple):
     """The fitted corners of T tags."""
 
     corners_uv: Floats
-    """(T, 4, 2) pixels, unchanged if the fit failed."""
+    """(T, 4, 2) pixels, unchanged if the fit failed, or if the cells do not fit the square."""
     covariance_px2: Floats
     """(T, 8, 8) of u and v of the first corner, of the second, and so on; NaN if not fitted."""
 
@@ -106,6 +111,8 @@ def fit_tags(
     covariance = by_places @ covariance @ np.swapaxes(by_places, 1, 2)
     good = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(pixels).all(axis=(1, 2))
     covariance[~good] = np.nan
+    least_sure = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=1, initial=0))
+    good &= least_sure < _UNSURE * corner_sigma(corners_uv)
     return Fitted(np.where(good[:, None, None], pixels, corners_uv), covariance)
 
 
@@ -185,8 +192,7 @@ def _mixed(one: Floats, gain: Floats, other: Floats, other_gain: Floats) -> Floa
 def _levels(seen: TagAppearance, halo: TagAppearance, u: Floats, v: Floats) -> Floats:
     """(T, 11, N) basis of the levels of gray."""
     m, one = seen.white, np.ones_like(u)
-    grown = np.linalg.norm(seen.slope, axis=1)
-    levels = [one, m, m * m, m * m * m, m * u, m * v, u, v, grown, seen.beyond, halo.white]
+    levels = [one, m, m * m, m * m * m, m * u, m * v, u, v, seen.beyond, halo.beyond, halo.white]
     return np.stack(levels, axis=1)
 
 
@@ -253,9 +259,9 @@ def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) 
         order = np.argsort(group, kind="stable")[int(np.sum(group < 0)) :]
         starts = np.flatnonzero(np.diff(group[order], prepend=-1))
         sums = np.add.reduceat(pull[:, order], starts, axis=1)
-        few = len(starts) / max(len(starts) - J.shape[1], 1)
+        few = len(starts) / max(len(starts) - J.shape[1] - _HOTELLING, 1)
         by_cells[tag] = few * sums @ sums.T
-    return np.asarray(_UNSEEN * (by_pixels + by_cells) / 2 + _MODEL_PX**2 * np.eye(8))
+    return np.asarray((by_pixels + by_cells) / 2 + _MODEL_PX**2 * np.eye(8))
 
 
 def _is_good(left: Floats, contrast: Floats, weight: Floats) -> npt.NDArray[np.bool_]:

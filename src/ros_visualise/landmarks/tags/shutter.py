@@ -7,7 +7,13 @@ change of the velocity since then, which is estimated from how velocities change
 the mean squared change between intervals is the variance at the end of the second one, or more:
 a third of the density of a white acceleration times the interval is left, two thirds are seen.
 Near corners move faster than far ones, so unknown velocities differ by the extent of the tag in
-heights of the image, as at a common field of view.
+heights of the image, as at a common field of view. A tag whose corners move at different velocities
+is bent, which the fit of a square does not show.
+
+All tags of an image share these errors: one readout time, and one motion of the camera. Who takes
+their covariances for independent counts the shared part N times too well for N tags, so it is given
+N times as large: for errors `e b_i`, `sum_i N var(e) b_i b_i'` is no less than their joint
+covariance (the Cauchy-Schwarz inequality).
 
 Source: P.-E. Forssen, E. Ringaby, Rectifying Rolling Shutter Video from Hand-Held Devices, 2010.
 """
@@ -23,10 +29,11 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.tags.finder import Tag
 
-_UNKNOWN_S = 0.015  # standard deviation of an unknown readout time; most cameras take 0 to 30 ms
+_UNKNOWN_S = 0.03 / np.sqrt(3)  # root mean square of unknown readout times, 0 to 30 ms
 _OLDEST_S = 0.5  # between images that show a velocity
 _SPEED = 0.1  # of a tag at first, heights of the image per second (standard deviation)
 _CHANGE = 0.25  # of a velocity from interval to interval at first, as a fraction of it
+_BENT = 1 / 6  # of a tag's change of shape, what no homography has (measured)
 _WEIGHT, _MEMORY = 4.0, 0.99  # of what is expected at first, observations; and of each later one
 
 
@@ -79,7 +86,7 @@ class RollingShutter:
         self._stamp_ns, self._before = stamp_ns, seen
         if readout_s == 0:
             return tuple(tags)
-        return tuple(self._moved(one, height, readout_s) for one in seen)
+        return tuple(self._moved(one, height, readout_s, len(seen)) for one in seen)
 
     def _follow(
         self, tag: Tag, before: Sequence[_MovingTag], interval_s: float, row_s: float
@@ -97,7 +104,7 @@ class RollingShutter:
             self._change.add(float(changed @ changed) / 4)
         return _MovingTag(tag, velocity)
 
-    def _moved(self, seen: _MovingTag, height: int, readout_s: float) -> Tag:
+    def _moved(self, seen: _MovingTag, height: int, readout_s: float, count: int) -> Tag:
         tag = seen.tag
         known_s, unsure_s = (readout_s, 0.0) if readout_s > 0 else (0.0, _UNKNOWN_S)
         rows = (tag.corners_uv[:, 1:] + 0.5) / height - 0.5
@@ -108,12 +115,14 @@ class RollingShutter:
         else:
             unsure = self._change.of(float(_CHANGE**2 * mean @ mean / 2))
         by_readout = (unsure_s * rows * velocity).ravel()
-        shift = np.hypot(known_s, unsure_s) * np.sqrt(unsure) * np.kron(rows, np.eye(2))
+        late_s = np.hypot(known_s, unsure_s)
+        shift = late_s * np.sqrt(unsure) * np.kron(rows, np.eye(2))
         apart = np.ptp(tag.corners_uv, axis=0).max() / (2 * height)
-        own = np.diag((apart * shift.sum(axis=1)) ** 2)
+        bent = _BENT * late_s * np.ptp(rows) * float(np.linalg.norm(velocity - mean)) / 2
+        own = np.diag((apart * shift.sum(axis=1)) ** 2 + bent**2)
         given = None if tag.covariance_px2 is None else tag.covariance_px2[None]
         noise = corner_noise(tag.corners_uv[None], 0.0, given)[0] + own
-        noise = noise + np.outer(by_readout, by_readout) + shift @ shift.T
+        noise = noise + count * (np.outer(by_readout, by_readout) + shift @ shift.T)
         return replace(
             tag, corners_uv=tag.corners_uv - known_s * rows * velocity, covariance_px2=noise
         )
