@@ -12,13 +12,13 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, Sighting
-from ros_visualise.estimation.landmark import KnownLandmark, Landmark, begin
+from ros_visualise.estimation.landmark import KnownLandmark, Landmark, begin, is_consistent
 from ros_visualise.estimation.measuring import Pair, camera_of
 from ros_visualise.estimation.points import GroundPlane, PointMatch, is_in_view, match
 from ros_visualise.estimation.points import begin as begin_point
 from ros_visualise.estimation.robot import core
 from ros_visualise.estimation.state import State
-from ros_visualise.estimation.updating import fits, update
+from ros_visualise.estimation.updating import fits, update, update_each
 from ros_visualise.landmarks.gates import Innovation
 
 _SIDES = 0.02  # largest relative difference between two sizes of a tag
@@ -139,9 +139,7 @@ class Chart:
         matches = self._points(state, view)
         there += [(one.sight, self._own(one.landmark.name)) for one in matches if one.landmark]
         state = self._correct(state, view, there, outcome)
-        for sight, landmark in there:
-            if not landmark.is_used:
-                state = self._watch(state, view, sight, landmark, outcome)
+        state = self._watch(state, view, there, outcome)
         if not self.is_frozen:
             self._begin(state, view, tags, outcome)
             state = self._begin_points(state, view, matches, outcome)
@@ -159,12 +157,12 @@ class Chart:
 
     def enter(self, state: State, sights: Iterable[Sighting]) -> State:
         """The state with all landmarks active that are in view."""
-        state = state.copy()
-        for sight in sights:
-            if sight.name in self.known and sight.name not in self.landmarks:
-                self._enter(state, sight.name)
-            if sight.name in self.landmarks:
-                state.activate(self.landmarks[sight.name].keys)
+        state, names = state.copy(), [sight.name for sight in sights]
+        for name in names:
+            if name in self.known and name not in self.landmarks:
+                self._enter(state, name)
+        there = [self.landmarks[name] for name in names if name in self.landmarks]
+        state.activate(key for one in there for key in one.keys)
         return state
 
     def keys_of(self, sights: Iterable[Sighting]) -> dict[str, str]:
@@ -282,20 +280,34 @@ class Chart:
         self,
         state: State,
         view: CameraView,
-        sight: Sighting,
-        landmark: Landmark,
+        there: list[tuple[Sighting, Landmark]],
         outcome: ImageOutcome,
     ) -> State:
-        """Update a landmark that is not used yet."""
-        state = landmark.watch(state, view, sight)
-        if landmark.is_contradictory:
-            self._drop(state, landmark)
-            why = "seen in several places"
-            outcome.reject(landmark.name, why, "does it move, or is its size wrong?")
+        """Update the landmarks that are not used yet, without correcting the robot."""
+        there = [one for one in there if not one[1].is_used]
+        if not there:
             return state
-        if landmark.may_be_used(self.rules.sightings, self.rules.reach):
-            landmark.is_used = True
-        outcome.pending.append(landmark.name)
+        pairs = [[Pair(sight, key) for key in landmark.keys] for sight, landmark in there]
+        compared = iter(fits(view, [pair for several in pairs for pair in several], state))
+        found = [[next(compared) for _ in several] for several in pairs]
+        good = [
+            pair
+            for several, own in zip(pairs, found, strict=True)
+            if is_consistent(own)
+            for pair, fit in zip(several, own, strict=True)
+            if fit.is_inlier
+        ]
+        state = update_each(state, view, good) if good else state.copy()
+        for (_, landmark), own in zip(there, found, strict=True):
+            landmark.watch(own, view, state)
+            if landmark.is_contradictory:
+                self._drop(state, landmark)
+                why = "seen in several places"
+                outcome.reject(landmark.name, why, "does it move, or is its size wrong?")
+                continue
+            if landmark.may_be_used(self.rules.sightings, self.rules.reach):
+                landmark.is_used = True
+            outcome.pending.append(landmark.name)
         return state
 
     def _begin(
@@ -325,8 +337,7 @@ class Chart:
         return state
 
     def _drop(self, state: State, landmark: Landmark) -> None:
-        for key in landmark.keys:
-            state.remove(key)
+        state.remove(*landmark.keys)
         del self.landmarks[landmark.name]
 
     def _tidied(self, state: State, stamp_ns: int) -> State:
@@ -335,19 +346,20 @@ class Chart:
         Landmarks of a frozen map leave it if not seen for the longest time: the map still has them.
         Otherwise they rest. Pending ones that are not seen again are dropped.
         """
-        several = sorted(self.landmarks.values(), key=lambda one: one.last_ns)
-        pending = [one for one in several if not one.is_used]
+        several = self.landmarks.values()
+        pending = sorted((one for one in several if not one.is_used), key=lambda one: one.last_ns)
         waits = {True: _FORGOTTEN_SOON_NS, False: _FORGOTTEN_NS}
         old = [one for one in pending if stamp_ns - one.last_ns > waits[one.seen == 1]]
         left = [one for one in pending if one not in old]
         for landmark in old + left[: max(len(left) - _MOST_PENDING, 0)]:
             self._drop(state, landmark)
-        if self.is_frozen:
-            for landmark in several[: max(len(several) - _MOST_CONSIDERED, 0)]:
-                if landmark.name in self.landmarks:
-                    self._drop(state, landmark)
+        if not self.is_frozen and len(state.keys) <= _LEFT_ACTIVE + _MORE_ACTIVE:
             return state
-        last = [one for one in several if one.name in self.landmarks]
+        last = sorted(self.landmarks.values(), key=lambda one: one.last_ns)
+        if self.is_frozen:
+            for landmark in last[: max(len(last) - _MOST_CONSIDERED, 0)]:
+                self._drop(state, landmark)
+            return state
         in_view = sum(one.last_ns == stamp_ns for one in last)
         last = last[-max(in_view, _LEFT_ACTIVE) :]
         most = len(last) + _MORE_ACTIVE if state.is_settled else _MOST_ACTIVE

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
-from ros_visualise.estimation.measuring import CAMERAS, FOCAL, Pair, camera_of
+from ros_visualise.estimation.measuring import CAMERAS, FOCAL, camera_of
 from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.state import State
-from ros_visualise.estimation.updating import fits, update
 from ros_visualise.geometry.se3 import about_origin, adjoint
 from ros_visualise.landmarks.gates import DECIDED, WORST, Innovation, MisfitTest
 from ros_visualise.landmarks.localization.common_error import beside
@@ -122,23 +122,20 @@ class Landmark:
         likely = [math.exp(one - self.evidence[0]) for one in self.evidence]
         return [one / sum(likely) for one in likely]
 
-    def watch(self, state: State, view: CameraView, sight: Sighting) -> State:
-        """Update a landmark that is not used yet, without correcting the robot."""
-        found = [fits(view, [Pair(sight, key)], state)[0] for key in self.keys]
-        best = max(found, key=lambda one: one.evidence)
-        if not best.is_inlier:
+    def watch(self, found: Sequence[Innovation], view: CameraView, state: State) -> None:
+        """Note a view of a landmark that is not used yet.
+
+        Args:
+            found: the innovation of each of its readings.
+            state: updated by those that fit; unlikely readings are removed from it.
+        """
+        if not is_consistent(found):
             self.rejected += 1
-            return state
-        for key, one in zip(self.keys, found, strict=True):
-            if one.is_inlier:
-                own = np.zeros(len(state.P), bool)
-                own[state.rows(key)] = True
-                state = update(state, view, [Pair(sight, key)], own)
-        self._note(best, view, state)
+            return
+        self._note(max(found, key=lambda one: one.evidence), view, state)
         several = zip(self.evidence, found, strict=True)
         self.evidence = [before + max(one.evidence, WORST) for before, one in several]
         self.decide(state)
-        return state
 
     def turn_to(self, R: Floats, p: Floats) -> None:
         """Go over to another frame of the map: T_frame_map, (3, 3) and (3,)."""
@@ -153,8 +150,7 @@ class Landmark:
             same = any(self._are_same(state, self.keys[n], self.keys[k]) for k in kept)
             if is_likely and not same:
                 kept.append(n)
-            else:
-                state.remove(self.keys[n])
+        state.remove(*(self.keys[n] for n in order if n not in kept))
         self.keys, self.evidence = [self.keys[n] for n in kept], [self.evidence[n] for n in kept]
 
     def may_be_used(self, sightings: int, reach: float) -> bool:
@@ -190,6 +186,11 @@ class Landmark:
         rows_a, rows_b = state.rows(one), state.rows(other)
         spread = back @ (P[rows_a, rows_a] + P[rows_b, rows_b]) @ back.T
         return bool(np.trace(R) > 1 and off @ np.linalg.solve(spread, off) < _SAME)
+
+
+def is_consistent(found: Sequence[Innovation]) -> bool:
+    """True if the likeliest reading of a landmark fits its view."""
+    return max(found, key=lambda one: one.evidence).is_inlier
 
 
 def begin(state: State, view: CameraView, sight: Sighting) -> Landmark:

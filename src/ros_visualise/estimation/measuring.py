@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import RobotState, own_states
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
@@ -39,21 +39,22 @@ class Pair(NamedTuple):
     key: str
 
 
-@dataclass(frozen=True, eq=False)
-class LinearizedPair:
-    """One pair, of k numbers, to first order.
+class LinearizedPairs(NamedTuple):
+    """G pairs of k numbers each, to first order.
 
     Attributes:
-        residual: (k,) measured minus expected; NaN behind the camera.
-        of_landmark, of_robot: (k, 6) derivatives of the expected by their twists.
-        of_camera: (k, 5) derivative by the errors of the camera.
-        noise: (k, k) covariance.
+        places: (G,) their places among all pairs of the image.
+        residual: (G, k) measured minus expected; NaN behind the camera.
+        of_shared: (G, k, 11) derivatives of the expected by the twist of the robot, and by the
+            errors of the camera.
+        of_landmark: (G, k, 6) derivatives by the twists of the landmarks.
+        noise: (G, k, k) covariances.
     """
 
+    places: Indices
     residual: Floats
+    of_shared: Floats
     of_landmark: Floats
-    of_robot: Floats
-    of_camera: Floats
     noise: Floats
 
 
@@ -87,25 +88,28 @@ def camera_of(view: CameraView, robot: RobotState) -> CameraPose:
     return CameraPose(R, p, by_camera)
 
 
-def measure(view: CameraView, pairs: Sequence[Pair], state: State) -> list[LinearizedPair]:
-    """Each pair linearized at the state's estimates."""
+def measure(view: CameraView, pairs: Sequence[Pair], state: State) -> list[LinearizedPairs]:
+    """The pairs linearized at the state's estimates, those of equal size together."""
     camera = camera_of(view, state.robot)
-    focal = float(state.robot[CAMERAS[view.camera]][FOCAL])
-    by_corners = [n for n, pair in enumerate(pairs) if pair.sight.has_corners]
-    corners = _corners(camera, focal, [pairs[n] for n in by_corners], state)
-    found = dict(zip(by_corners, corners, strict=True))
+    several: dict[int, list[LinearizedPairs]] = {}
     for n, pair in enumerate(pairs):
-        if n not in found:
-            found[n] = _best_pose(camera, pair, state)
-    return [found[n] for n in range(len(pairs))]
+        if not pair.sight.has_corners:
+            one = _best_pose(camera, pair, state)
+            several.setdefault(one.residual.shape[1], []).append(one._replace(places=np.array([n])))
+    found = [
+        LinearizedPairs(*map(np.concatenate, zip(*ones, strict=True))) for ones in several.values()
+    ]
+    if by_corners := [n for n, pair in enumerate(pairs) if pair.sight.has_corners]:
+        focal = float(state.robot[CAMERAS[view.camera]][FOCAL])
+        corners = _corners(camera, focal, [pairs[n] for n in by_corners], state)
+        found.append(corners._replace(places=np.array(by_corners)))
+    return found
 
 
 def _corners(
     camera: CameraPose, focal: float, pairs: Sequence[Pair], state: State
-) -> list[LinearizedPair]:
-    """Eight numbers each, in pixels; all tags at once."""
-    if not pairs:
-        return []
+) -> LinearizedPairs:
+    """Eight numbers each, in pixels."""
     places = state.indices([pair.key for pair in pairs])
     sights = [pair.sight for pair in pairs]
     points = SQUARE * np.array([sight.side_m for sight in sights])[:, None, None]
@@ -126,57 +130,63 @@ def _corners(
     from_middle = -to_pixels[..., 2] * directions[..., 2:]
     residual = np.where(hidden[..., None], np.nan, -offset - focal * from_middle)
     residual, by_focal = residual.reshape(-1, 8), from_middle.reshape(-1, 8)
-    return [
-        _pair(residual[n], H[n], camera, sight.noise_px2, by_focal[n])
-        for n, sight in enumerate(sights)
-    ]
+    noise = np.array([sight.noise_px2 for sight in sights])
+    return _pairs(residual, H, -H, camera, noise, by_focal)
 
 
-def _pair(
-    residual: Floats, H: Floats, camera: CameraPose, noise: Floats, by_focal: Floats | float = 0.0
-) -> LinearizedPair:
-    """A pair with the derivative (k, 6) of its expected values by the landmark's twist."""
-    return _pair_of(residual, H, -H, camera, noise, by_focal)
-
-
-def _pair_of(
+def _pairs(
     residual: Floats,
     of_landmark: Floats,
     of_robot: Floats,
     camera: CameraPose,
     noise: Floats,
     by_focal: Floats | float = 0.0,
-) -> LinearizedPair:
-    of_camera = np.empty((len(residual), 5))
-    of_camera[:, :FOCAL], of_camera[:, FOCAL] = of_robot @ camera.by_camera, by_focal
-    return LinearizedPair(residual, of_landmark, of_robot, of_camera, noise)
+) -> LinearizedPairs:
+    """Pairs with the derivatives (G, k, 6) of their expected values by both twists."""
+    of_shared = np.empty((*residual.shape, 11))
+    of_shared[..., :6], of_shared[..., 6 + FOCAL] = of_robot, by_focal
+    of_shared[..., 6 : 6 + FOCAL] = of_robot @ camera.by_camera
+    return LinearizedPairs(np.arange(len(residual)), residual, of_shared, of_landmark, noise)
 
 
-def _best_pose(camera: CameraPose, pair: Pair, state: State) -> LinearizedPair:
+def _pair(
+    residual: Floats, of_landmark: Floats, of_robot: Floats, camera: CameraPose, noise: Floats
+) -> LinearizedPairs:
+    """One pair."""
+    return _pairs(residual[None], of_landmark[None], of_robot[None], camera, noise[None])
+
+
+def _best_pose(camera: CameraPose, pair: Pair, state: State) -> LinearizedPairs:
     """The reading that fits best by its own covariance."""
     (place,) = state.indices([pair.key])
     R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
     several = [_pose(camera, pose, R, p, first) for pose in pair.sight.poses]
     if not pair.sight.has_orientation:
         several = [_widened(one, state, pair, p - camera.p) for one in several]
-    return min(several, key=lambda one: one.residual @ np.linalg.solve(one.noise, one.residual))
+    return min(several, key=_distance2)
 
 
-def _widened(one: LinearizedPair, state: State, pair: Pair, away: Floats) -> LinearizedPair:
+def _distance2(one: LinearizedPairs) -> float:
+    (residual,) = one.residual
+    return float(residual @ np.linalg.solve(one.noise[0], residual))
+
+
+def _widened(one: LinearizedPairs, state: State, pair: Pair, away: Floats) -> LinearizedPairs:
     """A pair of a point, with the second-order error of its linearization as noise."""
     rows = state.rows(pair.key).start + np.arange(3)
     at = state.landmarks_p[state.keys.index(pair.key)]
     J = np.hstack([np.eye(3), -np.eye(3), cross(at)])
     columns = np.concatenate([rows, np.arange(6)])
     spread = J @ state.P[np.ix_(columns, columns)] @ J.T
-    scale = 1.0 if len(one.residual) == 2 else float(away @ away)
+    size = one.residual.shape[1]
+    scale = 1.0 if size == 2 else float(away @ away)
     second = (_CURVED * float(np.trace(spread)) / float(away @ away)) ** 2 * scale
-    return replace(one, noise=one.noise + second * np.eye(len(one.residual)))
+    return one._replace(noise=one.noise + second * np.eye(size))
 
 
 def _pose(
     camera: CameraPose, pose: ObservedPose, R: Floats, p: Floats, first: Floats
-) -> LinearizedPair:
+) -> LinearizedPairs:
     """Six numbers for a pose, three for a position, or two for a direction."""
     back = camera.R.T
     away = back @ (p - camera.p)
@@ -185,13 +195,13 @@ def _pose(
         H = np.zeros((6, 6))
         H[:3, :3] = H[3:, 3:] = back
         H[:3, 3:] = -back @ cross(p)
-        return _pair(np.concatenate([pose.t - away, turn]), H, camera, pose.covariance)
+        return _pair(np.concatenate([pose.t - away, turn]), H, -H, camera, pose.covariance)
     # without rotation: a position, by the Jacobian at the first estimate
     of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
     of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)
     noise, residual = pose.covariance[:3, :3], pose.t - away
     if pose.has_range:
-        return _pair_of(residual, of_landmark, of_robot, camera, noise)
+        return _pair(residual, of_landmark, of_robot, camera, noise)
     first_away = back @ (first - camera.p)
     return _direction(camera, pose, away, first_away, of_landmark, of_robot)
 
@@ -203,7 +213,7 @@ def _direction(
     first_away: Floats,
     of_landmark: Floats,
     of_robot: Floats,
-) -> LinearizedPair:
+) -> LinearizedPairs:
     """Two numbers: the offset across the expected direction, as a fraction of its range.
 
     The Jacobians use the first estimate. With the present measurement they would be correlated with
@@ -217,4 +227,4 @@ def _direction(
     seen, expected = (one / max(float(ahead @ one), 1e-6) for one in (ray, away))
     residual = across @ (seen - expected)
     project = across / range_m
-    return _pair_of(residual, project @ of_landmark, project @ of_robot, camera, noise)
+    return _pair(residual, project @ of_landmark, project @ of_robot, camera, noise)

@@ -167,9 +167,9 @@ class Resting:
         gone = self.dropped.union(self.keys)
         return [key for key in self.whole.keys if key not in gone]
 
-    def without(self, key: str) -> Resting:
-        """The same after a landmark was dropped."""
-        return replace(self, dropped=self.dropped | {key})
+    def without(self, keys: Iterable[str]) -> Resting:
+        """The same after landmarks were dropped."""
+        return replace(self, dropped=self.dropped.union(keys))
 
     def activated(self, keys: Iterable[str], own: Indices) -> Resting:
         """The same with further landmarks active, whose rows in ``whole`` are these."""

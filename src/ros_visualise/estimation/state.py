@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -52,11 +53,20 @@ from ros_visualise.geometry import se3
 
 Mask = npt.NDArray[np.bool_]
 
+
+class Jacobian(Protocol):
+    """A matrix (k, m), perhaps sparse."""
+
+    def __matmul__(self, values: Floats, /) -> Floats:
+        """Its product with (m, ...)."""
+
+
 _AT_A_TIME = 32  # landmarks
+_ROWS_AT_A_TIME = 32
 
 
 class State:
-    """The estimate at one time. Its methods change no array in place: a `copy` is independent.
+    """The estimate at one time. A `copy` is independent, and copies its arrays when they change.
 
     Attributes:
         robot: see `RobotState`.
@@ -72,10 +82,22 @@ class State:
         self.joint = np.zeros((core(), core())) if P is None else P
         self.gradient: Floats = np.zeros(0)
         self.resting: Resting | None = None
+        self._is_shared = True
 
     def copy(self) -> State:
         """An independent copy."""
+        self._is_shared = True
         return copy(self)
+
+    def _own(self) -> Floats:
+        """The joint matrix, for changes in place."""
+        if self._is_shared:
+            self._set(self.joint.copy())
+        return self.joint
+
+    def _set(self, joint: Floats) -> None:
+        """Replace the joint matrix by one that nothing else refers to."""
+        self.joint, self._is_shared = joint, False
 
     @property
     def size(self) -> int:
@@ -140,66 +162,61 @@ class State:
         for rows, new_rows in zip(blocks, places, strict=True):
             for columns, new_columns in zip(blocks, places, strict=True):
                 joint[new_rows, new_columns] = self.joint[rows, columns]
-        self.joint = joint
+        self._set(joint)
 
     def share(self, rows: slice, by: Floats, of: slice = POSE) -> None:
         """Add ``by`` (k, m) times the error ``of`` other rows to independent ``rows``."""
-        joint = self.joint.copy()
+        joint = self._own()
         across = by @ joint[of]
         joint[rows] += across
         joint[:, rows] += across.T
         joint[rows, rows] += across[:, of] @ by.T
-        self.joint = joint
 
     def forget(self, *blocks: slice) -> None:
         """Make errors zero and independent of all others."""
-        joint = self.joint.copy()
+        joint = self._own()
         for rows in blocks:
             joint[rows], joint[:, rows] = 0, 0
-        self.joint = joint
 
     def inflate(self, rows: slice, covariance: Floats) -> None:
         """Add an independent error of that covariance."""
-        joint = self.joint.copy()
-        joint[rows, rows] += covariance
-        self.joint = joint
+        self._own()[rows, rows] += covariance
 
-    def remove(self, key: str) -> None:
-        """Remove a landmark, active or not."""
-        if self.resting and key in self.resting.whole.keys:
-            self.resting = self.resting.without(key)
-        if key not in self.keys:
+    def remove(self, *keys: str) -> None:
+        """Remove landmarks, active or not."""
+        if self.resting:
+            self.resting = self.resting.without(keys)
+        gone = self.indices([key for key in keys if key in self.keys])
+        if not len(gone):
             return
-        kept = np.delete(np.arange(len(self.joint)), self.rows(key))
-        self.joint = self.joint[np.ix_(kept, kept)]
-        others = np.delete(np.arange(len(self.keys)), self.keys.index(key))
-        self.landmarks = self.landmarks.chosen(others)
+        rows = np.delete(np.arange(len(self.joint)), rows_of(gone))
+        self._set(self.joint[rows][:, rows])
+        self.landmarks = self.landmarks.chosen(np.delete(np.arange(len(self.keys)), gone))
 
     # propagation and correction
 
     def propagate(self, robot: RobotState, J: Floats, noise: Floats) -> None:
         """Propagate the robot, its errors by J (core, core), and add noise of that covariance."""
         size = core()
-        joint = self.joint.copy()
+        joint = self._own()
         joint[:size] = J @ joint[:size]
         joint[size:, :size] = joint[:size, size:].T
         joint[:size, :size] = joint[:size, :size] @ J.T + noise
-        self.robot, self.joint = robot, joint
+        self.robot = robot
         if self.resting:
             self.resting.whole.settle()
 
     def age(self, keep: Floats, noise: Floats) -> None:
         """Let the robot's errors shrink by factors (core,), and add noise of variances (core,)."""
         size = core()
-        joint = self.joint.copy()
+        joint = self._own()
         joint[:size] *= keep[:, None]
         joint[:, :size] *= keep
         joint[np.arange(size), np.arange(size)] += noise
-        self.joint = joint
 
     def moved(self, error: Floats) -> State:
         """The same, corrected by an error (n,), with unchanged covariance."""
-        new = copy(self)
+        new = self.copy()
         new.robot = self.robot.moved(error[: core()])
         new.landmarks = self.landmarks.moved(error[core() : self.size])
         return new
@@ -207,7 +224,7 @@ class State:
     def corrected(
         self,
         columns: Indices | slice,
-        H: Floats,
+        H: Jacobian,
         innovation: Floats,
         noise: Floats,
         free: Mask | None = None,
@@ -225,22 +242,39 @@ class State:
         Source: S. F. Schmidt, Application of state-space methods to navigation problems, 1966 (the
         considered states).
         """
-        across = self.joint[:, columns]
-        spread = H @ across[columns] @ H.T + noise
-        whitened = _whitened(spread, noise, np.column_stack([H, innovation]))
-        gain = across @ whitened[:, :-1].T
+        HP = H @ self.joint[columns]
+        spread = H @ HP[:, columns].T + noise
+        whitened = _whitened(spread, noise, np.column_stack([HP, innovation]))
+        gain = whitened[:, :-1].T
         error = gain @ whitened[:, -1]
-        if free is None:
-            new = self.moved(error)
-            new.joint = self.joint - gain @ gain.T
-            new.gradient = self.gradient + error[self.size :]
-            return new
-        rows = np.flatnonzero(free)
-        new = self.moved(np.where(free, error[: self.size], 0.0))
-        less = gain[rows] @ gain.T
-        new.joint = self.joint.copy()
-        new.joint[rows] -= less
-        new.joint[:, rows] = new.joint[rows].T
+        if free is not None:
+            rows = np.flatnonzero(free)
+            less = gain[rows] @ gain.T
+            return self.corrected_in(rows, error[rows], less, less[:, rows])
+        new, less = self.moved(error), gain @ gain.T
+        new._set(np.subtract(self.joint, less, out=less))
+        new.gradient = self.gradient + error[self.size :]
+        return new
+
+    def corrected_in(self, rows: Indices, error: Floats, less: Floats, known: Floats) -> State:
+        """The state with f rows corrected by any gain K; the others are considered.
+
+        Args:
+            rows: (f,) those.
+            error: (f,) correction.
+            less: (f, n + m) K times the derivative of the expected values, times the joint matrix.
+            known: (f, f) covariance of the correction.
+
+        Source: R. Bucy, P. Joseph, Filtering for Stochastic Processes, 1968 (any gain).
+        """
+        every = np.zeros(self.size)
+        every[rows] = error
+        new = self.moved(every)
+        joint = new._own()
+        block = joint[np.ix_(rows, rows)] + known - less[:, rows] - less[:, rows].T
+        joint[rows] -= less
+        joint[:, rows] = joint[rows].T
+        joint[np.ix_(rows, rows)] = (block + block.T) / 2
         return new
 
     def seen_from(self, R: Floats, p: Floats) -> State:
@@ -261,7 +295,7 @@ class State:
             several = ahead @ several - ahead[:, YAW] @ P[DATUM]
             return np.concatenate([J @ P[:size], several.reshape(-1, P.shape[1])])
 
-        new.joint = turned(turned(new.joint).T)
+        new._set(turned(turned(new.joint).T))
         robot = new.robot
         new.robot = replace(
             robot,
@@ -283,10 +317,10 @@ class State:
     def with_robot_of(self, other: State) -> State:
         """The landmarks of this state, and the robot of another one without landmarks."""
         new, size = self.whole(), core()
-        joint = new.joint.copy()
+        joint = new._own()
         joint[:size], joint[:, :size] = 0, 0
         joint[:size, :size] = other.P
-        new.robot, new.joint = other.robot, joint
+        new.robot = other.robot
         return new
 
     # division
@@ -325,7 +359,7 @@ class State:
 
     def whole(self) -> State:
         """The state with all landmarks active."""
-        new = copy(self)
+        new = self.copy()
         if new.resting:
             new.activate(new.resting.left)
             new.joint, new.gradient, new.resting = new.P, np.zeros(0), None
@@ -365,6 +399,7 @@ class State:
         rest, size = self.resting, self.size
         if rest:
             rest.whole.settle(len(rest.whole.keys) * PER_LANDMARK + core())
+        self._is_shared = True
         whole = Whole(self.landmarks, self.joint, self.gradient, rest)
         places = np.array([n for n, key in enumerate(self.keys) if key in active], np.intp)
         robot, landmarks = np.arange(core()), rows_of(places)
@@ -372,7 +407,7 @@ class State:
         is_known = np.diag(self.joint)[:size][rows] > 0
         then, m = rows[is_known], int(is_known.sum())
         new = State(self.robot)
-        new.joint = np.zeros((len(rows) + m, len(rows) + m))
+        new._set(np.zeros((len(rows) + m, len(rows) + m)))
         new.joint[: len(rows), : len(rows)] = self.joint[np.ix_(rows, rows)]
         across = np.eye(len(rows))[:, is_known]
         new.joint[: len(rows), len(rows) :], new.joint[len(rows) :, : len(rows)] = across, across.T
@@ -384,12 +419,18 @@ class State:
 def _whitened(spread: Floats, noise: Floats, values: Floats) -> Floats:
     """Values (k, m) divided by a root of a covariance, which is at least that of the noise."""
     try:
-        return np.linalg.solve(np.linalg.cholesky(spread), values)
+        root = np.linalg.cholesky(spread)
     except np.linalg.LinAlgError:  # by rounding
         squares, axes = np.linalg.eigh(spread)
         least = np.linalg.eigvalsh(noise)[0]
         divided: Floats = (axes / np.sqrt(np.maximum(squares, least))).T @ values
         return divided
+    found = np.empty_like(values)
+    for start in range(0, len(root), _ROWS_AT_A_TIME):  # forward substitution
+        rows = slice(start, start + _ROWS_AT_A_TIME)
+        left = values[rows] - root[rows, :start] @ found[:start]
+        found[rows] = np.linalg.inv(root[rows, rows]) @ left
+    return found
 
 
 def _blocks(P: Floats, rows: Indices) -> Floats:

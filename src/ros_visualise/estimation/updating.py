@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.measuring import CAMERAS, LinearizedPair, Pair, measure
+from ros_visualise.estimation.measuring import CAMERAS, LinearizedPairs, Pair, measure
 from ros_visualise.estimation.resting import PER_LANDMARK, Indices
 from ros_visualise.estimation.robot import POSE, own_states
 from ros_visualise.estimation.state import Mask, State
@@ -29,15 +28,14 @@ _OF_CAMERA = slice(POSE.stop, POSE.stop + 5)
 def fits(view: CameraView, pairs: Sequence[Pair], state: State) -> list[Innovation]:
     """The innovation of each pair, separately."""
     columns = _columns(view, pairs, state)
-    shared, own = columns[: _OF_CAMERA.stop], columns[_OF_CAMERA.stop :].reshape(-1, PER_LANDMARK)
     found: dict[int, Innovation] = {}
-    for group in _groups(measure(view, pairs, state)):
-        each = np.hstack([np.tile(shared, (len(group.places), 1)), own[group.places]])
-        H = np.concatenate([group.of_shared, group.of_landmark], axis=2)
+    for several in measure(view, pairs, state):
+        each = _of_each(columns, several)
+        H = np.concatenate([several.of_shared, several.of_landmark], axis=2)
         P = state.P[each[:, :, None], each[:, None, :]]
-        spread = H @ P @ np.swapaxes(H, 1, 2) + group.noise
-        compared = _innovations(group.residual, spread, group.noise)
-        found |= zip(group.places.tolist(), compared, strict=True)
+        spread = H @ P @ np.swapaxes(H, 1, 2) + several.noise
+        compared = _innovations(several.residual, spread, several.noise)
+        found |= zip(several.places.tolist(), compared, strict=True)
     return [found[number] for number in range(len(pairs))]
 
 
@@ -66,19 +64,21 @@ def update(
     Huber, Robust Statistics, 1981, section 7.
     """
     columns = _columns(view, pairs, state)
-    P = state.P[np.ix_(columns, columns)]
+    P = state.P[columns][:, columns]
     is_free = np.ones(len(columns), bool) if free is None else free[columns]
     error = np.zeros(len(columns))
-    settled = _CONVERGED * np.sqrt(np.maximum(np.diag(P), 0)) + _LEAST
+    settled = _settled(np.diag(P))
     moved = state
     for turn in range(_ROUNDS):
-        residual, H, noise = _stacked(measure(view, pairs, moved), len(columns), turn > 0)
-        PH = P @ H.T
-        innovation = residual + H @ error
-        before = error
-        error = PH @ np.linalg.solve(H @ PH + noise, innovation)
-        if not np.isfinite(error).all():  # the camera got behind a landmark
+        several = _linearized(view, pairs, moved, turn)
+        H, noise = ImageJacobian(several), _noise(several)
+        innovation = np.concatenate([one.residual.ravel() for one in several]) + H @ error
+        if not np.isfinite(innovation).all():  # the camera got behind a landmark
             return state
+        if turn == _ROUNDS - 1:
+            break
+        PH, before = (H @ P).T, error
+        error = PH @ np.linalg.solve(H @ PH + noise, innovation)
         error[~is_free] = 0
         if (np.abs(error - before) < settled).all():
             break
@@ -86,6 +86,69 @@ def update(
         every[columns] = error
         moved = state.moved(every)
     return state.corrected(columns, H, innovation, noise, free)
+
+
+def update_each(state: State, view: CameraView, pairs: Sequence[Pair]) -> State:
+    """The state with each landmark updated by its own sighting alone, and nothing else.
+
+    The same as `update` by one pair after the other, with its landmark free alone.
+    """
+    columns = _columns(view, pairs, state)
+    P = state.P[columns][:, columns]
+    settled = _settled(np.diag(P))[_OF_CAMERA.stop :].reshape(-1, PER_LANDMARK)
+    error, moved = np.zeros((len(pairs), PER_LANDMARK)), state
+    own, every = columns[_OF_CAMERA.stop :], np.zeros(state.size)
+    for turn in range(_ROUNDS):
+        several = _linearized(view, pairs, moved, turn)
+        gains = [_own_gain(one, P) for one in several]
+        before, error = error, np.empty_like(error)
+        for one, gain in zip(several, gains, strict=True):
+            innovation = one.residual[..., None] + one.of_landmark @ before[one.places, :, None]
+            error[one.places] = (gain @ innovation)[..., 0]
+        kept = [pair for pair, one in zip(pairs, error, strict=True) if np.isfinite(one).all()]
+        if len(kept) < len(pairs):  # the camera got behind a landmark
+            return update_each(state, view, kept) if kept else state
+        if (np.abs(error - before) < settled).all():
+            break
+        every[own] = error.ravel()
+        moved = state.moved(every)
+    H, gain = ImageJacobian(several), _diagonal(gains, several)
+    HP = H @ state.joint[columns]
+    spread = H @ HP[:, columns].T + _noise(several)
+    return state.corrected_in(own, error.ravel(), gain @ HP, gain @ spread @ gain.T)
+
+
+def _own_gain(several: LinearizedPairs, P: Floats) -> Floats:
+    """(G, 6, k) gains of the landmarks alone; P is of the states that all pairs depend on."""
+    each = _of_each(np.arange(len(P)), several)
+    H = np.concatenate([several.of_shared, several.of_landmark], axis=2)
+    HP = H @ P[each[:, :, None], each[:, None, :]]
+    spread = HP @ np.swapaxes(H, 1, 2) + several.noise
+    return np.swapaxes(np.linalg.solve(spread, HP[..., _OF_CAMERA.stop :]), 1, 2)
+
+
+def _diagonal(gains: Sequence[Floats], several: Sequence[LinearizedPairs]) -> Floats:
+    """(6 K, k) gain of all K landmarks, of theirs (G, 6, k) by group."""
+    count, total = sum(map(len, gains)), sum(one.residual.size for one in several)
+    whole, start = np.zeros((count, PER_LANDMARK, total)), 0
+    for gain, one in zip(gains, several, strict=True):
+        columns = start + np.arange(one.residual.size).reshape(one.residual.shape)
+        rows = np.arange(PER_LANDMARK)[:, None]
+        whole[one.places[:, None, None], rows, columns[:, None]] = gain
+        start += one.residual.size
+    return whole.reshape(-1, total)
+
+
+def _settled(variances: Floats) -> Floats:
+    """Changes below which the linearization has converged."""
+    return _CONVERGED * np.sqrt(np.maximum(variances, 0)) + _LEAST
+
+
+def _linearized(
+    view: CameraView, pairs: Sequence[Pair], state: State, turn: int
+) -> list[LinearizedPairs]:
+    several = measure(view, pairs, state)
+    return [_robust(one) for one in several] if turn else several
 
 
 def level(state: State, up: Floats, sigma: float) -> tuple[State, Innovation]:
@@ -129,6 +192,12 @@ def _columns(view: CameraView, pairs: Sequence[Pair], state: State) -> Indices:
     return np.concatenate([np.arange(POSE.stop), np.arange(camera.start, camera.stop), landmarks])
 
 
+def _of_each(columns: Indices, several: LinearizedPairs) -> Indices:
+    """(G, 17) the states that each pair depends on, of those of all pairs."""
+    shared, own = columns[: _OF_CAMERA.stop], columns[_OF_CAMERA.stop :].reshape(-1, PER_LANDMARK)
+    return np.hstack([np.tile(shared, (len(several.places), 1)), own[several.places]])
+
+
 def _innovations(residuals: Floats, spreads: Floats, noises: Floats) -> Iterator[Innovation]:
     """Innovations of residuals (G, k) with covariances (G, k, k)."""
     is_seen = np.isfinite(residuals.sum(axis=1))
@@ -141,61 +210,45 @@ def _innovations(residuals: Floats, spreads: Floats, noises: Floats) -> Iterator
         yield Innovation(distance2, residuals.shape[1], evidence)
 
 
-class _PairGroup(NamedTuple):
-    """G linearized pairs of k numbers each.
+class ImageJacobian:
+    """Derivative (k, m) of an image's measurements by the m states that they depend on.
 
-    ``places`` (G,) are theirs among all pairs, ``residual`` (G, k), ``of_shared`` (G, k, 11) the
-    derivatives by the robot's twist and the camera, ``of_landmark`` (G, k, 6), ``noise`` (G, k, k).
+    ``H @ values`` multiplies it: each measurement depends on what all share, and one landmark.
     """
 
-    places: Indices
-    residual: Floats
-    of_shared: Floats
-    of_landmark: Floats
-    noise: Floats
+    def __init__(self, several: Sequence[LinearizedPairs]) -> None:
+        self._several = several
 
-    def robust(self) -> _PairGroup:
-        """The same with more noise in tags' corners that fit badly."""
-        if self.residual.shape[1] != 8:
-            return self
-        several = self.residual**2 / np.diagonal(self.noise, axis1=1, axis2=2)
-        off = np.sqrt(several.reshape(-1, 4, 2).sum(axis=2))
-        factors = np.repeat(np.sqrt(np.maximum(off / _HUBER, 1.0)), 2, axis=1)
-        return self._replace(noise=self.noise * factors[:, :, None] * factors[:, None, :])
-
-
-def _groups(several: Sequence[LinearizedPair]) -> Iterator[_PairGroup]:
-    """Pairs of the same size each."""
-    sizes = np.array([len(one.residual) for one in several])
-    for size in np.unique(sizes):
-        places = np.flatnonzero(sizes == size)
-        group = [several[place] for place in places.tolist()]
-        of_robot, of_camera = (
-            np.array([getattr(one, name) for one in group]) for name in ("of_robot", "of_camera")
+    def __matmul__(self, values: Floats) -> Floats:
+        columns = values.reshape(len(values), -1)
+        shared, own = columns[: _OF_CAMERA.stop], columns[_OF_CAMERA.stop :]
+        own = own.reshape(-1, PER_LANDMARK, columns.shape[1])
+        found = np.concatenate(
+            [
+                one.of_shared.reshape(-1, len(shared)) @ shared
+                + (one.of_landmark @ own[one.places]).reshape(-1, own.shape[2])
+                for one in self._several
+            ]
         )
-        yield _PairGroup(
-            places,
-            np.array([one.residual for one in group]),
-            np.concatenate([of_robot, of_camera], axis=2),
-            np.array([one.of_landmark for one in group]),
-            np.array([one.noise for one in group]),
-        )
+        return found.reshape(-1, *values.shape[1:])
 
 
-def _stacked(
-    several: Sequence[LinearizedPair], columns: int, robust: bool
-) -> tuple[Floats, Floats, Floats]:
-    """Residual (m,), derivative (m, columns) and noise (m, m) of all pairs of an image."""
-    total = sum(len(one.residual) for one in several)
-    residual, H, noise = np.zeros(total), np.zeros((total, columns)), np.zeros((total, total))
+def _robust(one: LinearizedPairs) -> LinearizedPairs:
+    """The same with more noise in tags' corners that fit badly."""
+    if one.residual.shape[1] != 8:
+        return one
+    several = one.residual**2 / np.diagonal(one.noise, axis1=1, axis2=2)
+    off = np.sqrt(several.reshape(-1, 4, 2).sum(axis=2))
+    factors = np.repeat(np.sqrt(np.maximum(off / _HUBER, 1.0)), 2, axis=1)
+    return one._replace(noise=one.noise * factors[:, :, None] * factors[:, None, :])
+
+
+def _noise(several: Sequence[LinearizedPairs]) -> Floats:
+    """(k, k) noise of all pairs of an image."""
+    noise = np.zeros((sum(one.residual.size for one in several),) * 2)
     start = 0
-    for group in _groups(several):
-        group = group.robust() if robust else group
-        count, size = group.residual.shape
-        rows = start + np.arange(count * size).reshape(count, size)
-        residual[rows], H[rows, : _OF_CAMERA.stop] = group.residual, group.of_shared
-        own = _OF_CAMERA.stop + PER_LANDMARK * group.places[:, None] + np.arange(PER_LANDMARK)
-        H[rows[:, :, None], own[:, None, :]] = group.of_landmark
-        noise[rows[:, :, None], rows[:, None, :]] = group.noise
-        start += count * size
-    return residual, H, noise
+    for one in several:
+        rows = start + np.arange(one.residual.size).reshape(one.residual.shape)
+        noise[rows[:, :, None], rows[:, None, :]] = one.noise
+        start += one.residual.size
+    return noise
