@@ -16,6 +16,7 @@ from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
 _CORNERS = 4  # of a tag
+_NO_NOISE = np.zeros((8, 8))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +106,9 @@ def view_of(
     """
     sights, skipped = [], {}
     found = [one for one in detections.detections if one.hypotheses]
-    rays = _rays(found, detections)
+    rays, noise, poses = _rays(found, detections), _noise(found, floor_px), _poses(found)
     for number, one in enumerate(found):
-        sight = _sight(one, rays.get(number), prefix, floor_px)
+        sight = _sight(one, rays.get(number), noise.get(number, _NO_NOISE), poses[number], prefix)
         if sight.name in moving:
             skipped[sight.name] = "moves"
         elif sight.poses or sight.has_corners:
@@ -135,37 +136,62 @@ def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
     return {n: Rays(d, px) for n, d, px in several if np.isfinite(d).all()}
 
 
-def _sight(one: Detection, rays: Rays | None, prefix: str, floor_px: float) -> Sighting:
+def _sight(
+    one: Detection, rays: Rays | None, noise: Floats, poses: tuple[ObservedPose, ...], prefix: str
+) -> Sighting:
     first = one.hypotheses[0]
     name = prefix + first.class_id if first.class_id.isdigit() else first.class_id
-    several = (_pose(h) for h in one.hypotheses if h.class_id == first.class_id)
-    poses = tuple(pose for pose in several if pose is not None)
-    return Sighting(name, first.number, one.side_m, rays, _noise(one, floor_px), poses)
+    return Sighting(name, first.number, one.side_m, rays, noise, poses)
 
 
-def _noise(one: Detection, floor_px: float) -> Floats:
-    """(8, 8) covariance of its corners; from the tag's size if its detector gives none."""
-    if len(one.corners_uv) != _CORNERS:
-        return np.zeros((8, 8))
-    known = one.corners_covariance if one.corners_covariance.any() else np.full((8, 8), np.nan)
-    noise: Floats = corner_noise(one.corners_uv[None], floor_px, known[None])[0]
-    return noise
+def _noise(found: list[Detection], floor_px: float) -> dict[int, Floats]:
+    """(8, 8) covariances of tags' corners, by index in the list.
+
+    They come from the size of a tag if its detector gives none.
+    """
+    tags = [n for n, one in enumerate(found) if len(one.corners_uv) == _CORNERS]
+    if not tags:
+        return {}
+    known = [found[n].corners_covariance for n in tags]
+    known = [one if one.any() else np.full((8, 8), np.nan) for one in known]
+    corners = np.array([found[n].corners_uv for n in tags])
+    return dict(zip(tags, corner_noise(corners, floor_px, np.array(known)), strict=True))
 
 
-def _pose(hypothesis: Hypothesis) -> ObservedPose | None:
-    """One reading; None without a pose."""
-    t, covariance = hypothesis.position_xyz, hypothesis.covariance
-    range_m = float(np.linalg.norm(t))
-    if not (0 < range_m < np.inf and np.isfinite(covariance).all() and np.isfinite(t).all()):
-        return None
-    values = np.linalg.eigvalsh(covariance)
-    if (np.diag(covariance) <= 0).any() or values[0] < -1e-9 * values[-1]:
-        return None
-    ray = t / range_m
-    has_range = bool(ray @ covariance[:3, :3] @ ray < UNKNOWN)
-    has_orientation = has_range and bool(np.trace(covariance[3:, 3:]) < UNKNOWN)
-    R = rotations.to_matrix(hypothesis.quat_xyzw) if has_orientation else None
-    return ObservedPose(R, t, covariance, hypothesis.score, has_range)
+def _poses(found: list[Detection]) -> list[tuple[ObservedPose, ...]]:
+    """The readings of each detection."""
+    several = [
+        [h for h in one.hypotheses if h.class_id == one.hypotheses[0].class_id] for one in found
+    ]
+    read = iter(_read([h for hypotheses in several for h in hypotheses]))
+    each = [[next(read) for _ in hypotheses] for hypotheses in several]
+    return [tuple(pose for pose in poses if pose is not None) for poses in each]
+
+
+def _read(several: list[Hypothesis]) -> list[ObservedPose | None]:
+    """The readings given by hypotheses; None without a pose."""
+    t = np.array([one.position_xyz for one in several]).reshape(-1, 3)
+    covariance = np.array([one.covariance for one in several]).reshape(-1, 6, 6)
+    is_finite = np.isfinite(t).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    ranges = np.where(is_finite, np.linalg.norm(t, axis=1), 0.0)
+    is_pose = (ranges > 0) & (ranges < np.inf)
+    safe = np.where(is_pose[:, None, None], covariance, np.eye(6))
+    values = np.linalg.eigvalsh(safe)
+    is_pose &= (np.diagonal(safe, axis1=1, axis2=2) > 0).all(axis=1)
+    is_pose &= values[:, 0] >= -1e-9 * values[:, -1]
+    rays = np.where(is_pose[:, None], t, 1.0) / np.where(is_pose, ranges, 1.0)[:, None]
+    along = (rays[:, None] @ safe[:, :3, :3] @ rays[..., None])[:, 0, 0]
+    has_range = along < UNKNOWN
+    turned = is_pose & has_range & (np.trace(safe[:, 3:, 3:], axis1=1, axis2=2) < UNKNOWN)
+    places = np.flatnonzero(turned)
+    quats = np.array([several[n].quat_xyzw for n in places]).reshape(-1, 4)
+    R = dict(zip(places.tolist(), rotations.to_matrix(quats), strict=True))
+    return [
+        ObservedPose(R.get(n), t[n], covariance[n], one.score, bool(has_range[n]))
+        if is_pose[n]
+        else None
+        for n, one in enumerate(several)
+    ]
 
 
 def _print(found: Iterable[Detection]) -> bytes:

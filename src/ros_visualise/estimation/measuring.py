@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
@@ -12,7 +13,6 @@ from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sight
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import RobotState, own_states
 from ros_visualise.estimation.state import State
-from ros_visualise.geometry import se3
 from ros_visualise.geometry.se3 import cross, turn_between
 from ros_visualise.landmarks.pose.estimating import SQUARE
 
@@ -75,11 +75,11 @@ def camera_of(view: CameraView, robot: RobotState) -> CameraPose:
     late_s = float(own[CLOCK])
     R_base, p_base = robot.R, robot.p
     if late_s:
-        R_base = se3.exp(np.concatenate([np.zeros(3), late_s * robot.rates]))[0] @ R_base
+        R_base = cv2.Rodrigues(late_s * robot.rates)[0] @ R_base
         p_base = p_base + late_s * robot.v
     R = R_base @ view.R_base_camera
     if own[TURN].any():
-        R = R @ se3.exp(np.concatenate([np.zeros(3), own[TURN]]))[0]
+        R = R @ cv2.Rodrigues(own[TURN])[0]
     p = R_base @ view.p_base_camera + p_base
     by_camera = np.empty((6, 4))
     by_camera[:3, 0] = robot.v + cross(p_base) @ robot.rates

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,8 @@ from ros_visualise.data import (
     Marker,
     MarkerArray,
 )
-from ros_visualise.data.markers import MarkerType
+from ros_visualise.data.header import read_only
+from ros_visualise.data.markers import Colors, MarkerType
 from ros_visualise.estimation.chart import ImageOutcome, MapMode
 from ros_visualise.estimation.landmark import Landmark
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
@@ -35,6 +36,7 @@ from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.messages import ellipsoid
 from ros_visualise.landmarks.localization.track import LandmarkTrack
 
+Color = tuple[float, float, float]
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
 _IN_TURN = 12  # landmarks out of view, in each message
@@ -105,13 +107,34 @@ def _common(state: State, keys: list[str]) -> Floats:
     return split(state.P[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
+class _Shape(NamedTuple):
+    """A reading of a landmark as it is shown: its orientation, and that of its ellipsoid."""
+
+    p: Floats
+    quat: Floats
+    covariance: Floats
+    lengths: Floats
+    axes: Floats
+
+
+def _shapes(places: Mapping[str, _Place]) -> dict[str, _Shape]:
+    """Readings, by key."""
+    if not places:
+        return {}
+    p, R, covariances = map(np.array, zip(*places.values(), strict=True))
+    shapes = map(
+        _Shape, p, rotations.from_matrix(R), covariances, *ellipsoid(covariances[:, :3, :3])
+    )
+    return dict(zip(places, shapes, strict=True))
+
+
 class _LandmarkMessage(NamedTuple):
-    """Messages of a landmark, and of what; they are final if its colour will not change."""
+    """Messages of a landmark, and of what; its colour changes at ``until_ns``."""
 
     landmark: Landmark
     detection: Detection3D
     markers: list[Marker]
-    is_final: bool
+    until_ns: float
 
 
 class RenewedMessages:
@@ -130,14 +153,17 @@ class RenewedMessages:
         reason.
         """
         landmarks = navigator.chart.landmarks
-        self._make(navigator, self._due(landmarks, navigator.outcome), header)
+        due = self._due(landmarks, navigator.outcome, header.stamp_ns)
+        self._make(navigator, due, header)
         made = [self._made[name] for name in landmarks]
         self._made = dict(zip(landmarks, made, strict=True))
         used = tuple(one.detection for one in made if one.landmark.is_used)
         drawn = [_robot(now, header), *(marker for one in made for marker in one.markers)]
         return Detections3D(used, header), MarkerArray(tuple(drawn))
 
-    def _due(self, landmarks: Mapping[str, Landmark], outcome: ImageOutcome) -> list[Landmark]:
+    def _due(
+        self, landmarks: Mapping[str, Landmark], outcome: ImageOutcome, stamp_ns: int
+    ) -> list[Landmark]:
         names = list(landmarks)
         turn = {names[(self._turn + n) % len(names)] for n in range(min(_IN_TURN, len(names)))}
         self._turn = (self._turn + _IN_TURN) % max(len(names), 1)
@@ -148,26 +174,27 @@ class RenewedMessages:
             or name in outcome.rejected
             or (made := self._made.get(name)) is None
             or made.landmark is not one
-            or not made.is_final
+            or stamp_ns >= made.until_ns
         ]
 
     def _make(self, navigator: Navigator, due: list[Landmark], header: Header) -> None:
         outcome = navigator.outcome
-        places = _places(navigator.belief.state, due, navigator.common)
+        shapes = _shapes(_places(navigator.belief.state, due, navigator.common))
         for one in due:
-            markers = _landmark(outcome, one, places[one.key], header.stamp_ns)
-            is_fresh = one.name in outcome.used or header.stamp_ns - one.last_ns < _SHOWN_NS
+            why, fades_ns = outcome.rejected.get(one.name, ""), one.last_ns + _SHOWN_NS
+            is_fresh = one.name in outcome.used or header.stamp_ns < fades_ns
+            color = _RED if why else _GREEN if is_fresh and one.is_used else _GRAY
             self._made[one.name] = _LandmarkMessage(
                 one,
-                _detection(one, places),
-                [replace(marker, header=header) for marker in markers],
-                not is_fresh and one.name not in outcome.rejected,
+                _detection(one, shapes),
+                _landmark(one, shapes[one.key], color, why, header),
+                header.stamp_ns if why else fades_ns if is_fresh else np.inf,
             )
 
 
 def _robot(now: RobotEstimate, header: Header) -> Marker:
     lengths, axes = ellipsoid(now.covariance[:3, :3])
-    color = np.array([*(_BLUE if now.is_located else _RED), 0.4])
+    color = _rgba(_BLUE if now.is_located else _RED, 0.4)
     place = now.T_map_base[:3, 3]
     return Marker(MarkerType.SPHERE, place, axes, lengths, color, header=header, ns="robot", id=0)
 
@@ -227,14 +254,14 @@ def _estimated(navigator: Navigator) -> Iterator[tuple[str, str]]:
             yield label, f"{value * factor:.2f} +- {sigma * factor:.2f}"
 
 
-def _detection(one: Landmark, places: Mapping[str, _Place]) -> Detection3D:
-    hypotheses = []
-    for key, weight in zip(one.keys, one.weights, strict=True):
-        p, R, covariance = places[key]
-        quat = rotations.from_matrix(R)
-        hypotheses.append(Hypothesis(one.kind, weight, p, quat, covariance, one.number))
-    first = hypotheses[0]
-    return Detection3D(first.position_xyz, first.quat_xyzw, _size(one), tuple(hypotheses), one.name)
+def _detection(one: Landmark, shapes: Mapping[str, _Shape]) -> Detection3D:
+    several = zip((shapes[key] for key in one.keys), one.weights, strict=True)
+    hypotheses = tuple(
+        Hypothesis(one.kind, weight, shape.p, shape.quat, shape.covariance, one.number)
+        for shape, weight in several
+    )
+    first = shapes[one.key]
+    return Detection3D(first.p, first.quat, _size(one), hypotheses, one.name)
 
 
 def _track(one: Landmark, place: _Place) -> LandmarkTrack:
@@ -253,26 +280,30 @@ def _size(one: Landmark) -> Floats:
     return np.array([one.side_m, one.side_m, 0.0])
 
 
-def _landmark(outcome: ImageOutcome, one: Landmark, place: _Place, stamp_ns: int) -> list[Marker]:
+def _landmark(one: Landmark, shape: _Shape, color: Color, why: str, header: Header) -> list[Marker]:
     """A plate in the colour of its outcome, the ellipsoid, and the reason of a rejection."""
-    (p, R, covariance), why = place, outcome.rejected.get(one.name, "")
-    is_fresh = one.name in outcome.used or stamp_ns - one.last_ns < _SHOWN_NS
-    color = _RED if why else _GREEN if is_fresh and one.is_used else _GRAY
     number = zlib.crc32(one.name.encode()) & 0x7FFFFFFF
-    lengths, axes = ellipsoid(covariance[:3, :3])
-    plate = np.array([one.side_m or _TEXT_M, one.side_m or _TEXT_M, _PLATE_M])
-    quat, text = rotations.from_matrix(R), f"{one.name}: {why}" if why else one.name
-    above = p + np.array([0, 0, plate[0] / 2 + _TEXT_M])
+    p, quat, _, lengths, axes = shape
+    side = one.side_m or _TEXT_M
+    plate, above = np.array([side, side, _PLATE_M]), np.array([0, 0, side / 2 + _TEXT_M])
+    label = f"{one.name}: {why}" if why else one.name
+    cube, sphere, text = MarkerType.CUBE, MarkerType.SPHERE, MarkerType.TEXT_VIEW_FACING
     return [
-        Marker(MarkerType.CUBE, p, quat, plate, np.array([*color, 0.8]), ns="plate", id=number),
-        Marker(MarkerType.SPHERE, p, axes, lengths, np.array([*color, 0.3]), ns="error", id=number),
+        Marker(cube, p, quat, plate, _rgba(color, 0.8), ns="plate", id=number, header=header),
+        Marker(sphere, p, axes, lengths, _rgba(color, 0.3), ns="error", id=number, header=header),
         Marker(
-            MarkerType.TEXT_VIEW_FACING,
-            above,
+            text,
+            p + above,
             scale_xyz=np.full(3, _TEXT_M),
-            color_rgba=np.array([*color, 1.0]),
-            text=text,
+            color_rgba=_rgba(color, 1.0),
+            text=label,
             ns="label",
             id=number,
+            header=header,
         ),
     ]
+
+
+@cache
+def _rgba(color: Color, alpha: float) -> Colors:
+    return read_only(np.array([*color, alpha], np.float32))

@@ -44,9 +44,11 @@ def together(
 ) -> tuple[Innovation, Innovation]:
     """The innovation of all pairs as one: of the state, and with more variance in some rows."""
     columns = _columns(view, pairs, state)
-    residual, H, noise = _stacked(measure(view, pairs, state), len(columns), robust=False)
-    spread = H @ state.P[np.ix_(columns, columns)] @ H.T + noise
-    more = H[:, (columns >= rows.start) & (columns < rows.stop)]
+    several = measure(view, pairs, state)
+    H, noise = ImageJacobian(several), _noise(several)
+    residual = np.concatenate([one.residual.ravel() for one in several])
+    spread = H @ (H @ state.P[columns][:, columns]).T + noise
+    more = H @ np.eye(len(columns))[:, (columns >= rows.start) & (columns < rows.stop)]
     both = np.array([spread, spread + variance * more @ more.T])
     first, second = _innovations(np.tile(residual, (2, 1)), both, np.array([noise, noise]))
     return first, second
@@ -108,7 +110,7 @@ def update_each(state: State, view: CameraView, pairs: Sequence[Pair]) -> State:
         kept = [pair for pair, one in zip(pairs, error, strict=True) if np.isfinite(one).all()]
         if len(kept) < len(pairs):  # the camera got behind a landmark
             return update_each(state, view, kept) if kept else state
-        if (np.abs(error - before) < settled).all():
+        if turn == _ROUNDS - 1 or (np.abs(error - before) < settled).all():
             break
         every[own] = error.ravel()
         moved = state.moved(every)

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 
-_SMALL = 1e-6  # radians, below which the first terms of sine and cosine are enough
+_SMALL = 1e-4  # radians, below which the factors of a rotation change by less than 1e-8
 _EYE = np.eye(3)
 
 
@@ -81,12 +81,10 @@ def exp(twist: Floats) -> tuple[Floats, Floats]:
     Source: T. Barfoot, State Estimation for Robotics, 2017, equations 7.33 and 7.37.
     """
     axis = twist[..., 3:]
-    angle = np.sqrt((axis * axis).sum(axis=-1))[..., None, None]
-    is_turn = angle > _SMALL
-    safe = np.where(is_turn, angle, 1.0)
-    sine = np.where(is_turn, np.sin(angle) / safe, 1.0)
-    first = np.where(is_turn, (1 - np.cos(angle)) / safe**2, 0.5)
-    second = np.where(is_turn, (1 - sine) / safe**2, 1 / 6)
+    angle = np.maximum(np.sqrt((axis * axis).sum(axis=-1)), _SMALL)[..., None, None]
+    sine = np.sin(angle) / angle
+    first = 2 * (np.sin(angle / 2) / angle) ** 2
+    second = (1 - sine) / angle**2
     across = cross(axis)
     twice = across @ across
     shift = (_EYE + first * across + second * twice) @ twist[..., :3, None]

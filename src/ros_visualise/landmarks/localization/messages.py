@@ -149,16 +149,15 @@ def _markers(track: LandmarkTrack, quat: Floats) -> tuple[Marker, ...]:
 
 
 def ellipsoid(covariance: Floats) -> tuple[Floats, Floats]:
-    """Lengths (3,) and orientation of the ellipsoid that contains 95 % of the distribution.
+    """Lengths and orientations of ellipsoids that contain 95 % of a distribution.
 
     Args:
-        covariance: (3, 3), m^2.
+        covariance: (..., 3, 3), m^2.
 
     Returns:
-        full lengths of its axes in metres, and a quaternion (4,).
+        full lengths (..., 3) of their axes in metres, and quaternions (..., 4).
     """
     variances, axes = np.linalg.eigh(covariance)
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] = -axes[:, 0]
+    axes[..., 0] *= np.sign(np.linalg.det(axes))[..., None]
     lengths = 2 * np.sqrt(ELLIPSOID * np.maximum(variances, 1e-12))
     return lengths, rotations.from_matrix(axes)
