@@ -1,6 +1,7 @@
 """`ros-visualise landmarks --map`, of recordings of which all is known, and what is wrong there."""
 
 import json
+import re
 import threading
 
 import numpy as np
@@ -107,7 +108,8 @@ def test_tags_of_another_size_than_is_given_are_noticed_by_the_odometry(mapped):
     flight.size_of = lambda tag: 1.2 * SIZE
     status, _, said = mapped(flight)
     assert status == 0
-    assert "distances by odometry are +20." in said or "distances by odometry are +19." in said
+    [longer] = re.findall(r"distances by odometry are \+([\d.]+)", said)
+    assert 18 < float(longer) < 22  # the focal length may be off by some of it
     assert "check the given tag size" in said
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -61,9 +62,11 @@ def with_tags(graph: Graph, wanted: bool | None, navigate: str | None) -> Graph:
         return graph
     found = _first(graph, Detections)
     if first is not None:
-        graph = with_landmarks(graph, first.inputs["image"], [TAGS], navigate=navigate is not None)
+        graph = with_landmarks(
+            graph, [first.inputs["image"]], [TAGS], navigate=navigate is not None
+        )
     elif found and navigate is not None:
-        graph = with_landmarks(graph, found, [RECORDED_TAGS], navigate=True)
+        graph = with_landmarks(graph, [found], [RECORDED_TAGS], navigate=True)
     else:
         option = "--landmarks" if navigate is None else "--navigate"
         raise UsageError(f"{option}: needs images, which this source lacks")
@@ -74,7 +77,7 @@ def with_tags(graph: Graph, wanted: bool | None, navigate: str | None) -> Graph:
 
 def with_landmarks(
     graph: Graph,
-    topic: str,
+    topics: Sequence[str],
     detectors: Sequence[str],
     settings: Settings = MappingProxyType({}),
     navigate: bool = False,
@@ -86,20 +89,26 @@ def with_landmarks(
 
     Args:
         graph: of any kind.
-        topic: images, or detections made elsewhere.
-        detectors: the nodes that take it.
-        settings: node -> its parameters.
+        topics: images, or detections made elsewhere, of each camera. Localizer and navigator take
+            the first one.
+        detectors: the nodes that take each.
+        settings: type of node -> its parameters.
         navigate: localize the robot in the map, instead of trusting the frames.
 
     Raises:
         UsageError: one of their topics exists, no odometry to correct, no such parameter, or a
             value out of its range.
     """
-    found = [_placed(name, topic) for name in detectors]
+    found = [_placed(name, topics[0]) for name in detectors]
     inputs = {
         "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
         for one in found
     }
+    found += [
+        _numbered(_placed(name, topic), number)
+        for number, topic in enumerate(topics[1:], 2)
+        for name in detectors
+    ]
     odometry = _first(graph, Odometry, "/odom")
     beside = inputs | ({"odom": odometry} if odometry else {})
     if navigate:
@@ -127,7 +136,12 @@ def with_landmarks(
             rendered["corner_floor"] = 0.0
         rendered["readout"] = graph.source.params.camera_readout
         whole = whole.configured({TAGS: rendered})
-    return whole.configured({name: settings[name] for name in names if name in settings})
+    return whole.configured({node.name: settings.get(node.type.name, {}) for node in found})
+
+
+def detectors_of(graph: Graph) -> list[Node]:
+    """The nodes that find landmarks in images, or convert those that others found."""
+    return [node for node in graph.nodes if node.type.name in DETECTORS]
 
 
 def tags_of_world(name: str) -> str:
@@ -154,6 +168,12 @@ def _placed(name: str, topic: str) -> Node:
     declared = find_node(name)
     outputs = _OBJECTS if name == OBJECTS else None
     return place(declared, dict.fromkeys(declared.stepped, topic), outputs)
+
+
+def _numbered(node: Node, number: int) -> Node:
+    """A node of a further camera, with a name and topics of its own."""
+    outputs = {port: f"{topic}_{number}" for port, topic in node.outputs.items()}
+    return replace(node, name=f"{node.name}_{number}", outputs=outputs)
 
 
 def _leaving_odom(graph: Graph) -> Graph:

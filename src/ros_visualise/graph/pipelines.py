@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ros_visualise.core.errors import OpenError, UsageError, did_you_mean
@@ -121,10 +122,12 @@ def recording_pipeline(
 
 
 def recorded_source(
-    recording: Recording, topics: Collection[str] = (), camera_info_url: str = ""
+    recording: Recording,
+    topics: Collection[str] = (),
+    calibrations: Mapping[str, str] = MappingProxyType({}),
 ) -> SourceNode:
     """A recording, with topics of the same names; see `ros_visualise.nodes.player.player`."""
-    declared = player(recording, topics, camera_info_url=camera_info_url)
+    declared = player(recording, topics, calibrations=calibrations)
     return place_source(declared, {name: name for name in declared.outputs})
 
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from ros_visualise.core.errors import DamagedMessage, UsageError, did_you_mean
@@ -32,13 +33,13 @@ class Player:
         recording: Recording,
         topics: Collection[str],
         unplayed: Mapping[str, str],
-        camera_info_url: str,
+        calibrations: Mapping[str, str],
         _: NoParams,
         playback: Playback,
     ) -> None:
         self._recording, self._unplayed = recording, unplayed
         self._playback = playback
-        self._calibration = Calibration(camera_info_url) if camera_info_url else None
+        self._calibrations = {topic: Calibration(url) for topic, url in calibrations.items()}
         playback.step_topics = tuple(topics)
         self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
         self._say_gaps(self._playable.time.gaps_ns)
@@ -63,10 +64,11 @@ class Player:
     def _calibrated(self, entry: Entry) -> Any:
         """The recorded message; images with their calibration, if one is given."""
         kind = self._recording.topics[entry.topic].type.data_class
-        if self._calibration is None or kind not in (Image, Detections):
+        given = self._calibrations.get(entry.topic)
+        if given is None or kind not in (Image, Detections):
             return entry.message
         try:
-            return self._calibration.add_to(content(entry.message))
+            return given.add_to(content(entry.message))
         except DamagedMessage:
             return entry.message  # its decoder reports it
 
@@ -87,7 +89,7 @@ def player(
     recording: Recording,
     topics: Collection[str] = (),
     without: Collection[str] = (),
-    camera_info_url: str = "",
+    calibrations: Mapping[str, str] = MappingProxyType({}),
 ) -> SourceType:
     """A source that plays this recording, with an output for each topic, of the same name.
 
@@ -97,7 +99,8 @@ def player(
         recording: it is open; the source closes it.
         topics: these alone; none: all that can be read.
         without: all but these.
-        camera_info_url: the calibration of its images, in place of the recorded one.
+        calibrations: topic -> file with the calibration of its images or detections, in place of
+            the recorded one.
 
     Raises:
         UsageError: a topic is missing or unreadable, or all are.
@@ -111,7 +114,7 @@ def player(
     make: Callable[..., Source] = declared.make
     return replace(
         declared,
-        make=partial(make, recording, played, unplayed, camera_info_url),
+        make=partial(make, recording, played, unplayed, calibrations),
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,

@@ -144,6 +144,12 @@ class CalibrationUncertainty:
         return float(self.deviations[2:4].max())
 
 
+def find_uncertainty(url: str) -> CalibrationUncertainty | None:
+    """The uncertainty in a file; None if it holds none. Raises OpenError."""
+    values = open_yaml(path_of(url), _WANTED)
+    return read_uncertainty(url) if _COVARIANCE in values else None
+
+
 def read_uncertainty(url: str) -> CalibrationUncertainty:
     """The uncertainty in a file that ``ros-visualise calibrate`` wrote; raises OpenError."""
     path, info = path_of(url), read_calibration(url)

@@ -48,7 +48,9 @@ class DetectionOptions:
         metavar="FILE.onnx|none",
     )
     calibration: str = option(
-        "", "the camera's calibration, in ROS's format; needed for poses", metavar="FILE.yaml"
+        "",
+        "the camera's calibration, in ROS's format; needed for poses; of several cameras, one each",
+        metavar="FILE.yaml,...",
     )
 
 
@@ -62,7 +64,12 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         metavar="SRC",
     )
     mission: str | None = mission_option("the robot's own")
-    topic: str = option("", "topic of a recording: images, or recorded tags")
+    topic: str = option(
+        "",
+        "topic of a recording: images, or recorded tags; for --map one for each camera of a rig"
+        " (default: the first, and for --map all with a calibration and a frame of their own)",
+        metavar="TOPIC,...",
+    )
     map: Path | None = option(None, "write the landmarks to this .yaml file", metavar="OUT")
     survey: str = option(
         "", "measured positions of tags, or distances between them, for --map", metavar="FILE.yaml"

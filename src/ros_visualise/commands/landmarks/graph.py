@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.core.errors import UsageError
+from ros_visualise.core.printing import print_status
 from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.graph.landmarks import LOCALIZER, OBJECTS, RECORDED_TAGS, TAGS, with_landmarks
@@ -21,7 +22,7 @@ from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import NoRecording
 from ros_visualise.sources.pictures import no_pictures
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.sources.recordings.images import first_image, own_cameras
 
 _NONE = "none"
 _OWN_CLASSES = "helipad, post, vehicle"
@@ -38,20 +39,25 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
         OpenError: the source, or a file that an option names, cannot be opened.
         UsageError: an option does not fit the source.
     """
-    if options.calibration:
-        read_calibration(options.calibration)  # a source would wait for it
+    for file in files_of(options):
+        read_calibration(file)  # a source would wait for it
     with ExitStack() as undo:
-        source, topic = _source(options, undo)
+        source, topics = _source(options, undo)
         graph = Graph(source, ())
-        detectors = _detectors(options, is_image=graph.topics[topic].type is Image)
-        graph = with_landmarks(graph, topic, detectors, _settings(options))
+        detectors = _detectors(options, is_image=graph.topics[topics[0]].type is Image)
+        graph = with_landmarks(graph, topics, detectors, _settings(options))
         graph = with_settings(graph, options)
         undo.pop_all()  # the graph closes the recording
         return graph
 
 
-def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, str]:
-    """The source, and the topic of images or detections."""
+def files_of(options: LandmarksOptions) -> list[str]:
+    """The files of ``--calibration``."""
+    return [one for one in options.calibration.split(",") if one]
+
+
+def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, list[str]]:
+    """The source, and the topics of images or detections."""
     if not options.input:
         raise UsageError(f"give a picture, a folder of pictures, a video, a recording, {OURS}")
     try:
@@ -69,22 +75,17 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, str
         raise UsageError(f"--topic {options.topic}: only valid with a recording; omit it")
     if options.calibration and is_robot:
         raise UsageError("--calibration: a simulated camera knows its own; omit it")
+    if len(files_of(options)) > 1:
+        raise UsageError("--calibration: one file; several are only valid with a recording")
     if options.calibration:
         source = source.configured({"camera_info_url": options.calibration})
-    return source, "/image_raw"
+    return source, ["/image_raw"]
 
 
-def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNode, str]:
+def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNode, list[str]]:
     """A recording's images, or its detections, and the poses of its camera."""
     kinds = {name: topic.type.data_class for name, topic in recording.topics.items()}
-    images = [name for name, kind in kinds.items() if kind is Image]
-    found = [name for name, kind in kinds.items() if kind is Detections]
-    topic = options.topic or first_image(recording, images) or next(iter(found), None)
-    if topic not in (*images, *found):
-        topics = ", ".join([*images, *found]) or "none"
-        what = f"--topic {options.topic}: no such topic" if options.topic else options.input
-        what += "" if options.topic else ": no topic"
-        raise UsageError(f"{what} with images or detections; its topics with these: {topics}")
+    topics = _cameras(recording, options, kinds)
     wanted = _MAPPED if options.map is None else (*_MAPPED, Imu)
     made = made_topics()
     beside = [
@@ -92,7 +93,36 @@ def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNo
         for name, kind in kinds.items()
         if kind in wanted and name not in made and not recording.topics[name].unreadable
     ]
-    return recorded_source(recording, [topic, *beside], options.calibration), topic
+    files = files_of(options)
+    if len(files) not in (0, 1, len(topics)):
+        raise UsageError(f"--calibration: give one file for each of {', '.join(topics)}")
+    files *= len(topics) if len(files) == 1 else 1
+    given = dict(zip(topics, files, strict=False))
+    return recorded_source(recording, [*topics, *beside], given), topics
+
+
+def _cameras(
+    recording: Recording, options: LandmarksOptions, kinds: Mapping[str, type | None]
+) -> list[str]:
+    """The topics of images or detections, one for each camera."""
+    images = [name for name, kind in kinds.items() if kind is Image]
+    found = [name for name, kind in kinds.items() if kind is Detections]
+    first = first_image(recording, images) or next(iter(found), None)
+    topics = [one for one in options.topic.split(",") if one] or [one for one in [first] if one]
+    if not topics or not {*topics} <= {*images, *found}:
+        known = ", ".join([*images, *found]) or "none"
+        what = f"--topic {options.topic}: no such topic" if options.topic else options.input
+        what += "" if options.topic else ": no topic"
+        raise UsageError(f"{what} with images or detections; its topics with these: {known}")
+    if options.map is not None and not options.topic:
+        topics = own_cameras(recording, topics[0], images if topics[0] in images else found)
+    if len({kinds[one] for one in topics}) > 1:
+        raise UsageError("--topic: give either images or recorded tags, not both")
+    if len(topics) > 1 and options.map is None:
+        raise UsageError(f"--topic {options.topic}: several cameras require --map OUT.yaml")
+    if len(topics) > 1:
+        print_status(f"ros-visualise: mapping with {len(topics)} cameras: {', '.join(topics)}")
+    return topics
 
 
 def _detectors(options: LandmarksOptions, is_image: bool) -> Sequence[str]:

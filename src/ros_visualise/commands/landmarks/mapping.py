@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,14 +22,16 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.poses import is_static
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
+from ros_visualise.graph.landmarks import LOCALIZER, RECORDED_TAGS, TAGS, detectors_of
 from ros_visualise.landmarks.localization.localizer import Localizer
 from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.mapping.mapping import TagMap, map_of
 from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
+from ros_visualise.landmarks.mapping.problem import RigCamera
 from ros_visualise.landmarks.mapping.survey import Survey, read_survey
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.nodes.landmark_localizer import LocalizerParams, rules_of
+from ros_visualise.sources.calibration import find_uncertainty
 
 _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
 """Errors that remain in the views of a smoothed map, and their time constant."""
@@ -49,21 +52,35 @@ class LandmarkMapper:
     Args:
         graph: its detectors, and the frames of its source.
         survey: file with measured positions of tags, or distances; empty: none.
+        calibrations: files of the calibrations of all cameras, or of each.
     """
 
-    def __init__(self, graph: Graph, survey: str) -> None:
+    def __init__(self, graph: Graph, survey: str, calibrations: Sequence[str] = ()) -> None:
         self._survey = read_survey(survey) if survey else Survey()
-        self._gathered = MappingData()
+        detectors = detectors_of(graph)
+        cameras = list(dict.fromkeys(topic for one in detectors for topic in one.inputs.values()))
+        known = [find_uncertainty(url) for url in calibrations]
+        known = known if len(known) == len(cameras) else (known or [None]) * len(cameras)
+        self._gathered = MappingData(
+            [
+                RigCamera(name, calibration=one, is_exact=_is_ideal(graph))
+                for name, one in zip(cameras, known, strict=True)
+            ]
+        )
         self._sizes = _sizes(graph)
         self._localizer = next(
             (node.params for node in graph.nodes if node.name == LOCALIZER), LocalizerParams()
         )
         assert graph.source is not None
-        found = graph.topics_of(Detections, *DETECTORS)
         frames = graph.source.topics_of(Transforms)
         imus = graph.source.topics_of(Imu)[:1]
         takers: dict[str, Callable[[Any], None]] = {
-            **dict.fromkeys(found, self._gathered.add_found),
+            **{
+                topic: partial(self._gathered.add_found, camera=cameras.index(taken))
+                for node in detectors
+                for topic in node.topics_of(Detections)
+                for taken in node.inputs.values()
+            },
             **{topic: self._frames(topic) for topic in frames},
             **dict.fromkeys(imus, self._gathered.add_imu),
         }
@@ -105,10 +122,15 @@ def _unnumbered(take: Callable[[Any], None]) -> Callable[[int, Any], None]:
     return lambda _, message: take(message)
 
 
+def _is_ideal(graph: Graph) -> bool:
+    """True if the images are rendered by an ideal camera."""
+    return any(getattr(node.params, "corner_floor", 1) == 0 for node in detectors_of(graph))
+
+
 def _sizes(graph: Graph) -> Callable[[Detection], float]:
     """The sides of tags, by the detectors' parameters."""
     for node in graph.nodes:
-        if node.name in (TAGS, RECORDED_TAGS):
+        if node.type.name in (TAGS, RECORDED_TAGS):
             params: Any = node.params
             tags = read_known_tags(params.tags) if params.tags else KnownTags()
             return lambda one: (

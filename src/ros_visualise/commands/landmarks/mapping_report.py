@@ -11,6 +11,7 @@ import numpy as np
 from ros_visualise.core.printing import counted, escaped
 from ros_visualise.landmarks.mapping.mapping import TagMap
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY
+from ros_visualise.landmarks.mapping.rig import CalibrationError, calibrations_of, cameras_of
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
 
@@ -43,6 +44,14 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
             f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their given sizes,"
             " according to the survey"
         )
+    for name, factor in (
+        ("positions", found.noise.survey_position),
+        ("orientations", found.noise.survey_turn),
+    ):
+        if factor >= _LASTING:
+            lines.append(
+                f"survey: {name} deviate {factor:.1f} times as much as given, and count as that"
+            )
     if _is_longer(found):
         longer, sigma = _shared(found, LONGER)
         lines.append(
@@ -50,6 +59,8 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
             " tags: check the given tag size, or the scale of the odometry"
         )
     lines += [one.text for one in made.mountings]
+    lines += [one.text for one in cameras_of(found)]
+    lines += [_calibration(one) for one in calibrations_of(found)]
     lines += _outliers(made)
     lines += [
         f"{escaped(name)}: ambiguous, two poses fit its views"
@@ -64,6 +75,16 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     ][:_WORST]
     lines += [f"skipped: {number} {reason}" for reason, number in unused.items()]
     return lines
+
+
+def _calibration(one: CalibrationError) -> str:
+    """A sentence for the report."""
+    focal, sigma = 100 * one.off[:2] / one.given[:2], 100 * one.sigma[:2] / one.given[:2]
+    return (
+        f"calibration of {escaped(one.name)}: by the views, the focal length is {focal.mean():+.2f}"
+        f" +- {sigma.max():.2f} % off, the principal point {one.off[2]:+.1f} {one.off[3]:+.1f}"
+        f" +- {one.sigma[2:4].max():.1f} px"
+    )
 
 
 def _shared(found: SmoothedMap, unknown: int) -> tuple[float, float]:
@@ -126,6 +147,16 @@ def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
                 "text": one.text,
             }
             for one in made.mountings
+        ],
+        "cameras": [one.values for one in cameras_of(found)],
+        "calibrations": [
+            {
+                "name": one.name,
+                "intrinsics": one.given.tolist(),
+                "off": one.off.tolist(),
+                "sigma": one.sigma.tolist(),
+            }
+            for one in calibrations_of(found)
         ],
         "left_out": dict(unused),
     }

@@ -13,7 +13,7 @@ import numpy as np
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detection, Detections, Detections3D, Hypothesis, Image
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
+from ros_visualise.graph.landmarks import LOCALIZER, detectors_of
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Packet
 
@@ -39,9 +39,9 @@ class DetectionLog:
     """Gathers the images and the detections of a graph, and the landmarks made of them."""
 
     def __init__(self, graph: Graph) -> None:
-        detectors = [node for node in graph.nodes if node.name in DETECTORS]
+        detectors = detectors_of(graph)
         taken = [topic for node in detectors for topic in node.inputs.values()]
-        found = graph.topics_of(Detections, *DETECTORS)
+        found = [topic for node in detectors for topic in node.topics_of(Detections)]
         maps = graph.topics_of(Detections3D, LOCALIZER)
         self._takers: dict[str, Callable[[int, Any], None]] = {
             **dict.fromkeys(found, self._add_found),

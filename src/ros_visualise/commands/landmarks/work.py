@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.commands.landmarks import LandmarksOptions
-from ros_visualise.commands.landmarks.graph import landmark_graph
+from ros_visualise.commands.landmarks.graph import files_of, landmark_graph
 from ros_visualise.commands.landmarks.mapping import LandmarkMapper, MappedLandmarks
 from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
 from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
@@ -42,7 +42,9 @@ def find_landmarks(options: LandmarksOptions) -> int:
     )
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     found = DetectionLog(graph)
-    mapper = LandmarkMapper(graph, options.survey) if options.map is not None else None
+    mapper = (
+        None if options.map is None else LandmarkMapper(graph, options.survey, files_of(options))
+    )
     for listeners in (found.listeners, mapper.listeners if mapper else {}):
         for topic, listener in listeners.items():
             runtime.topic(topic).connect(listener)

@@ -15,7 +15,6 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.se3 import rotation_vectors
 from ros_visualise.landmarks.mapping.minimising import GATE, robust
-from ros_visualise.landmarks.mapping.motions import between
 from ros_visualise.landmarks.mapping.problem import Poses
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import Unknowns
@@ -52,19 +51,20 @@ def _others(terms: Terms, state: Unknowns, tags: bool) -> Poses:
     """For each tag, or view, the alternative pose that differs most."""
     now = state.tags if tags else state.views
     numbers, R, t = [], [], []
-    for one in terms.problem.sightings:
+    eyes, in_rig = terms.eyes(state), terms.layout.mounted(state.shared)
+    for row, one in enumerate(terms.problem.sightings):
         for hypothesis in one.hypotheses:
             turned = rotations.to_matrix(hypothesis.quat_xyzw)
             if tags:
                 numbers.append(one.tag)
-                R.append(state.views.R[one.view] @ turned)
-                t.append(
-                    state.views.R[one.view] @ hypothesis.position_xyz + state.views.t[one.view]
-                )
+                R.append(eyes.R[row] @ turned)
+                t.append(eyes.R[row] @ hypothesis.position_xyz + eyes.t[row])
             else:
                 numbers.append(one.view)
-                R.append(state.tags.R[one.tag] @ turned.T)
-                t.append(state.tags.t[one.tag] - R[-1] @ hypothesis.position_xyz)
+                eye = state.tags.R[one.tag] @ turned.T
+                R.append(eye @ in_rig.R[one.camera].T)
+                at = state.tags.t[one.tag] - eye @ hypothesis.position_xyz
+                t.append(at - R[-1] @ in_rig.t[one.camera])
     number, there, place = np.array(numbers, int), np.array(R), np.array(t)
     apart = np.linalg.norm(rotation_vectors(np.swapaxes(now.R[number], 1, 2) @ there), axis=1)
     found = Poses(now.R.copy(), now.t.copy())
@@ -81,7 +81,7 @@ def _refit(terms: Terms, state: Unknowns, tags: bool) -> Unknowns:
         bodies = state.tags if tags else state.views
         residuals, by_pose = _seen(terms, state)
         weights = robust(9 * GATE)((residuals**2).sum(axis=1))[0]
-        by = between(by_pose, state.views, state.tags, of_view, of_tag)[int(tags)]
+        by = terms.by_poses(state, by_pose)[int(tags)]
         by = by * np.sqrt(weights)[:, None, None]
         information = np.tile(1e-6 * np.eye(6), (len(bodies.t), 1, 1))
         slope = np.zeros((len(bodies.t), 6))

@@ -13,6 +13,7 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import about_itself, about_origin, from_parts, inverse
 from ros_visualise.landmarks.localization.common_error import split_by
 from ros_visualise.landmarks.localization.track import LandmarkTrack
+from ros_visualise.landmarks.mapping.minimising import kept, minimise
 from ros_visualise.landmarks.mapping.mounting import (
     Gyro,
     MountingCheck,
@@ -20,6 +21,7 @@ from ros_visualise.landmarks.mapping.mounting import (
     freely_mounted,
     imu_mounting,
 )
+from ros_visualise.landmarks.mapping.noise import scales_of_survey
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.outliers import (
     HANGING,
@@ -36,10 +38,11 @@ from ros_visualise.landmarks.mapping.outliers import (
 )
 from ros_visualise.landmarks.mapping.places import separated
 from ros_visualise.landmarks.mapping.problem import Problem
-from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
-from ros_visualise.landmarks.mapping.unknowns import SharedPrior
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, result_of, smooth
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import SharedPrior, Unknowns
 
-_ROUNDS = 6
+_ROUNDS, _SURVEY_ROUNDS = 6, 4
 _PRINTED = 0.01  # prior of the common scale error of tag sizes, with a survey
 _LEAST_SEEN = 3  # sightings that make a landmark
 
@@ -102,6 +105,7 @@ def map_of(
         explained += [one for one in new if one.kind in (MOVED, TWICE, SURVEY)]
         again = smooth(corrected(found.problem, new), prior=prior)
         found = again or found
+    found = surveyed_as_found(found, prior)
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     explained += unconnected(found)
     measured = gyro(found.problem.stamps_ns) if gyro else None
@@ -110,6 +114,20 @@ def map_of(
     explained += resized(problem, found)
     hanging = {one.name for one in explained if one.kind == HANGING}
     return TagMap(found, [*explained, *rest], *landmarks_of(found, hanging), mountings)
+
+
+def surveyed_as_found(found: SmoothedMap, prior: SharedPrior) -> SmoothedMap:
+    """The map with a survey that counts as much as it is found to deviate, not as given."""
+    terms = Terms(found.problem, found.noise, prior)
+    state = Unknowns(found.views, found.tags, found.shared)
+    for _ in range(_SURVEY_ROUNDS):
+        before, terms.noise = terms.noise, scales_of_survey(terms, state, found.inliers)
+        if terms.noise == before:
+            break
+        state = minimise(terms, state, kept(found.inliers), 10)
+    if terms.noise == found.noise:
+        return found
+    return result_of(terms, state, found.inliers, found.undecided, found.is_estimated)
 
 
 def landmarks_of(

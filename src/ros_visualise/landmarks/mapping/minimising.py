@@ -81,7 +81,7 @@ def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquat
     weights, losses = weigh(chi2_of(terms, state))
     terms.add_seen(normal, state, weights)
     of_odometry = terms.add_gone(normal, state)
-    known = add_known(normal, state, terms.problem, terms.prior)
+    known = add_known(normal, state, terms.problem, terms.prior, terms.noise)
     seen = losses.sum() / terms.noise.views
     return normal, float(seen + (of_odometry**2).sum() + known)
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import rotation_vectors
-from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Poses
 
 
@@ -16,19 +15,24 @@ def relative(poses: Poses) -> Poses:
     return Poses(back @ poses.R[1:], np.einsum("nij,nj->ni", back, np.diff(poses.t, axis=0)))
 
 
-def in_view(views: Poses, bodies: Poses, of_view: Numbers, of_body: Numbers) -> Poses:
-    """Bodies in the frames of views."""
-    back = np.swapaxes(views.R[of_view], 1, 2)
-    apart = bodies.t[of_body] - views.t[of_view]
-    return Poses(back @ bodies.R[of_body], (back @ apart[..., None])[..., 0])
+def in_view(eyes: Poses, bodies: Poses) -> Poses:
+    """Bodies in the frames of cameras, (S,) each."""
+    back = np.swapaxes(eyes.R, 1, 2)
+    apart = bodies.t - eyes.t
+    return Poses(back @ bodies.R, (back @ apart[..., None])[..., 0])
 
 
-def between(
-    by_pose: Floats, views: Poses, bodies: Poses, of_view: Numbers, of_body: Numbers
-) -> tuple[Floats, Floats]:
-    """Derivatives (S, K, 6) by relative poses, converted to those by views and by bodies."""
-    back = np.swapaxes(views.R[of_view], 1, 2)
-    apart = bodies.t[of_body] - views.t[of_view]
+def between(by_pose: Floats, eyes: Poses, pivots: Floats, bodies: Poses) -> tuple[Floats, Floats]:
+    """Derivatives (S, K, 6) by poses in cameras, converted to those by views and by bodies.
+
+    Args:
+        by_pose: (S, K, 6) by the pose of a body in its camera.
+        eyes: the cameras.
+        pivots: (S, 3) what a view's rotation is about: the rig that the camera is a part of.
+        bodies: in the map.
+    """
+    back = np.swapaxes(eyes.R, 1, 2)
+    apart = bodies.t - pivots
     by_place, by_turn = by_pose[..., :3] @ back, by_pose[..., 3:] @ back
     swung = np.cross(by_place, apart[:, None])  # a . (d x w) = (a x d) . w
     by_body = np.concatenate([by_place, by_turn], axis=2)

@@ -10,6 +10,8 @@ from ros_visualise.landmarks.mapping.motions import offsets
 from ros_visualise.landmarks.mapping.normal import NormalEquations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Poses, Problem, TagPrior
 from ros_visualise.landmarks.mapping.unknowns import (
+    MeasurementNoise,
+    SharedLayout,
     SharedPrior,
     Unknowns,
     differences,
@@ -24,17 +26,22 @@ FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
 
 
 def add_known(
-    normal: NormalEquations, state: Unknowns, problem: Problem, prior: SharedPrior
+    normal: NormalEquations,
+    state: Unknowns,
+    problem: Problem,
+    prior: SharedPrior,
+    noise: MeasurementNoise,
 ) -> float:
     """Add the map's frame, the survey, and the priors of the shared numbers; returns their sum."""
-    sigmas = np.where(prior.sigmas > 0, prior.sigmas, _FIXED)
+    sigmas = SharedLayout(problem.cameras).sigmas(prior)
+    sigmas = np.where(sigmas > 0, sigmas, _FIXED)
     off = state.shared / sigmas
     normal.add(off[None], (), np.diag(1 / sigmas)[None])
     total = float(off @ off)
     if not problem.surveyed:
         total += _add_anchor(normal, state, problem)
     for one in problem.surveyed:
-        total += _add_surveyed(normal, state, one)
+        total += _add_surveyed(normal, state, one, noise)
     for known in problem.distances:
         total += _add_distance(normal, state, known)
     return total
@@ -63,13 +70,22 @@ def _add_anchor(normal: NormalEquations, state: Unknowns, problem: Problem) -> f
     return float((there**2).sum())
 
 
-def _add_surveyed(normal: NormalEquations, state: Unknowns, known: TagPrior) -> float:
+def from_survey(state: Unknowns, known: TagPrior) -> Floats:
+    """(6,) offset and rotation of a tag from its survey, in given standard deviations."""
     off = (state.tags.t[known.tag] - known.position_xyz) / known.position_sigma
-    total = _add_tag(normal, known.tag, off, np.diag(1 / known.position_sigma) @ np.eye(3, 6))
-    if known.R is not None:
-        turned = turn_between(state.tags.R[known.tag], known.R) / known.R_sigma
-        total += _add_tag(normal, known.tag, turned, np.diag(1 / known.R_sigma) @ np.eye(6)[3:])
-    return total
+    if known.R is None:
+        return np.concatenate([off, np.zeros(3)])
+    turned = turn_between(state.tags.R[known.tag], known.R) / known.R_sigma
+    return np.concatenate([off, turned])
+
+
+def _add_surveyed(
+    normal: NormalEquations, state: Unknowns, known: TagPrior, noise: MeasurementNoise
+) -> float:
+    larger = np.repeat([noise.survey_position, noise.survey_turn], 3)
+    weights = 1 / larger / np.concatenate([known.position_sigma, known.R_sigma])
+    weights[3:] *= known.R is not None
+    return _add_tag(normal, known.tag, from_survey(state, known) / larger, np.diag(weights))
 
 
 def _add_distance(normal: NormalEquations, state: Unknowns, known: DistancePrior) -> float:

@@ -15,6 +15,7 @@ from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.pose import corner_sigma
 from ros_visualise.landmarks.pose.estimating import SQUARE
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
+from ros_visualise.sources.calibration import CalibrationUncertainty
 
 Flags = npt.NDArray[np.bool_]
 """Masks of views, tags or sightings."""
@@ -25,6 +26,36 @@ class Poses(NamedTuple):
 
     R: Floats
     t: Floats
+
+    def at(self, rows: Numbers) -> Poses:
+        """Those of these indices (S,)."""
+        return Poses(self.R[rows], self.t[rows])
+
+    def compose(self, other: Poses) -> Poses:
+        """Each pose, then the other (N,) in its frame."""
+        return Poses(self.R @ other.R, self.t + (self.R @ other.t[..., None])[..., 0])
+
+
+@dataclass(frozen=True, eq=False)
+class RigCamera:
+    """A camera of a rig. The pose of a view is that of the rig's first camera.
+
+    Attributes:
+        name: its topic.
+        T_first_camera: (4, 4) its pose in the frame of the first camera.
+        sigma_m, sigma_rad: standard deviations of that pose along and about each axis.
+        calibration: the uncertainty of its calibration; None if unknown.
+        is_estimated: True if its pose is not known by tf but from the views.
+        is_exact: True if its calibration has no errors, as in a simulation.
+    """
+
+    name: str = ""
+    T_first_camera: Floats = field(default_factory=lambda: np.eye(4))
+    sigma_m: float = 0.0
+    sigma_rad: float = 0.0
+    calibration: CalibrationUncertainty | None = None
+    is_estimated: bool = False
+    is_exact: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +68,7 @@ class TagSighting:
         size_m: side of its square.
         info: the camera's calibration.
         hypotheses: its possible poses in the camera's frame, the likeliest first.
+        camera: index of the rig's camera.
     """
 
     view: int
@@ -45,11 +77,15 @@ class TagSighting:
     size_m: float
     info: CameraInfo
     hypotheses: Sequence[Hypothesis]
+    camera: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class CameraPath:
-    """T_fixed_camera (N, 4, 4): camera poses according to tf, in a frame with upright z axis."""
+    """T_fixed_camera (N, 4, 4): camera poses by tf, in a frame with upright z axis.
+
+    They are those of the rig's first camera.
+    """
 
     T_fixed_camera: Floats
 
@@ -82,7 +118,7 @@ class Problem:
     """All data; see `TagSighting`, `CameraPath` and the priors.
 
     Attributes:
-        stamps_ns: (N,) of the views.
+        stamps_ns: (N,) of the views: all images of a rig's cameras at one time.
         names: of the tags.
         anchor: the tag whose frame is the map's, without odometry and survey.
     """
@@ -94,6 +130,7 @@ class Problem:
     surveyed: Sequence[TagPrior] = ()
     distances: Sequence[DistancePrior] = ()
     anchor: int = 0
+    cameras: Sequence[RigCamera] = (RigCamera(),)
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -120,6 +157,7 @@ class Problem:
                 if tags[list(one.tags)].all()
             ],
             int(tag[self.anchor]) if tags[self.anchor : self.anchor + 1].any() else 0,
+            self.cameras,
         )
 
 
@@ -130,6 +168,8 @@ class Corners(NamedTuple):
     """(S,) indices of the views."""
     tags: Numbers
     """(S,) indices of the tags."""
+    cameras: Numbers
+    """(S,) indices of the cameras."""
     points: Floats
     """(S, 4, 3) metres in the tag's frame."""
     rays: Rays
@@ -148,6 +188,7 @@ def corners_of(sightings: Sequence[TagSighting]) -> Corners:
     """
     views = np.array([one.view for one in sightings], int)
     tags = np.array([one.tag for one in sightings], int)
+    cameras = np.array([one.camera for one in sightings], int)
     corners = np.array([one.corners_uv for one in sightings]).reshape(-1, 4, 2)
     sizes = np.array([one.size_m for one in sightings])
     directions, to_pixels = np.empty((len(views), 4, 3)), np.empty((len(views), 4, 2, 3))
@@ -156,6 +197,7 @@ def corners_of(sightings: Sequence[TagSighting]) -> Corners:
     return Corners(
         views,
         tags,
+        cameras,
         SQUARE * sizes[:, None, None],
         Rays(directions, to_pixels),
         corner_sigma(corners),

@@ -36,15 +36,13 @@ class Refit(NamedTuple):
 
 def refit(terms: Terms, state: Unknowns, rows: Numbers, sized: bool) -> Refit | None:
     """The pose, and the size if ``sized``, supported by most of a tag's sightings (R,)."""
-    best = None
+    best, eyes = None, terms.eyes(state)
     scales = (1.0, 0.5, 0.7, 1.4, 2.0) if sized else (1.0,)
     for row in rows[:: max(1, len(rows) // _BEGINNINGS)]:
         for hypothesis in terms.problem.sightings[row].hypotheses:
             for scale in scales:
-                view = terms.corners.views[row]
-                R = state.views.R[view] @ rotations.to_matrix(hypothesis.quat_xyzw)
-                away = state.views.R[view] @ hypothesis.position_xyz
-                t = state.views.t[view] + scale * away
+                R = eyes.R[row] @ rotations.to_matrix(hypothesis.quat_xyzw)
+                t = eyes.t[row] + scale * eyes.R[row] @ hypothesis.position_xyz
                 found = _fitted(terms, state, rows, Refit(R, t, scale, rows > 0), sized)
                 if best is None or found.fits.sum() > best.fits.sum():
                     best = found
@@ -66,7 +64,7 @@ def _fitted(terms: Terms, state: Unknowns, rows: Numbers, start: Refit, sized: b
         if sized:
             size = max(size * float(np.exp(np.clip(step[6], -0.5, 0.5))), 1e-3)
         residuals, by = _seen(terms, state, rows, R, t, size)
-    ranges = np.linalg.norm(state.views.t[terms.corners.views[rows]] - t, axis=1)
+    ranges = np.linalg.norm(terms.eyes(state).t[rows] - t, axis=1)
     in_range = ranges < FARTHEST * terms.problem.sightings[rows[0]].size_m
     return Refit(R, t, size, ((residuals**2).sum(axis=1) < _LOOSE * GATE) & in_range)
 
@@ -75,17 +73,15 @@ def _seen(
     terms: Terms, state: Unknowns, rows: Numbers, R: Floats, t: Floats, size: float
 ) -> tuple[Floats, Floats]:
     """Residuals (R, 8), and derivatives (R, 8, 7) by the pose and the logarithm of the size."""
-    views, _, points, rays, _, _ = terms.corners
-    body, none = Poses(R[None], t[None]), np.zeros(len(rows), int)
-    in_camera = in_view(state.views, body, views[rows], none)
+    points, rays, eyes = terms.corners.points, terms.corners.rays, terms.eyes(state).at(rows)
+    body = Poses(R[None], t[None])
+    in_camera = in_view(eyes, body)
     whiten = np.eye(8) / terms.sigma_px()[rows, None, None]
     seen = Rays(rays.directions[rows], rays.to_pixels[rows])
     residuals, by_pose = linearise(*in_camera, points[rows] * size, seen, whiten)
     larger, _ = linearise(*in_camera, points[rows] * size * (1 + 1e-6), seen, whiten)
     with np.errstate(invalid="ignore"):
         by_size = (larger - residuals)[..., None] / 1e-6
-    by = np.concatenate(
-        [between(by_pose, state.views, body, views[rows], none)[1], by_size], axis=2
-    )
+    by = np.concatenate([between(by_pose, eyes, eyes.t, body)[1], by_size], axis=2)
     bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
     return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by)

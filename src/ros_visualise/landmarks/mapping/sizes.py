@@ -13,7 +13,6 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.minimising import final
-from ros_visualise.landmarks.mapping.motions import between
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import PRINTED, Unknowns
@@ -41,9 +40,9 @@ def larger(found: SmoothedMap) -> SizeErrors:
     state = Unknowns(found.views, found.tags, found.shared)
     sigma_px = terms.sigma_px() * np.sqrt(found.noise.views)
     residuals, by_pose, by_shared = terms.seen(state, sigma_px)
-    residuals, by_pose, by_shared = (one[found.inliers] for one in (residuals, by_pose, by_shared))
+    several = (residuals, *terms.by_poses(state, by_pose), by_shared)
+    residuals, by_view, by_tag, by_shared = (one[found.inliers] for one in several)
     views, tags = terms.corners.views[found.inliers], terms.corners.tags[found.inliers]
-    by_view, by_tag = between(by_pose, state.views, state.tags, views, tags)
     by_size = by_shared[..., PRINTED]
     factor, count = final(terms, state, found.inliers), len(found.problem.names)
     structure = terms.structure

@@ -22,7 +22,6 @@ from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import (
-    SHARED,
     UNKNOWN,
     MeasurementNoise,
     SharedPrior,
@@ -45,7 +44,7 @@ class SmoothedMap:
         views, tags: the poses in the map.
         covariances: (M, 6, 6) of each tag: x, y, z and rotations about them, in the map.
         factor: of the equations, for the covariances between tags.
-        shared, shared_covariance: (9,) and (9, 9), see `terms`.
+        shared, shared_covariance: (G,) and (G, G), see `unknowns`.
         inliers: (S,) mask of the sightings that fit.
         residuals_px: (S,) rms distance of a sighting's corners.
         noise: of corners and odometry.
@@ -96,10 +95,12 @@ def smooth(
     problem = problem.restricted(begun.views, begun.tags)
     if not problem.sightings:
         return None
-    state = Unknowns(
-        poses(begun.T_views[begun.views]), poses(begun.T_tags[begun.tags]), np.zeros(SHARED)
-    )
     terms = Terms(problem, noise or MeasurementNoise(), prior)
+    state = Unknowns(
+        poses(begun.T_views[begun.views]),
+        poses(begun.T_tags[begun.tags]),
+        np.zeros(terms.layout.count),
+    )
     for scale in _SCALES:
         if noise is None:
             _estimate_px(terms, state)

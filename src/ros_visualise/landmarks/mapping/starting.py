@@ -139,13 +139,14 @@ def links_of(problem: Problem) -> list[PoseLink]:
     links = []
     for one in problem.sightings:
         best = one.hypotheses[0]
-        T = np.array(
+        T_rig_camera = problem.cameras[one.camera].T_first_camera
+        T = T_rig_camera @ np.array(
             [from_parts(rotations.to_matrix(h.quat_xyzw), h.position_xyz) for h in one.hypotheses]
         )
+        axes = np.kron(np.eye(2), T_rig_camera[:3, :3])
+        covariance = axes @ best.covariance @ axes.T
         share = best.score / sum(other.score for other in one.hypotheses)
-        links.append(
-            _link(("view", one.view), ("tag", one.tag), T, best.covariance, max(share, 1e-3))
-        )
+        links.append(_link(("view", one.view), ("tag", one.tag), T, covariance, max(share, 1e-3)))
     if problem.odometry is not None:
         T_fixed = problem.odometry.T_fixed_camera
         steps = inverse(T_fixed[:-1]) @ T_fixed[1:]

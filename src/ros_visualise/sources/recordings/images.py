@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from typing import Any
 
 from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.data import ENCODINGS, Image
+from ros_visualise.messages.calibrations import calibration_topic
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording
 
@@ -22,6 +24,25 @@ def first_image(recording: Recording, topics: Sequence[str]) -> str | None:
             if _is_picture(recording, topic):
                 return topic
     return next(iter(filled), None)
+
+
+def own_cameras(recording: Recording, first: str, topics: Sequence[str]) -> list[str]:
+    """The topics of cameras: the first, and those with a calibration and a frame of their own.
+
+    Args:
+        recording: it is open.
+        first: one of the topics.
+        topics: all of images, or all of detections.
+    """
+    types = {name: topic.type for name, topic in recording.topics.items()}
+    found, frames = [first], {_frame(recording, first)}
+    for topic in topics:
+        if topic != first and calibration_topic(topic, types) and recording.topics[topic].messages:
+            frame = _frame(recording, topic)
+            if frame and frame not in frames:
+                frames.add(frame)
+                found.append(topic)
+    return found
 
 
 def image_topic(recording: Recording, wanted: str | None) -> str:
@@ -62,12 +83,22 @@ def recorded_images(
 
 
 def _is_picture(recording: Recording, topic: str) -> bool:
+    image = _first_message(recording, topic)
+    return isinstance(image, Image) and image.encoding in ENCODINGS
+
+
+def _frame(recording: Recording, topic: str) -> str:
+    """The frame of the first message; empty if it cannot be used."""
+    message = _first_message(recording, topic)
+    is_picture = not isinstance(message, Image) or message.encoding in ENCODINGS
+    return message.header.frame_id if message is not None and is_picture else ""
+
+
+def _first_message(recording: Recording, topic: str) -> Any:
+    """None if it is missing or damaged."""
     with closing(recording.read(topics=[topic])) as entries:
         entry = next(entries, None)
-    if entry is None:
-        return False
     try:
-        image = content(entry.message)
+        return None if entry is None else content(entry.message)
     except DamagedMessage:
-        return False
-    return isinstance(image, Image) and image.encoding in ENCODINGS
+        return None
