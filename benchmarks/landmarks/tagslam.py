@@ -211,14 +211,14 @@ def smoothed(
     stamps_ns = np.arange(len(several), dtype=np.int64)
     larger_px = 0.0 if recorded.is_shrunk else SharedPrior.larger_px
     prior = SharedPrior(larger_px=larger_px, printed=0.01)
-    noise = None if corners_px is None else MeasurementNoise(extra_px=corners_px)
+    noise = None if corners_px is None else MeasurementNoise(extra_px=(corners_px,))
     found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), noise, prior)
     assert found is not None
     larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]
     refused = int((~found.inliers).sum())
     print(
         f"survey +- {position_m} m: {len(sightings)} sightings, {refused} refused, corners off by"
-        f" {found.noise.extra_px:.2f} px, tags too large by {larger:.2f} px and {printed:.2f} %"
+        f" {found.noise.extra_px[0]:.2f} px, tags too large by {larger:.2f} px and {printed:.2f} %"
     )
     return dict(zip(found.problem.names, found.tags.t, strict=True))
 
