@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -50,27 +51,37 @@ def distance(one: Pose, R: np.ndarray, t: np.ndarray) -> float:
     return float(error @ np.linalg.solve(one[2], error))
 
 
-def rendered(camera: Camera, count: int, seed: int, readout_s: float) -> str:
-    """The cells of a row."""
+def rendered(camera: Camera, count: int, seeds: list[int], readout_s: float) -> str:
+    """The cells of a row: pictures of each seed are those of one camera."""
+    values = np.array([one for seed in seeds for one in errors(camera, count, seed, readout_s)])
+    off, poses, corners = values.T
+    return (
+        f"{len(off)} | {np.median(off):.3f} | {np.max(off):.2f} | {np.mean(poses):.2f}"
+        f" | {np.mean(poses < INSIDE_POSE):.3f} | {np.mean(corners):.2f}"
+        f" | {np.mean(corners < INSIDE_CORNERS):.3f}"
+    )
+
+
+def errors(
+    camera: Camera, count: int, seed: int, readout_s: float
+) -> Iterator[tuple[float, float, float]]:
+    """Largest error of a tag's corners, pixels; of its pose and corners in deviations, squared."""
     size = camera_pictures.HEIGHT, camera_pictures.WIDTH
     info = CameraInfo(*size, camera.matrix, np.array(camera.D), distortion_model=camera.model)
     params = TagParams(size=camera_pictures.SIZE_M, readout=readout_s)
-    node, poses, corners, off = TagDetector(params), [], [], []
+    node = TagDetector(params)
     for number, seen in enumerate(camera_pictures.sights(camera, count, seed)):
         header = Header(round((number + 1) * camera_pictures.INTERVAL_S * 1e9), "camera")
         image = Image(seen.gray, "mono8", header, info)
         for found in node.step(image, params)["detections"].detections:
             if found.id == str(seen.id) and found.hypotheses[0].covariance.any():
                 error = (found.corners_uv - seen.corners_uv).ravel()
-                off.append(np.abs(error).max())
-                corners.append(error @ np.linalg.solve(found.corners_covariance, error))
                 several = [pose_of(one) for one in found.hypotheses]
-                poses.append(min(distance(one, seen.pose.R, seen.pose.t) for one in several))
-    within = np.mean(np.array(poses) < INSIDE_POSE), np.mean(np.array(corners) < INSIDE_CORNERS)
-    return (
-        f"{len(off)} | {np.median(off):.3f} | {np.max(off):.2f} | {np.mean(poses):.2f}"
-        f" | {within[0]:.2f} | {np.mean(corners):.2f} | {within[1]:.2f}"
-    )
+                yield (
+                    float(np.abs(error).max()),
+                    min(distance(one, seen.pose.R, seen.pose.t) for one in several),
+                    float(error @ np.linalg.solve(found.corners_covariance, error)),
+                )
 
 
 def between(a: Pose, b: Pose) -> Pose:
@@ -109,8 +120,8 @@ def photographed(folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--photos", type=Path, help="folder of recordings")
-    parser.add_argument("--count", type=int, default=60, help="pictures of each camera")
-    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--count", type=int, default=60, help="tags of each camera and seed")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[2, 11])
     parser.add_argument("--cameras", nargs="*", choices=CAMERAS, default=list(CAMERAS))
     asked = parser.parse_args()
     print("| camera | found | median px | largest px | poses | inside 95% | corners | inside 95% |")
@@ -118,7 +129,9 @@ def main() -> None:
         camera = CAMERAS[name]
         unknown = {f"{name}, unknown readout": -1.0} if camera.readout_s else {}
         for row, readout_s in {name: camera.readout_s, **unknown}.items():
-            print(f"| {row} | {rendered(camera, asked.count, asked.seed, readout_s)} |", flush=True)
+            print(
+                f"| {row} | {rendered(camera, asked.count, asked.seeds, readout_s)} |", flush=True
+            )
     if asked.photos:
         print("\n| photographs | pairs of tags | mean | inside 95% |")
         photographed(asked.photos / "tags" / "swatbotics")

@@ -72,3 +72,14 @@ def test_what_a_camera_makes_of_its_images_moves_no_corner(name, side_px, tilt):
         errors.append(error @ np.linalg.solve(tag.covariance_px2, error))
         assert np.abs(error).max() < 0.12
     assert np.mean(errors) < 16, "8; 99.9% of means of 4 are below 15.6"
+
+
+@pytest.mark.parametrize(("side_px", "missing"), [(26, 3), (40, 4), (60, 6)])
+def test_a_tag_that_is_cut_off_has_uncertain_corners(side_px, missing):
+    """The margin of the image is found as its side."""
+    gray, corners = seen(camera_pictures.CAMERAS["ideal"], side_px, 20)
+    first = int(corners[:, 0].min()) + missing
+    (tag,) = TagFinder([family("36h11")]).find(np.ascontiguousarray(gray[:, first:]))
+    error = (tag.corners_uv + np.array([first, 0]) - corners).ravel()
+    assert np.abs(error).max() > 3
+    assert error @ np.linalg.solve(tag.covariance_px2, error) < 26

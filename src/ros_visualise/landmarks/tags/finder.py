@@ -20,6 +20,9 @@ Region = tuple[int, int, int, int]
 
 _THREADS = min(4, os.cpu_count() or 1)
 _LEAST_SIDE = 16  # smallest side of an image with a tag
+_UNFITTED = (
+    0.05  # deviation of corners of a tag that cannot be fitted, as if cut off, of its extent
+)
 _CENTER = 0.5  # AprilTag counts from the corner of the top-left pixel, we from its centre
 
 
@@ -127,10 +130,11 @@ class TagFinder:
                 continue
             drawn = [draw_cells(family, tag.id) for tag in of_family]
             corners = np.array([tag.corners_uv for tag in of_family])
-            found = fit_tags(gray, corners, [cells for cells, _ in drawn], drawn[0][1], info)
-            for tag, uv, spread in zip(of_family, *found, strict=True):
-                known = spread if np.isfinite(spread).all() else None
-                refined.append(replace(tag, corners_uv=uv, covariance_px2=known))
+            fitted = fit_tags(gray, corners, [cells for cells, _ in drawn], drawn[0][1], info)
+            for tag, uv, spread in zip(of_family, *fitted, strict=True):
+                if not np.isfinite(spread).all():
+                    spread = (_UNFITTED * np.ptp(uv, axis=0).max()) ** 2 * np.eye(8)
+                refined.append(replace(tag, corners_uv=uv, covariance_px2=spread))
         return refined
 
     def _is_believed(self, tag: Tag, gray: Pixels) -> bool:
