@@ -38,16 +38,32 @@ CAMERA = {
     "up_direction": (0.0, 0.0, 1.0),
 }
 PORT = 8099
+PANELS = ("fps_control", "filters", "edge_detector")
 
 
 def receive(received: list[int]) -> None:
     """Take all that the page sends until it ends, as a browser's network thread would."""
     protocol = f"viser-v{viser.__version__}"
-    with connect(f"ws://127.0.0.1:{PORT}", subprotocols=[protocol], max_size=None) as page:
+    address = f"ws://127.0.0.1:{PORT}"
+    with connect(f"{address}/viser", subprotocols=[protocol], max_size=None) as page:
+        threading.Thread(target=take_images, args=(address, received), daemon=True).start()
         page.send(msgspec.msgpack.encode(CAMERA))
         try:
             for message in page:
                 received[0] += len(message)
+        except ConnectionClosed:
+            return
+
+
+def take_images(address: str, received: list[int]) -> None:
+    """Take the images of all panels, as fast as they come."""
+    with connect(f"{address}/live/images", max_size=None) as live:
+        live.send(json.dumps({"show": dict.fromkeys(PANELS, 720)}))
+        try:
+            for image in live:
+                received[0] += len(image)
+                length = int.from_bytes(image[:2], "little")
+                live.send(json.dumps({"got": image[2 : 2 + length].decode()}))
         except ConnectionClosed:
             return
 

@@ -9,8 +9,10 @@ of the median latencies that the page shows.
 
 import json
 import math
+import re
 import sys
 import time
+from contextlib import suppress
 from http.cookiejar import CookieJar
 from urllib.error import URLError
 from urllib.request import HTTPCookieProcessor, Request, build_opener
@@ -45,6 +47,8 @@ class Looker:
         self._opener = build_opener(HTTPCookieProcessor(self._cookies))
         self._address = address
         self._plots: set[str] = set()
+        self._panels: set[str] = set()
+        self._live: ClientConnection | None = None
         self._told = {"bytes": 0, "connected": 0, "answer_ms": None, "latency_ms": None}
 
     def look(self) -> None:
@@ -54,8 +58,14 @@ class Looker:
             address = page.geturl()
         protocol = f"viser-v{viser.__version__}"
         where = "ws" + address.removeprefix("http").rstrip("/")
+        self._live = connect(
+            f"{where}/live/images", max_size=None, additional_headers=self._headers()
+        )
         with connect(
-            where, subprotocols=[protocol], max_size=None, additional_headers=self._headers()
+            f"{where}/viser",
+            subprotocols=[protocol],
+            max_size=None,
+            additional_headers=self._headers(),
         ) as page:
             self._told["connected"] += 1
             page.send(msgspec.msgpack.encode(CAMERA))
@@ -78,12 +88,27 @@ class Looker:
                 print(json.dumps(self._told), flush=True)
                 if answered is None:
                     asked_s, answered = time.monotonic(), page.ping()
+            self._take_images()
             try:
-                packet = page.recv(timeout=0.05)
+                packet = page.recv(timeout=0.02)
             except TimeoutError:
                 continue
             self._told["bytes"] += len(packet)
             self._read(packet)
+
+    def _take_images(self) -> None:
+        """Take all images that have come."""
+        with suppress(TimeoutError):
+            while self._live is not None:
+                image = self._live.recv(timeout=0)
+                self._told["bytes"] += len(image)
+                length = int.from_bytes(image[:2], "little")
+                self._live.send(json.dumps({"got": image[2 : 2 + length].decode()}))
+
+    def _show(self, panel: str) -> None:
+        self._panels.add(panel)
+        assert self._live is not None
+        self._live.send(json.dumps({"show": dict.fromkeys(self._panels, 720)}))
 
     def _read(self, packet: bytes) -> None:
         """Find the latencies among what came."""
@@ -92,6 +117,9 @@ class Looker:
         content = msgspec.msgpack.decode(packed)
         for message in content["messages"]:
             told = message.get("props") or message.get("updates") or {}
+            panel = re.search('data-image="(.*?)"', str(told.get("content")))
+            if panel:
+                self._show(panel[1])
             if told.get("title") == LATENCIES:
                 self._plots.add(message["uuid"])
             elif message.get("uuid") in self._plots and told.get("data"):

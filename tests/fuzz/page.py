@@ -58,7 +58,7 @@ def send(path: Path) -> list[str]:
     if path.suffix == ".msg":
         with contextlib.suppress(WebSocketException, OSError):  # it may hang up
             client = Client(shown.port)
-            with contextlib.closing(client.socket):
+            with contextlib.closing(client):
                 client.read_until(lambda: client.values, timeout_s=60)
                 element = client.elements[0].encode()
                 client.socket.send(path.read_bytes().replace(_ELEMENT.encode(), element))

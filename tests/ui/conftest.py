@@ -96,7 +96,7 @@ def browse(chromium, page: Page) -> Iterator[Callable[..., object]]:
         if path != VISER:
             tab.wait_for_selector("iframe", timeout=120_000)
         tab.frames[-1].wait_for_function(
-            "document.querySelectorAll(\"img[src^='blob:']\").length == 3", timeout=120_000
+            "document.querySelectorAll('[data-images]').length == 3", timeout=120_000
         )
         return tab
 
@@ -157,5 +157,5 @@ class Look:
 def look(port: int, server: viser.ViserServer) -> Iterator[Look]:
     """A browser's view of the scene."""
     client = Client(port)
-    with closing(client.socket):
+    with closing(client):
         yield Look(client)

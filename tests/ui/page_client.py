@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import re
 import time
 from collections.abc import Callable
 from email.message import Message
@@ -14,8 +16,9 @@ import numpy as np
 import viser
 import zstandard
 from waiting import wait_for
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
+from ros_visualise.ui.live.images import LIVE_IMAGES
 from ros_visualise.ui.shell import VISER
 
 TOKEN = "a-token-of-the-tests_00"
@@ -72,6 +75,10 @@ class Client:
             origin=origin,
             max_size=None,
         )
+        self._address = f"ws://127.0.0.1:{port}{path}{LIVE_IMAGES}"
+        self._origin = origin
+        self._live: ClientConnection | None = None
+        self._panels: dict[str, str] = {}  # by their elements
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
         self.images = 0
@@ -107,8 +114,41 @@ class Client:
         while not check():
             assert time.monotonic() < end_s, f"it did not come about; there is {self.values}"
             with contextlib.suppress(TimeoutError):
-                for message in _decode(self.socket.recv(timeout=0.1)):
+                for message in _decode(self.socket.recv(timeout=0.02)):
                     self._take(message)
+            with contextlib.suppress(TimeoutError):
+                self._take_images()
+
+    def close(self) -> None:
+        """Leave."""
+        self.socket.close()
+        if self._live is not None:
+            self._live.close()
+
+    def vanish(self) -> None:
+        """Lose the connection without a word."""
+        self.socket.socket.close()
+        if self._live is not None:
+            self._live.socket.close()
+
+    def _take_images(self) -> None:
+        """Draw all images that have come."""
+        while self._live is not None:
+            data = self._live.recv(timeout=0)
+            length = int.from_bytes(data[:2], "little")
+            self._live.send(json.dumps({"got": data[2 : 2 + length].decode()}))
+            self.images += 1
+
+    def _show_images(self, uuid: str, panel: str | None) -> None:
+        """Show the image of an element, or remove it."""
+        if panel == self._panels.get(uuid):
+            return
+        self._panels.pop(uuid, None)
+        if panel is not None:
+            self._panels[uuid] = panel
+        if self._live is None:
+            self._live = connect(self._address, origin=self._origin, max_size=None)
+        self._live.send(json.dumps({"show": dict.fromkeys(self._panels.values(), 640)}))
 
     def _take(self, message: dict[str, Any]) -> None:
         self._take_node(message)
@@ -117,6 +157,9 @@ class Client:
         if "uuid" not in message:
             return
         props = message.get("props") or message.get("updates") or {}
+        found = re.search('data-image="(.*?)"', str(props.get("content")))
+        if found or message["type"] == "GuiRemoveMessage":
+            self._show_images(message["uuid"], found and found[1])
         if message["type"] == "GuiRemoveMessage":
             self.values.pop(self._labels.pop(message["uuid"], None), None)
         if props.get("label") and "value" in message:
@@ -127,7 +170,6 @@ class Client:
         self.html += [props["content"]] if isinstance(props.get("content"), str) else []
         if isinstance(props.get("data"), (list, tuple)):
             self.plots[message["uuid"]] = props["data"]
-        self.images += props.get("_data") is not None
 
     def _take_node(self, message: dict[str, Any]) -> None:
         name, kind = message.get("name"), message["type"]

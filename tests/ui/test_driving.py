@@ -95,7 +95,7 @@ def test_an_action_of_the_robot_ends_the_driving(port):
         after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
         assert after == [(0.0, 0.0, 0.0)], "one that stops it, then none any more"
     finally:
-        client.socket.close()
+        client.close()
         page.close()
         running.stop()
 
@@ -105,7 +105,7 @@ def client(husky, port) -> Iterator[Client]:
     client = Client(port)
     client.read_until(lambda: "hold" in client.values)
     yield client
-    client.socket.close()
+    client.close()
 
 
 def test_what_can_be_driven_is_known():
@@ -214,7 +214,7 @@ def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
         client.read_until(lambda: hold() and len(told.velocities) > 3)
         assert set(told.velocities) == {(0.0, 0.8, 0.0)}
     finally:
-        client.socket.close()
+        client.close()
         page.close()
         running.stop()
 

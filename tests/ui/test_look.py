@@ -233,7 +233,7 @@ DIFFERENCE = """() => {
 
 def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
     tab = browse()
-    shown = tab.locator("img[src^='blob:']").first.bounding_box()
+    shown = tab.locator("[data-images] canvas").first.bounding_box()
     with tab.context.expect_page(timeout=60_000) as opened:
         tab.mouse.click(shown["x"] + shown["width"] / 2, shown["y"] + shown["height"] / 2)
     whole = opened.value

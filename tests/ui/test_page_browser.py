@@ -6,7 +6,7 @@ from page_client import wait_in
 
 from ros_visualise.vision.edges import Method
 
-IMAGE = "//*[contains(@class, 'rv-caption')][starts-with(., '{}')]/preceding::img[1]"
+IMAGE = "//*[contains(@class, 'rv-caption')][starts-with(., '{}')]/preceding::canvas[1]"
 ROW = "//label[normalize-space()='{}']/ancestor::div[.//{}][1]//{}"
 BRIGHTEST = """image => {
     const canvas = document.createElement('canvas');

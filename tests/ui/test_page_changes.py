@@ -65,7 +65,7 @@ def client(changing, port):
     page.open(changing)
     client = Client(port)
     yield client
-    client.socket.close()
+    client.close()
     page.close()
 
 

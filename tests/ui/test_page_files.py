@@ -41,7 +41,7 @@ def page(port, runtime, chooser, tmp_path):
 def client(page, port):
     client = Client(port)
     client.read_until(lambda: "Source" in client.values)
-    with closing(client.socket):
+    with closing(client):
         yield client
 
 

@@ -65,8 +65,8 @@ WILD = [
 @pytest.fixture
 def client(page, port):
     connected = Client(port)
-    with closing(connected.socket):
-        connected.read_until(lambda: connected.images >= 4)
+    with closing(connected):
+        connected.read_until(lambda: connected.images >= 3)
         yield connected
 
 
@@ -85,8 +85,8 @@ def served(port):
 def all_there(port):
     """Whether somebody who comes now sees it all."""
     late = Client(port)
-    with closing(late.socket):
-        late.read_until(lambda: late.images >= 4)
+    with closing(late):
+        late.read_until(lambda: late.images >= 3)
     return True
 
 
@@ -108,7 +108,13 @@ def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
 
 
 @pytest.mark.parametrize(
-    "path", ["/_nicegui_ws/socket.io/?EIO=4&transport=websocket", VISER, "/?upload=a.mp4&size=1"]
+    "path",
+    [
+        "/_nicegui_ws/socket.io/?EIO=4&transport=websocket",
+        VISER,
+        "/live/images",
+        "/?upload=a.mp4&size=1",
+    ],
 )
 def test_every_websocket_is_behind_the_gate(page, port, path):
     for token, origin in (("", None), ("x", None), (TOKEN, "http://evil.example")):
@@ -158,8 +164,8 @@ def test_a_proxy_comes_in_by_its_origin(port, runtime):
     page = Page(ViewOptions(port=port, origins=["https://robot.example.org"]))
     page.open(runtime)
     client = Client(port, origin="https://robot.example.org")
-    with closing(client.socket):
-        client.read_until(lambda: client.images >= 4)
+    with closing(client):
+        client.read_until(lambda: client.images >= 3)
     _, headers, _ = get(port)
     assert headers["Content-Security-Policy"].endswith("'self' https://robot.example.org")
     page.close()
@@ -183,8 +189,8 @@ def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
     assert capfd.readouterr().err == f"look at http://127.0.0.1:{port} (Ctrl-C ends it)\n"
     assert get(port, "/", "")[0] == 200
     client = Client(port, "")
-    with closing(client.socket):
-        client.read_until(lambda: client.images >= 4)
+    with closing(client):
+        client.read_until(lambda: client.images >= 3)
     page.close()
     assert not caplog.records
     Page(ViewOptions("0.0.0.0", port, token=False)).close()
@@ -329,8 +335,8 @@ def test_the_way_out_and_file_transfer_are_off(client, monkeypatch, port):
 def test_nonsense_of_all_kinds_harms_nobody(served, port):
     rng = random.Random(11)
     first = Client(port)
-    with closing(first.socket):
-        first.read_until(lambda: first.images >= 4)
+    with closing(first):
+        first.read_until(lambda: first.images >= 3)
         for _ in range(40):
             talk_nonsense(Client(port), rng)
         first.read_until(lambda: first.images >= 8)
@@ -339,7 +345,7 @@ def test_nonsense_of_all_kinds_harms_nobody(served, port):
 
 def talk_nonsense(client, rng):
     client.read_until(lambda: client.elements)
-    with closing(client.socket):
+    with closing(client):
         for _ in range(40):
             try:
                 client.socket.send(nonsense(client.elements, rng))

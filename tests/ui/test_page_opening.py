@@ -68,7 +68,7 @@ def run(command, folder, port):
 @pytest.fixture
 def client(run, port):
     client = Client(port)
-    with closing(client.socket):
+    with closing(client):
         client.read_until(lambda: "Source" in client.values)
         yield client
 

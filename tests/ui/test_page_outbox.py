@@ -37,7 +37,7 @@ def texts(client):
 def inspector(port, server):
     client = Client(port)
     yield client
-    client.socket.close()
+    client.close()
 
 
 def test_labels_that_come_and_go_leave_nothing_before_a_browser_comes(server, scene, port):
@@ -46,7 +46,7 @@ def test_labels_that_come_and_go_leave_nothing_before_a_browser_comes(server, sc
     client = Client(port)
     newest = {f"{ROUNDS - 1}.{one}" for one in range(LABELS)}
     client.read_until(lambda: texts(client) == newest)
-    client.socket.close()
+    client.close()
 
 
 def test_labels_that_come_and_go_leave_nothing_while_a_browser_looks(server, scene, inspector):

@@ -14,7 +14,7 @@ BOXES = """() => {
     };
     const named = (text) => [...document.querySelectorAll("label")].find(
         (label) => label.textContent.trim() === text);
-    const image = document.querySelector("img[src^='blob:']");
+    const image = document.querySelector("[data-images] canvas");
     const caption = document.querySelector(".rv-caption:has(.rv-whole)");
     const there = [named("Playback"), named("Time"), named("FPS"), image, caption];
     return there.every(Boolean) ? there.map(box) : null;

@@ -36,7 +36,7 @@ def test_a_click_chooses_the_pixel_under_it(chromium, page, runtime):
     tab = context.new_page()
     tab.goto(page.url + VISER)
     tab.wait_for_selector("text=240 × 500", timeout=60_000)
-    box = tab.locator("img[src^='blob:']").bounding_box()
+    box = tab.locator("[data-images] canvas").bounding_box()
     scale = min(box["width"] / WIDE, box["height"] / HIGH)
     left = box["x"] + (box["width"] - scale * WIDE) / 2
     assert left > box["x"] + 5

@@ -63,7 +63,7 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     client.read_until(lambda: client.values["File"].startswith("record-"))
     with AnyReader([folder / "fine.mcap"]) as reader:
         assert set(reader.topics) == {"/edges", "/parameter_events"}
-    client.socket.close()
+    client.close()
     page.close()
 
 
@@ -97,7 +97,7 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
         "link_0.mcap",
         "old_2.mcap",
     ]
-    client.socket.close()
+    client.close()
     page.close()
 
 
@@ -128,5 +128,5 @@ def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     saved = load_yaml(tmp_path / "mine.yaml")
     assert saved["filters"]["blur"] == "median"
     assert set(saved) == {member.name for member in runtime.graph.members}
-    client.socket.close()
+    client.close()
     page.close()

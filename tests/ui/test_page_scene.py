@@ -32,7 +32,7 @@ def page(runtime, port):
 def client(page, port):
     client = Client(port)
     yield client
-    client.socket.close()
+    client.close()
 
 
 def test_what_is_published_is_drawn(client, runtime):
@@ -57,7 +57,7 @@ def test_nothing_but_transforms_is_asked_for_while_nobody_looks(page, runtime, p
     client = Client(port)
     wait_for(lambda: runtime.asked["/points"] == 1)
     client.read_until(lambda: "/world/topics/points/points" in client.nodes)
-    client.socket.close()
+    client.close()
     wait_for(lambda: sum(runtime.asked[t] for t in ("/points", "/odom", "/image")) == 0)
     assert runtime.asked["/tf"] == 1
 
@@ -138,7 +138,7 @@ def test_images_alone_fill_the_page(port):
     client = Client(port)
     client.read_until(lambda: any("100% + 116px" in text for text in client.html))
     assert not any("68dvh" in text for text in client.html)
-    client.socket.close()
+    client.close()
     page.close()
 
 

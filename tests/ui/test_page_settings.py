@@ -7,6 +7,7 @@ from page_client import Client, wait_in
 from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
 from ros_visualise.ui import ViewOptions, read_arrangement
+from ros_visualise.ui.live.images import LIVE_IMAGES
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.shell import VISER
 
@@ -63,10 +64,11 @@ def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
     asked = []
     tab.on("websocket", lambda socket: asked.append(socket.url))
     tab.goto(f"{page.url}/?websocket=ws://evil.example:{port + 1}&playbackPath=x#a=b")
-    tab.frame_locator("iframe").locator("img[src^='blob:']").first.wait_for(timeout=120_000)
+    tab.frame_locator("iframe").locator("[data-images] canvas").first.wait_for(timeout=120_000)
     assert {address.partition("?")[0] for address in asked} == {
         f"ws://127.0.0.1:{port}/_nicegui_ws/socket.io/",
         f"ws://127.0.0.1:{port}{VISER}",
+        f"ws://127.0.0.1:{port}{LIVE_IMAGES}",
     }
     context.close()
     page.close()
@@ -81,7 +83,7 @@ def test_each_browser_has_its_own_view(port, scene, server):
     np.testing.assert_allclose(first.camera.look_at, [0, 0, 1])
     np.testing.assert_allclose(second.camera.position, [0, 0, 0])
     for client in (one, other):
-        client.socket.close()
+        client.close()
 
 
 def test_a_view_that_was_moved_is_saved_and_comes_back(port, scene, server):
@@ -97,7 +99,7 @@ def test_a_view_that_was_moved_is_saved_and_comes_back(port, scene, server):
     scene.look_from(None, np.array([7.0, 8, 9]), np.zeros(3))
     scene.view._show_all()
     assert server.initial_camera.position.tolist() == [7, 8, 9]
-    client.socket.close()
+    client.close()
 
 
 def test_a_file_arranges_the_page(port, runtime, tmp_path):
@@ -117,7 +119,7 @@ def test_a_file_arranges_the_page(port, runtime, tmp_path):
     client.read_until(lambda: (tmp_path / "mine.yaml").read_text() != "")
     found = read_arrangement(tmp_path / "mine.yaml")
     assert found == {"filters/threshold": 60, "windows/filters": False}
-    client.socket.close()
+    client.close()
     page.close()
 
 

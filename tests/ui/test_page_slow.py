@@ -16,6 +16,7 @@ from websockets.sync.client import connect
 import ros_visualise.ui.server.door
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.file_chooser import FileChooser
+from ros_visualise.ui.live.images import LIVE_IMAGES
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.uploads import UploadedFile
@@ -200,11 +201,12 @@ def connect_to(port, held, silent, count):
 
 def test_a_crowd_that_looks_leaves_room_for_its_host(shown, port):
     with ExitStack() as stack:
-        for _ in range(50):
-            stack.enter_context(closing(Client(port, f"/{VIEW_TOKEN}").socket))
+        address = f"ws://127.0.0.1:{port}/{VIEW_TOKEN}{LIVE_IMAGES}"
+        for _ in range(150):
+            stack.enter_context(connect(address))
         with pytest.raises(InvalidStatus) as refused:
-            Client(port, f"/{VIEW_TOKEN}")
+            connect(address)
         assert refused.value.response.status_code == 503
         host = Client(port)
-        stack.enter_context(closing(host.socket))
-        host.read_until(lambda: host.images >= 4)
+        stack.enter_context(closing(host))
+        host.read_until(lambda: host.images >= 3)

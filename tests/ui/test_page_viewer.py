@@ -41,16 +41,16 @@ def page(port, runtime, tmp_path):
 @pytest.fixture
 def owner(page, port):
     client = Client(port)
-    with closing(client.socket):
-        client.read_until(lambda: client.images >= 4 and client.values.keys() >= NAMED)
+    with closing(client):
+        client.read_until(lambda: client.images >= 3 and client.values.keys() >= NAMED)
         yield client
 
 
 @pytest.fixture
 def viewer(page, port):
     client = Client(port, f"/{VIEW_TOKEN}")
-    with closing(client.socket):
-        client.read_until(lambda: client.images >= 4 and client.values.keys() >= NAMED)
+    with closing(client):
+        client.read_until(lambda: client.images >= 3 and client.values.keys() >= NAMED)
         client.read_until(lambda: len(client.commands) == 4)
         yield client
 
@@ -87,7 +87,7 @@ def test_no_message_of_a_viewer_changes_anything(page, owner, viewer, runtime, t
     owner.set("Threshold", 77)  # is done after all that
     owner.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
     later = Client(port)
-    with closing(later.socket):
+    with closing(later):
         later.read_until(lambda: later.values.get("Threshold") == 77)
         later.read_until(lambda: later.values.keys() >= before.keys())
         moving = {"Time"}

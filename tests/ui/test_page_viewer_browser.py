@@ -9,7 +9,7 @@ from waiting import wait_for
 
 from ros_visualise.ui.shell import VISER
 
-READY = "document.querySelectorAll(\"img[src^='blob:']\").length == 3"
+READY = "document.querySelectorAll('[data-images]').length == 3"
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
 def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, runtime, tmp_path):
     for address in reversed(printed):  # the read-only one first, while nothing plays
         tab = visit(address)
-        box = tab.locator("img[src^='blob:']").first.bounding_box()
+        box = tab.locator("[data-images] canvas").first.bounding_box()
         with tab.context.expect_page(timeout=120_000) as opened:
             tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         whole = opened.value

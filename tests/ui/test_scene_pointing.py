@@ -122,7 +122,7 @@ def test_clicks_on_the_page_tell_places_and_distances(port):
         click(client, [2, 3, 9])
         client.read_until(lambda: any("5.92 m" in h for h in client.html))
     finally:
-        client.socket.close()
+        client.close()
         page.close()
 
 
@@ -138,7 +138,7 @@ def test_a_click_sends_a_goal_that_looks_ahead(port):
         sent = "Goal sent: x 3.00, y 5.00, z 0.00 m in map"
         client.read_until(lambda: click(client, [3, 5, 9]) or any(sent in h for h in client.html))
     finally:
-        client.socket.close()
+        client.close()
         page.close()
     topic, goal = runtime.taken[-1]
     assert (topic, goal.header.frame_id) == ("/goal", "map")

@@ -31,7 +31,7 @@ def client(playback, port):
     client = Client(port)
     client.read_until(lambda: "Step by" in client.values)
     yield client
-    client.socket.close()
+    client.close()
 
 
 def test_the_topic_of_a_step_is_chosen(client, playback):

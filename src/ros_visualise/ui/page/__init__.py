@@ -89,7 +89,13 @@ class Page:
         if self._files.title:
             self._server.shell.name(self._files.title)
         self._content = PageContent(
-            self._server.viser, runtime, self._files, self._inspector, self._memory, self._urdf
+            self._server.viser,
+            self._server.images,
+            runtime,
+            self._files,
+            self._inspector,
+            self._memory,
+            self._urdf,
         )
 
     def _leave(self) -> None:

@@ -11,6 +11,7 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
+from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.look import PAGES, Inspector, link
 from ros_visualise.ui.page.controls import PresetChoice
 from ros_visualise.ui.page.embedding import viewers
@@ -51,6 +52,7 @@ class PageContent:
     def __init__(
         self,
         server: viser.ViserServer,
+        images: ImageHub,
         runtime: Runtime,
         files: PageFiles,
         inspector: Inspector,
@@ -58,7 +60,7 @@ class PageContent:
         urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
-        self._inspector, self._memory = inspector, memory
+        self._inspector, self._memory, self._hub = inspector, memory, images
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -146,7 +148,7 @@ class PageContent:
             self._plots = Plots(gui, self._graph)
 
     def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
-        hint = "Longer side of the images on the page, pixels"
+        hint = "Limit of the longer side of the images on the page, pixels"
         size = gui.add_slider("Image size", 240, 1920, 40, SIZE, hint=hint)
         size.on_update(self._worker.listener("size", partial(setattr, self._images, "size")))
         return size
@@ -163,7 +165,7 @@ class PageContent:
             return there
         gui = self._server.gui
         act = None if node.name == self._robot_name else self._act
-        return Window(gui, self._runtime, node, self._worker, self._scene, act)
+        return Window(gui, self._runtime, node, self._worker, self._scene, self._hub, act)
 
     def _pick(self, text: str, _: int) -> None:
         """Handle a browser's click, ``NODE ACROSS DOWN``."""

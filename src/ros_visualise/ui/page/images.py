@@ -1,4 +1,4 @@
-"""Images on the page, encoded on a thread of their own, only while a browser is connected."""
+"""Images on the page, drawn on a thread of their own, only while a browser shows them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Sequence
 from html import escape
 
-import numpy as np
 import viser
 
 from ros_visualise.data import Image, Pixels
@@ -14,6 +13,7 @@ from ros_visualise.lessons.magnifier import pixel_at
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.feed import Feed
+from ros_visualise.ui.live.images import ImageChannel
 from ros_visualise.ui.look import link
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.periodic import PeriodicThread
@@ -22,9 +22,8 @@ from ros_visualise.ui.preview import rgb_preview
 log = logging.getLogger(__name__)
 
 SIZE = 720
-"""Initial length of an image's longer side on the page, pixels."""
+"""Initial limit of an image's longer side on the page, pixels."""
 _PERIOD_S = 1 / 30
-_JPEG_QUALITY = 85
 
 
 class Picture:
@@ -33,6 +32,7 @@ class Picture:
     ``topic`` and ``visible`` may be changed from any thread.
 
     Args:
+        channel: sends it to browsers, under ``name``.
         rows: number of elements above it in its window.
         overlay: points that are drawn over it.
         boxes: detections that are drawn over it.
@@ -43,6 +43,7 @@ class Picture:
         self,
         gui: viser.GuiApi,
         runtime: Runtime,
+        channel: ImageChannel,
         topic: str,
         rows: int,
         overlay: Overlay,
@@ -51,25 +52,28 @@ class Picture:
     ) -> None:
         self.topic = topic
         self.visible = True
+        self._channel = channel
         self._rows, self._overlay, self._boxes, self._picks = rows, overlay, boxes, picks
         self._feed = Feed(runtime)
         self._image: Image | None = None
         self._size = 0
-        blank = np.zeros((9, 16, 3), np.uint8)
-        self._element = gui.add_image(blank, format="jpeg", jpeg_quality=_JPEG_QUALITY)
+        gui.add_html(f'<div class="rv-image" data-image="{escape(channel.name)}"></div>')
         self._caption = gui.add_html(self._describe())
 
-    def refresh(self, size: int, previews: dict[int, Pixels]) -> None:
+    def refresh(self, limit: int, previews: dict[tuple[int, int], Pixels]) -> None:
         """Show the newest image, or the last one in a new size.
 
         Args:
-            size: of the longer side in pixels.
-            previews: id of an image -> its preview, of this round.
+            limit: of the longer side in pixels.
+            previews: id of an image and a size -> its preview, of this round.
         """
-        if not self.visible:
+        size = min(self._channel.size, limit)
+        if not (self.visible and size):
             self.rest()
             return
         self._feed.follow(self.topic)
+        if not self._channel.is_ready:  # newer images replace the one that waits
+            return
         is_more = self._boxes.refresh(self.topic)
         image = self._boxes.choose(self._feed.take())
         is_other = self._overlay.refresh() or is_more or size != self._size
@@ -94,16 +98,17 @@ class Picture:
         self._overlay.rest()
         self._boxes.rest()
 
-    def _show(self, image: Image, previews: dict[int, Pixels]) -> None:
+    def _show(self, image: Image, previews: dict[tuple[int, int], Pixels]) -> None:
         caption = self._describe()
         if caption != self._caption.content:  # a link that is made anew would miss a click
             self._caption.content = caption
         if not image.pixels.size:
             return
-        if id(image) not in previews:
-            previews[id(image)] = rgb_preview(image, self._size)
-        shown = self._overlay.draw(image, self.topic, previews[id(image)])
-        self._element.image = self._boxes.draw(image, shown)
+        key = id(image), self._size
+        if key not in previews:
+            previews[key] = rgb_preview(image, self._size)
+        shown = self._overlay.draw(image, self.topic, previews[key])
+        self._channel.show(self._boxes.draw(image, shown))
 
     def _describe(self) -> str:
         image = self._image
@@ -159,7 +164,7 @@ class ImageThread(PeriodicThread):
         if not self._is_watched():
             self._rest()
             return
-        previews: dict[int, Pixels] = {}
+        previews: dict[tuple[int, int], Pixels] = {}
         for picture in self._pictures:
             try:
                 picture.refresh(self.size, previews)

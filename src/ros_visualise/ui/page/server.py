@@ -6,8 +6,10 @@ from collections.abc import Awaitable, Callable
 
 import viser
 
+from ros_visualise.ui.live.images import LIVE_IMAGES, ImageHub
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.embedding import embed
+from ros_visualise.ui.parts import PARTS, part
 from ros_visualise.ui.server.access import AccessRules
 from ros_visualise.ui.server.door import listen
 from ros_visualise.ui.server.gate import (
@@ -44,6 +46,7 @@ class PageServer:
 
     Attributes:
         viser: the elements and the scene of the page.
+        images: those of its panels.
         shell: what surrounds them.
 
     Raises:
@@ -65,6 +68,7 @@ class PageServer:
         self.viser: viser.ViserServer
         self._embedded: App
         self.viser, self._embedded = embed(page_loop(), title)
+        self.images = ImageHub(page_loop())
         self.shell = Shell(title)
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
@@ -93,7 +97,11 @@ class PageServer:
                 visit.hold(len(answer.body))
                 await send_answer(scope, send, answer)
                 return
-        if path == VISER:
+        if scope["type"] == "websocket" and path == LIVE_IMAGES:
+            await self.images.serve(receive, send)
+        elif path.startswith(PARTS):
+            await send_answer(scope, send, part(path.removeprefix(PARTS)))
+        elif path == VISER:
             await self._embedded(scope, receive, send)
         elif path == "/" or path.startswith(NICEGUI):
             scope["path"] = scope["root_path"] + path  # with its last /

@@ -15,21 +15,22 @@ _BODY = '[style*="grid-template-rows: 1fr"]'
 
 STYLE = f"""<style>
 /* An image fills its window's width; in a docked window it stays in view below the parameters. */
-img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
+.rv-image {{ padding: 0 .6em .45em; }}
+.rv-image canvas {{ display: block; width: 100%; object-fit: contain; }}
 {_ROOM}
 /* Scroll bars lie over what they scroll: thin ones beside it. */
 .mantine-ScrollArea-root {{ --scrollarea-scrollbar-size: 8px !important; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
-[data-dock-region] :is(img[src^="blob:"], .rv-whole) {{
+[data-dock-region] :is(.rv-image canvas, .rv-whole) {{
   max-height: max(88px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Where there is a text, one sees its beginning. */
-[data-dock-region] .mantine-ScrollArea-root:has(.rv-text) :is(img[src^="blob:"], .rv-whole) {{
+[data-dock-region] .mantine-ScrollArea-root:has(.rv-text) :is(.rv-image canvas, .rv-whole) {{
   max-height: max(88px, min(62cqh, 100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Scrolled down to the other parameters, it stays in view at half its size. */
 @supports (animation-timeline: scroll()) {{
-  [data-dock-region] div:has(> div > img[src^="blob:"]) {{
+  [data-dock-region] div:has(> .rv-image) {{
     position: sticky; top: 0; z-index: 3; pointer-events: none; }}
-  [data-dock-region] img[src^="blob:"] {{ transform-origin: top; animation: rv-shrink linear both;
+  [data-dock-region] .rv-image canvas {{ transform-origin: top; animation: rv-shrink linear both;
     animation-timeline: scroll(nearest block); animation-range: 0 150px; }}
   @keyframes rv-shrink {{ to {{ transform: scale(.5); }} }}
 }}
@@ -97,7 +98,7 @@ svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;
     display: contents !important; }}
   {_BODY} + div > * {{ order: 1; }}
   {_BODY} > div > div > div > .mantine-Paper-root {{ order: 2; margin: .8em .8em 0; }}
-  :is(img[src^="blob:"], .rv-whole) {{ max-height: calc(var(--rv-sheet) - 26em); }}
+  :is(.rv-image canvas, .rv-whole) {{ max-height: calc(var(--rv-sheet) - 26em); }}
 }}
 </style>"""
 

@@ -14,6 +14,7 @@ from ros_visualise.graph import Member, Node
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
+from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.page.controls import Controls, sentence
 from ros_visualise.ui.page.images import Picture
 from ros_visualise.ui.page.overlay import Overlay
@@ -38,6 +39,7 @@ class Window:
         node: Member,
         worker: Worker,
         scene: Scene,
+        images: ImageHub,
         act: Act | None,
     ) -> None:
         self.name = node.name
@@ -52,14 +54,15 @@ class Window:
         self._controls = Controls(gui, node.name, self._parameters, worker)
         self.panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
-        images = images_of(node)
+        self._channel = images.channel(node.name)
+        topics = images_of(node)
         main = [spec for spec in declared if not spec.group]
         with self.panel.add_tab(node.name):
             self._controls.add(main)
             first = first_shown(runtime.graph, node)
             if first is not None:
                 picks = node.name if isinstance(node.params, PixelParams) else ""
-                self._add_picture(runtime, images, first, len(main), picks)
+                self._add_picture(runtime, topics, first, len(main), picks)
             self._notes = [TopicText(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             if act is not None:
@@ -120,7 +123,9 @@ class Window:
             chosen = self._gui.add_dropdown("Image", topics, initial_value=first)
         has_boxes = any(detections_of(runtime.graph, topic) for topic in topics)
         rows += chosen is not None
-        self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes, picks)
+        self.picture = Picture(
+            self._gui, runtime, self._channel, first, rows, self._overlay, self._boxes, picks
+        )
         if chosen is not None:
             chosen.on_update(
                 self._worker.listener((self.name, "show"), partial(setattr, self.picture, "topic"))

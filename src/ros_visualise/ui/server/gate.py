@@ -26,7 +26,7 @@ MOST_REPORTED = 5
 """Maximum number of logged rejections, of requests, and of each browser's messages."""
 _METHODS = ("GET", "HEAD")
 _LONGEST_PATH = 250  # of a name that file systems take
-_MOST_VIEWERS = 50
+_MOST_VIEWERS = 150  # connections; a browser has three
 _PIECE_BYTES = 64 << 10
 
 
@@ -141,7 +141,7 @@ class Gate:
     async def _connect(self, scope: Scope, receive: Receive, give: Send, is_viewer: bool) -> None:
         """Let a WebSocket through; viewers leave room for others."""
         if is_viewer and self._viewers >= _MOST_VIEWERS:
-            raise Refusal(f"busy: {self._viewers} browsers are connected; try again later", 503)
+            raise Refusal("busy: too many read-only browsers are connected; try again later", 503)
         self._viewers += is_viewer
         try:
             await self._app(scope, receive, give)

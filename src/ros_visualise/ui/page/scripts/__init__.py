@@ -34,6 +34,7 @@ def client_page(is_foreign: bool, is_viewer: bool) -> bytes:
     lines = [f"{name} = true;\n" for name, holds in facts.items() if holds]
     texts[1:1] = lines  # rv is made by the first
     scripts = "".join(f"<script>\n{text}</script>" for text in texts)
+    scripts += '<script src="parts/images.js"></script>'
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     return gzip.compress(page)
 

@@ -1,0 +1,1 @@
+"""Live images and the clock of the page, over WebSockets of our own."""
