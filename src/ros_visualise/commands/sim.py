@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import UsageError
 from ros_visualise.running.arguments import argument
-from ros_visualise.running.options import SizedOptions, WorldOptions
+from ros_visualise.running.options import SizedOptions, WorldOptions, profile_option
 from ros_visualise.simulation.robots import OURS
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ class SimOptions(WorldOptions, SizedOptions):
     """Options of ``sim``."""
 
     robot: str = argument(f"{OURS}, or one from a plug-in", metavar="ROBOT")
+    profile: str | None = profile_option("realistic", "realistic")
 
 
 def run(options: SimOptions) -> int:

@@ -42,16 +42,18 @@ def mission_option(otherwise: str) -> Any:
     return option(None, help, metavar="SHAPE|FILE")
 
 
+def profile_option(default: str | None, otherwise: str) -> Any:
+    """An option ``--profile``; ``otherwise`` is the profile without it."""
+    help = f"errors of sensors and world; --set changes single ones (default: {otherwise})"
+    return option(default, help, choices=("ideal", "realistic", "hard"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
     """A simulated robot's world and mission."""
 
     world: str | None = option(None, f"{OURS}, or one from a plug-in (default: field)")
-    profile: str | None = option(
-        None,
-        "errors of sensors and world; --set changes single ones (default: ideal)",
-        choices=("ideal", "realistic", "hard"),
-    )
+    profile: str | None = profile_option(None, "ideal")
     seed: int | None = option(None, "seed of all random errors (default: 0)", type=seed)
     mission: str | None = mission_option("wait for commands")
 
