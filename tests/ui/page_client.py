@@ -18,6 +18,7 @@ import zstandard
 from waiting import wait_for
 from websockets.sync.client import ClientConnection, connect
 
+from ros_visualise.ui.live.clock import LIVE_CLOCK
 from ros_visualise.ui.live.images import LIVE_IMAGES
 from ros_visualise.ui.shell import VISER
 
@@ -184,6 +185,30 @@ class Client:
         else:
             props = message.get("props") or message.get("updates") or {}
             self.nodes.setdefault(name, {}).update(props)
+
+
+class ClockClient:
+    """A browser's side of the timeline."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self._socket = connect(f"ws://127.0.0.1:{port}/{token}{LIVE_CLOCK}")
+        self._state: dict[str, Any] = {}
+
+    def __enter__(self) -> ClockClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def act(self, **action: Any) -> None:
+        """Ask for something."""
+        self._socket.send(json.dumps(action))
+
+    def read_until(self, check: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+        """Take what comes until the check holds; the state then."""
+        while not (self._state and check(self._state)):
+            self._state = json.loads(self._socket.recv(timeout=60))
+        return self._state
 
 
 def _decode(packet: bytes) -> list[dict[str, Any]]:

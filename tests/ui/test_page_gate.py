@@ -113,6 +113,7 @@ def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
         "/_nicegui_ws/socket.io/?EIO=4&transport=websocket",
         VISER,
         "/live/images",
+        "/live/clock",
         "/?upload=a.mp4&size=1",
     ],
 )
@@ -291,7 +292,7 @@ def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime,
         lambda: any("Threshold: 1e+20 is outside of 0 to 255" in h for h in client.html)
     )
     client.read_until(lambda: client.values["Threshold"] == 128)
-    for label in ("Threshold", "Scale", "Blur", "Gray", "Image size", "Rate", "Time", "File"):
+    for label in ("Threshold", "Scale", "Blur", "Gray", "Image size", "Start", "File"):
         for value in WILD:
             client.set(label, value)
     client.set("Threshold", 77)

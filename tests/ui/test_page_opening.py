@@ -8,7 +8,7 @@ from contextlib import closing
 
 import pytest
 from made_videos import numbered, write_video
-from page_client import Client, get
+from page_client import TOKEN, Client, ClockClient, get
 from waiting import wait_for
 
 from ros_visualise.commands import main
@@ -82,13 +82,18 @@ def open_next(client, name):
 
 def test_another_file_is_shown_as_the_one_before(run, client, folder):
     client.set("Threshold", 77)
-    client.set("Loop", True)
+    port = client.socket.remote_address[1]
+    with ClockClient(port, TOKEN) as clock:
+        clock.act(loop=True)
+        clock.read_until(lambda state: state["loop"])
     client.read_until(lambda: any("threshold=77" in html for html in client.html))
     client.set("Source", "junk.mp4")
     client.read_until(lambda: any("junk.mp4: " in html for html in client.html))
 
     open_next(client, "two.mkv")
-    client.read_until(lambda: client.values.get("Loop") is True)
+    with ClockClient(port, TOKEN) as clock:
+        clock.read_until(lambda state: state["loop"])
+    client.read_until(lambda: client.values.get("Threshold") == 77)
     assert client.values["Threshold"] == 77
     client.read_until(lambda: any("threshold=77" in html for html in client.html))
     client.set("edge_detector", False)  # its window

@@ -7,8 +7,6 @@ from page_client import TOKEN, VIEW_TOKEN, wait_in
 from test_page_browser import element, value_of
 from waiting import wait_for
 
-from ros_visualise.ui.shell import VISER
-
 READY = "document.querySelectorAll('[data-images]').length == 3"
 
 
@@ -28,8 +26,9 @@ def visit(chromium):
         contexts.append(context)
         context.set_default_timeout(120_000)
         tab = context.new_page()
-        tab.goto(address + VISER)
-        tab.wait_for_function(READY, timeout=120_000)
+        tab.goto(address)
+        tab.wait_for_selector("iframe")
+        tab.frames[-1].wait_for_function(READY, timeout=120_000)
         return tab
 
     yield open_tab
@@ -42,20 +41,21 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
     assert own.endswith(f"/{TOKEN}")
     assert view.endswith(f"/{VIEW_TOKEN}")
     looking, working = visit(view), visit(own)
-    assert [looking.url, working.url] == [view + VISER, own + VISER]
-    assert looking.get_by_text("Read-only").count() == 1
-    assert working.get_by_text("Read-only").count() == 0
+    assert [looking.url, working.url] == [view, own]
+    assert looking.frames[-1].get_by_text("Read-only").count() == 1
+    assert working.frames[-1].get_by_text("Read-only").count() == 0
 
-    slider = element(looking, "Threshold", "*[contains(@class,'Slider-trackContainer')]")
+    assert looking.get_by_role("button", name="Play").is_disabled()
+    slider = element(looking.frames[-1], "Threshold", "*[contains(@class,'Slider-trackContainer')]")
     box = slider.bounding_box()
     looking.mouse.click(box["x"] + 2, box["y"] + box["height"] / 2)
     looking.keyboard.press("Space")  # plays
-    looking.evaluate("rv.send('address', 'filters/threshold=3')")
-    assert value_of(looking, "Threshold") == 128
+    looking.frames[-1].evaluate("rv.send('address', 'filters/threshold=3')")
+    assert value_of(looking.frames[-1], "Threshold") == 128
 
     runtime.parameters["filters"].update({"threshold": 77})
     for tab in (looking, working):
-        wait_in(tab, lambda tab=tab: value_of(tab, "Threshold") == 77)
+        wait_in(tab, lambda tab=tab: value_of(tab.frames[-1], "Threshold") == 77)
     working.keyboard.press("Space")
     wait_in(working, lambda: runtime.playback.state.playing)
 
@@ -63,7 +63,7 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
 def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, runtime, tmp_path):
     for address in reversed(printed):  # the read-only one first, while nothing plays
         tab = visit(address)
-        box = tab.locator("[data-images] canvas").first.bounding_box()
+        box = tab.frames[-1].locator("[data-images] canvas").first.bounding_box()
         with tab.context.expect_page(timeout=120_000) as opened:
             tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         whole = opened.value
@@ -88,5 +88,5 @@ def test_a_download_by_the_read_only_address(page, printed, visit, runtime, tmp_
     for address in printed:
         tab = visit(address)
         with tab.expect_download(timeout=120_000) as saved:
-            tab.locator("a[data-download]").click()
+            tab.frames[-1].locator("a[data-download]").click()
         assert saved.value.path().read_bytes() == (tmp_path / "mine.mcap").read_bytes()

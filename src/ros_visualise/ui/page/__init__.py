@@ -86,6 +86,7 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._inspector = Inspector(runtime)
+        self._server.clock.follow(runtime.playback, runtime.graph.live)
         if self._files.title:
             self._server.shell.name(self._files.title)
         self._content = PageContent(

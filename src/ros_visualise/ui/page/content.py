@@ -20,6 +20,7 @@ from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.layout import WindowSwitches
 from ros_visualise.ui.page.notice import Notice, Warnings
+from ros_visualise.ui.page.playback_range import PlaybackRange
 from ros_visualise.ui.page.plots import FieldPlot, Plots
 from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
 from ros_visualise.ui.page.robot import Driving, RobotStatus
@@ -29,7 +30,6 @@ from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import end_lines, loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.tools import ActionPanels
-from ros_visualise.ui.page.transport import PlaybackControls
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
@@ -108,10 +108,9 @@ class PageContent:
         self._layout_style = gui.add_html(IMAGES_ALONE)
         self._settings = PageSettings(gui, self._worker, self._scene, self._memory)
         playback = self._runtime.playback
-        self._transport: PlaybackControls | None = None
-        if playback is not None:
-            live = self._graph.live
-            self._transport = PlaybackControls(gui, playback, live, self._worker)
+        self._range: PlaybackRange | None = None
+        if playback is not None and not self._graph.live:
+            self._range = PlaybackRange(gui, playback, self._worker)
         self._preset = PresetChoice(gui, self._runtime, self._worker)
         self._opener = None
         if self._files.chooser is not None:
@@ -246,8 +245,8 @@ class PageContent:
         for window in self._windows:
             window.refresh()
         self._tools.refresh()
-        if self._transport is not None:
-            self._transport.refresh()
+        if self._range is not None:
+            self._range.refresh()
         self._preset.refresh()
         self._settings.refresh()
         self._robot.refresh()

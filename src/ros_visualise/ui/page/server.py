@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 
 import viser
 
+from ros_visualise.ui.live.clock import LIVE_CLOCK, PageClock
 from ros_visualise.ui.live.images import LIVE_IMAGES, ImageHub
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.embedding import embed
@@ -47,6 +48,7 @@ class PageServer:
     Attributes:
         viser: the elements and the scene of the page.
         images: those of its panels.
+        clock: that of its timeline.
         shell: what surrounds them.
 
     Raises:
@@ -69,6 +71,7 @@ class PageServer:
         self._embedded: App
         self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
+        self.clock = PageClock()
         self.shell = Shell(title)
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
@@ -99,6 +102,8 @@ class PageServer:
                 return
         if scope["type"] == "websocket" and path == LIVE_IMAGES:
             await self.images.serve(receive, send)
+        elif scope["type"] == "websocket" and path == LIVE_CLOCK:
+            await self.clock.serve(receive, send, visit.is_viewer)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
         elif path == VISER:

@@ -26,7 +26,7 @@ MOST_REPORTED = 5
 """Maximum number of logged rejections, of requests, and of each browser's messages."""
 _METHODS = ("GET", "HEAD")
 _LONGEST_PATH = 250  # of a name that file systems take
-_MOST_VIEWERS = 150  # connections; a browser has three
+_MOST_VIEWERS = 150  # connections; a browser has four
 _PIECE_BYTES = 64 << 10
 
 

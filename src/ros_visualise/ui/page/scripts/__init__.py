@@ -12,7 +12,7 @@ import viser
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "viewer.js", "hold.js", "pick.js", "address.js", "mark.js", "files.js")
+_SCRIPTS = ("send.js", "viewer.js", "hold.js", "pick.js", "address.js", "keys.js", "files.js")
 """In the order in which they run, before viser's own."""
 _HEAD = b"<head>"
 _VISER = Path(viser.__file__).parent / "client" / "build" / "index.html"

@@ -1,0 +1,127 @@
+"""The clock of the page: one playback, which all browsers show and drive."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.server.gate import Receive, Send
+
+log = logging.getLogger(__name__)
+
+LIVE_CLOCK = "/live/clock"
+"""Path of the WebSocket."""
+_PERIOD_S = 0.03
+_FARTHEST_S = 1e9
+
+
+class PageClock:
+    """Sends browsers the state of a playback, and does what they ask."""
+
+    def __init__(self) -> None:
+        self._playback: Playback | None = None
+        self._live = False
+        self._actions: Mapping[str, Callable[[Playback, Any], None]] = {
+            "toggle": lambda playback, _: playback.toggle(),
+            "step": lambda playback, forward: playback.step(1 if forward else -1),
+            "seek": lambda playback, to: playback.seek(_seconds(to)),
+            "rate": lambda playback, rate: playback.set_rate(float(rate)),
+            "loop": lambda playback, loop: playback.set_loop(loop is True),
+            "topic": _step_by,
+            "begin": lambda playback, _: begin_at(playback, playback.state.position_s),
+            "end": lambda playback, _: end_at(playback, playback.state.position_s),
+            "whole": lambda playback, _: playback.set_part(),
+        }
+
+    def follow(self, playback: Playback | None, live: bool) -> None:
+        """Show another playback, of a ``live`` source or of a recording, or None; from any thread.
+
+        A live source can be paused but not seeked.
+        """
+        self._playback, self._live = playback, live
+
+    async def serve(self, receive: Receive, send: Send, is_viewer: bool) -> None:
+        """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
+        await receive()  # the request to connect
+        await send({"type": "websocket.accept"})
+        sending = asyncio.ensure_future(self._send_all(send))
+        try:
+            while True:
+                message = await receive()
+                if message["type"] == "websocket.disconnect":
+                    return
+                if not is_viewer:
+                    self.act(message.get("text") or "")
+        finally:
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    def act(self, text: str) -> None:
+        """Do what a browser asks; anything else than our pages ask is ignored."""
+        try:
+            asked = json.loads(text)
+            (action, value), *_ = asked.items()
+            if self._playback is not None:
+                self._actions[action](self._playback, value)
+        except RosVisualiseError as error:
+            log.warning("%s", error)
+        except (AttributeError, KeyError, TypeError, ValueError, RecursionError, OverflowError):
+            return
+
+    async def _send_all(self, send: Send) -> None:
+        shown = ""
+        while True:
+            state = json.dumps(self.state)
+            if state != shown:
+                shown = state
+                await send({"type": "websocket.send", "text": state})
+            await asyncio.sleep(_PERIOD_S)
+
+    @property
+    def state(self) -> Mapping[str, Any]:
+        """The state of the playback as browsers show it; empty without one."""
+        playback = self._playback
+        if playback is None:
+            return {}
+        state = playback.state
+        return {
+            "position": state.position_s,
+            "duration": state.duration_s,
+            "playing": state.playing,
+            "ended": state.ended,
+            "rate": state.rate,
+            "loop": state.loop,
+            "part": state.part_s,
+            "topics": playback.step_topics,
+            "topic": playback.step_topic,
+            "live": self._live,
+        }
+
+
+def begin_at(playback: Playback, time_s: float) -> None:
+    """Set the start of the range that is played; an earlier end is cleared."""
+    end_s = playback.state.part_s[1]
+    playback.set_part(time_s, end_s if end_s is not None and end_s > time_s else None)
+
+
+def end_at(playback: Playback, time_s: float) -> None:
+    """Set the end of the range that is played; a later start is cleared. 0 is the recording's."""
+    begin_s = playback.state.part_s[0]
+    playback.set_part(begin_s if begin_s < time_s or not time_s else 0.0, time_s or None)
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, bool) or not math.isfinite(value):
+        raise ValueError(f"{value!r} is not a time")
+    return float(min(max(value, 0.0), _FARTHEST_S))
+
+
+def _step_by(playback: Playback, topic: Any) -> None:
+    if topic == "" or topic in playback.step_topics:
+        playback.step_topic = topic

@@ -1,0 +1,180 @@
+// The timeline: clock, controls and a bar to scrub. It hears the playback's state over a WebSocket
+// of its own, and sends {action: value}. The frames in the page hand their keys on, by rvKey.
+const RETRY_MS = 1000;
+const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 0];
+const SKIP_S = 5;
+const MARGIN = 10;
+
+function clock(seconds) {
+  const whole = Math.max(0, Math.round(seconds * 100));
+  const two = (value) => String(value).padStart(2, "0");
+  const [hours, minutes] = [Math.floor(whole / 360000), Math.floor(whole / 6000) % 60];
+  const rest = `${two(Math.floor(whole / 100) % 60)}.${two(whole % 100)}`;
+  return hours ? `${hours}:${two(minutes)}:${rest}` : `${minutes}:${rest}`;
+}
+
+const isTyping = (target) => target?.closest?.("input, textarea, select, [contenteditable]");
+
+export default {
+  template: `
+    <div class="rv-timeline" v-show="isKnown">
+      <div class="rv-controls">
+        <q-btn v-if="!state.live" flat dense round icon="skip_previous" :disable="readOnly" aria-label="Step back"
+          title="Step back (,)" @mousedown.prevent @click="act({ step: false })" />
+        <q-btn flat dense round :icon="icon" :disable="readOnly" :aria-label="state.playing ? 'Pause' : 'Play'"
+          title="Play or pause (space)" @mousedown.prevent @click="act({ toggle: 1 })" />
+        <q-btn flat dense round icon="skip_next" :disable="readOnly" aria-label="Step forward"
+          title="Step forward (.)" @mousedown.prevent @click="act({ step: true })" />
+        <span class="rv-clock">{{ time }}<small v-if="length"> / {{ length }}</small></span>
+      </div>
+      <div v-show="!state.live" ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
+        :aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
+        @pointerdown="grab" @pointermove="hover" @pointerleave="pointer = null; draw()"><canvas ref="canvas"></canvas></div>
+      <div v-if="!state.live" class="rv-controls">
+        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< and >)"
+          @change="act({ rate: Number($event.target.value) }); $event.target.blur()">
+          <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
+        </select>
+        <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
+          :aria-pressed="String(!!state.loop)" title="Start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+        <select v-if="(state.topics ?? []).length > 1" :value="state.topic" :disabled="readOnly" aria-label="Step by" class="rv-topic"
+          title="Step to the next message of this topic" @change="act({ topic: $event.target.value }); $event.target.blur()">
+          <option value="">Any message</option>
+          <option v-for="topic in state.topics" :key="topic" :value="topic">{{ topic }}</option>
+        </select>
+      </div>
+    </div>`,
+  props: { readOnly: Boolean },
+  data() {
+    return { state: {}, isKnown: false, scrubbed: null, pointer: null };
+  },
+  computed: {
+    shown() { return this.scrubbed ?? this.state.position ?? 0; },
+    end() { return Math.max(this.state.duration ?? 0, this.shown, 0.01); },
+    time() { return clock(this.shown); },
+    length() { return this.state.duration == null ? "" : clock(this.state.duration); },
+    icon() { return this.state.playing ? "pause" : this.state.ended ? "replay" : "play_arrow"; },
+    rates() { return RATES.includes(this.state.rate) ? RATES : [this.state.rate ?? 1, ...RATES]; },
+  },
+  mounted() {
+    this.connect();
+    this.sized = new ResizeObserver(() => this.draw());
+    this.sized.observe(this.$refs.bar);
+    window.rvKey = (event) => this.key(event);
+    this.pressed = (event) => this.key(event) && event.preventDefault();
+    document.addEventListener("keydown", this.pressed);
+  },
+  beforeUnmount() {
+    this.isGone = true;
+    this.socket.close();
+    this.sized.disconnect();
+    document.removeEventListener("keydown", this.pressed);
+  },
+  methods: {
+    connect() {
+      const root = location.pathname.replace(/\/$/, "");
+      const socket = (this.socket = new WebSocket(`${location.origin.replace("http", "ws")}${root}/live/clock`));
+      socket.onmessage = ({ data }) => {
+        this.state = JSON.parse(data);
+        this.isKnown = "position" in this.state;
+        if (this.isGrabbed !== true) this.scrubbed = null;
+        this.$nextTick(this.draw);
+      };
+      socket.onclose = () => this.isGone || setTimeout(() => this.connect(), RETRY_MS);
+    },
+    act(message) {
+      if (!this.readOnly && this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+    },
+    seek(seconds) {
+      const to = Math.min(Math.max(seconds, 0), this.end);
+      this.scrubbed = to;
+      this.act({ seek: to });
+      this.draw();
+    },
+    key(event) {
+      if (!this.isKnown || isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return false;
+      if (event.key === " " && event.target.closest?.("button")) return false; // a button's own
+      const { live } = this.state;
+      const part = this.state.part?.[0] ?? 0;
+      const to = RATES.filter((rate) => rate);
+      const actions = {
+        " ": () => this.act({ toggle: 1 }),
+        ".": () => this.act({ step: true }),
+        ...(!live && {
+          ",": () => this.act({ step: false }),
+          ArrowLeft: () => this.seek(this.shown - (event.shiftKey ? 1 : SKIP_S)),
+          ArrowRight: () => this.seek(this.shown + (event.shiftKey ? 1 : SKIP_S)),
+          Home: () => this.seek(part),
+          End: () => this.seek(this.state.part?.[1] ?? this.end),
+          "[": () => this.act({ begin: 1 }),
+          "]": () => this.act({ end: 1 }),
+          "<": () => this.act({ rate: to.findLast((rate) => rate < this.state.rate) ?? to[0] }),
+          ">": () => this.act({ rate: to.find((rate) => rate > this.state.rate) ?? to.at(-1) }),
+        }),
+      };
+      const action = Object.hasOwn(actions, event.key) && actions[event.key];
+      if (action) action();
+      return !!action;
+    },
+    timeAt({ clientX }) {
+      const { left, width } = this.$refs.bar.getBoundingClientRect();
+      return Math.min(Math.max((clientX - left - MARGIN) / (width - 2 * MARGIN), 0), 1) * this.end;
+    },
+    grab(event) {
+      if (this.readOnly || event.button !== 0) return;
+      event.preventDefault();
+      const bar = this.$refs.bar;
+      bar.setPointerCapture(event.pointerId);
+      this.isGrabbed = true;
+      this.seek(this.timeAt(event));
+      const release = () => {
+        this.isGrabbed = false;
+        bar.onpointermove = bar.onpointerup = bar.onpointercancel = null;
+      };
+      bar.onpointermove = (moved) => this.seek(this.timeAt(moved));
+      bar.onpointerup = bar.onpointercancel = release;
+    },
+    hover(event) {
+      this.pointer = this.timeAt(event);
+      this.draw();
+    },
+    draw() {
+      const { bar, canvas } = this.$refs;
+      const [width, height] = [bar.clientWidth, bar.clientHeight];
+      if (!width) return;
+      const scale = devicePixelRatio;
+      Object.assign(canvas, { width: width * scale, height: height * scale });
+      const to = canvas.getContext("2d");
+      to.scale(scale, scale);
+      const ink = getComputedStyle(bar).color;
+      const x = (time) => MARGIN + (time / this.end) * (width - 2 * MARGIN);
+      const middle = height - 13;
+      const line = (from, until, color, alpha, thick) => {
+        Object.assign(to, { fillStyle: color, globalAlpha: alpha });
+        to.fillRect(x(from), middle - thick / 2, Math.max(x(until) - x(from), 0), thick);
+      };
+      const [begin, end] = this.state.part ?? [0, null];
+      line(0, this.end, ink, 0.2, 5);
+      if (begin || end != null) line(begin, end ?? this.end, "#fab005", 0.9, 9);
+      line(0, this.shown, "#4dabf7", 1, 5);
+      this.drawTicks(to, x, width, ink, middle);
+      Object.assign(to, { fillStyle: ink, globalAlpha: 1 });
+      to.beginPath();
+      to.arc(x(this.shown), middle, 7, 0, 7);
+      to.fill();
+      if (this.pointer === null) return;
+      to.fillRect(x(this.pointer), middle - 9, 1, 18);
+      Object.assign(to, { font: "11px sans-serif", textAlign: "center" });
+      to.fillText(clock(this.pointer), Math.min(Math.max(x(this.pointer), 24), width - 24), 10);
+    },
+    drawTicks(to, x, width, ink, middle) {
+      const step = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 600, 1800, 3600, 14400, 86400].find((one) => (one / this.end) * width > 70);
+      Object.assign(to, { fillStyle: ink, font: "10px sans-serif", textAlign: "center", globalAlpha: 0.55 });
+      for (let number = 0; step && number * step <= this.end; number++) {
+        to.fillRect(x(number * step), middle - 9, 1, 4);
+        const label = clock(number * step).replace(/\.00$/, "");
+        if (this.pointer === null) to.fillText(label, Math.min(Math.max(x(number * step), 12), width - 16), 10);
+      }
+    },
+  },
+};

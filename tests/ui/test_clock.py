@@ -1,0 +1,120 @@
+"""The timeline's clock, as browsers move it: nothing that they send does anything else."""
+
+import json
+
+import pytest
+from page_client import TOKEN, VIEW_TOKEN, Client, ClockClient
+from waiting import wait_for
+
+from ros_visualise.graph.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live.clock import PageClock
+from ros_visualise.ui.page import Page
+
+
+@pytest.fixture
+def playback(port):
+    playback = Playback(hold=True)
+    playback.pause()
+    playback.step_topics = ("/image", "/imu")
+    playback.step_topic = "/image"
+    running = LocalRuntime(image_pipeline("landscape"), playback)
+    page = Page(ViewOptions(port=port))
+    page.open(running)
+    running.start()
+    wait_for(lambda: playback.state.duration_s is not None)
+    yield playback
+    page.close()
+    running.stop()
+
+
+@pytest.fixture
+def clock(playback, port):
+    with ClockClient(port, TOKEN) as client:
+        yield client
+
+
+def test_the_topic_of_a_step_is_chosen(clock, playback):
+    assert clock.read_until(lambda state: state)["topic"] == "/image"
+    clock.act(topic="/imu")
+    wait_for(lambda: playback.step_topic == "/imu")
+    clock.act(topic="/none")
+    clock.act(topic="")
+    wait_for(lambda: playback.step_topic == "")
+    assert clock.read_until(lambda state: state["topic"] == "")["topics"] == ["/image", "/imu"]
+
+
+@pytest.mark.parametrize("rate", [0, 0.1, 100.0])
+def test_the_rate_goes_far(clock, playback, rate):
+    clock.act(rate=rate)
+    wait_for(lambda: playback.state.rate == rate)
+
+
+def test_steps_and_seeks_are_shown_by_all(clock, playback, port):
+    with ClockClient(port, TOKEN) as other:
+        clock.act(step=True)
+        wait_for(lambda: playback.state.position_s > 0)
+        assert not playback.state.playing
+        clock.act(seek=12.5)
+        for one in (clock, other):
+            one.read_until(lambda state: state["position"] == 12.5)
+        other.act(step=False)
+        clock.read_until(lambda state: state["position"] < 12.5)
+        other.act(toggle=1)
+        clock.read_until(lambda state: state["playing"])
+        other.act(loop=True)
+        clock.read_until(lambda state: state["loop"])
+
+
+def test_a_range_is_set_by_keys_and_numbers(clock, playback, port):
+    client = Client(port)
+    playback.seek(3.0)
+    wait_for(lambda: playback.state.position_s == 3.0)
+    clock.act(begin=1)
+    wait_for(lambda: playback.state.part_s == (3.0, None))
+    client.read_until(lambda: client.values.get("Start") == 3.0)
+    playback.seek(5.0)
+    clock.act(end=1)
+    wait_for(lambda: playback.state.part_s == (3.0, 5.0))
+    clock.read_until(lambda state: state["part"] == [3.0, 5.0])
+    client.read_until(lambda: client.values["End"] == 5.0)
+    address = "playback%20range/start=3.0&amp;playback%20range/end=5.0"
+    client.read_until(lambda: any(address in h for h in client.html))
+    client.set("Start", 6.25)
+    wait_for(lambda: playback.state.part_s == (6.25, None))
+    client.set("End", 4.0)
+    wait_for(lambda: playback.state.part_s == (0.0, 4.0))
+    clock.act(whole=1)
+    wait_for(lambda: playback.state.part_s == (0.0, None))
+    client.close()
+
+
+def test_a_viewer_sees_the_time_and_moves_nothing(clock, playback, port):
+    before = playback.state
+    with ClockClient(port, VIEW_TOKEN) as viewer:
+        for action in ("toggle", "step", "seek", "rate", "loop", "begin", "end", "topic"):
+            viewer.act(**{action: 5})
+        clock.act(seek=2.0)
+        viewer.read_until(lambda state: state["position"] == 2.0)
+    assert playback.state == before._replace(position_s=2.0)
+
+
+WILD = (None, True, "x", "", [], {}, [1], {"a": 1}, float("nan"), float("inf"), -1e999, -5, 1e300)
+
+
+def test_nonsense_is_ignored():
+    playback, clock = Playback(hold=True), PageClock()
+    clock.act('{"toggle": 1}')  # without a playback
+    assert clock.state == {}
+    clock.follow(playback, False)
+    for text in ("", "x", "[]", "{}", "null", "[" * 50_000, '{"act": 1}', '{"__class__": 1}'):
+        clock.act(text)
+    for action in ("seek", "rate", "topic"):
+        for value in WILD:
+            clock.act(json.dumps({action: value}))
+    assert 0 <= playback.state.rate <= 100
+    assert 0 <= playback.state.position_s <= 1e9
+    assert playback.step_topic == ""
+    json.dumps(clock.state, allow_nan=False)
