@@ -44,6 +44,7 @@ class Subscription:
 
     Attributes:
         epoch: number of jumps of time before the message taken last.
+        log_ns: time under which the message taken last is recorded, if known.
     """
 
     def __init__(self, topic: str, inbox: Inbox, disconnect: Callable[[], None]) -> None:
@@ -52,6 +53,12 @@ class Subscription:
         self._disconnect = disconnect
         self._has_warned = False
         self.epoch = 0
+        self.log_ns: int | None = None
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages that were replaced by newer ones before they were taken."""
+        return self._inbox.dropped
 
     def take(self, timeout_s: float, decode: bool = True) -> Any | None:
         """The oldest message that waits; None if none came in time or the topic ended.
@@ -60,7 +67,7 @@ class Subscription:
         """
         end_s = time.monotonic() + timeout_s
         while (packet := self._inbox.take(max(0.0, end_s - time.monotonic()))) is not None:
-            self.epoch = packet.epoch
+            self.epoch, self.log_ns = packet.epoch, packet.log_ns
             if packet.message is None:  # the node has no output for some number
                 continue
             try:

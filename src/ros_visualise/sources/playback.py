@@ -64,6 +64,7 @@ class Playback:
         closed: it was closed, so the source is to end.
         epoch: number of seeks and restarts so far, known before the first message after one.
         laps: number of loops so far; the stamps go on.
+        live_stamps: messages are stamped with the clock's time.
         step_topics: topics of the source that can be stepped through, if it has several.
         step_topic: a step shows the next message of this topic; empty: of any.
 
@@ -90,6 +91,7 @@ class Playback:
         self._requests = _Requests()
         self._quota = _Quota(duration_s, frames)
         self._loop, self.holds = loop, hold
+        self.live_stamps = live_stamps
         self.laps = self.epoch = 0
         self.closed = self._suspended = False
         self._ended = False  # all is read and nothing more requested
@@ -129,6 +131,12 @@ class Playback:
         """The stamp that goes with `time_ns`, where messages are stamped with their place."""
         with self._changed:
             return self._line.begin() + self._line.reached_ns
+
+    @property
+    def start_stamp_ns(self) -> int:
+        """The stamp of the source's start in the present loop, likewise."""
+        with self._changed:
+            return self._line.begin() + self._line.place_ns(0)
 
     def check_start(self, duration_ns: int | None) -> None:
         """Raise UsageError if the start lies after the end of the source."""

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 import viser
 
 from ros_visualise.ui.live.clock import LIVE_CLOCK, PageClock
+from ros_visualise.ui.live.foxglove.hub import FOXGLOVE, FoxgloveHub
 from ros_visualise.ui.live.images import LIVE_IMAGES, ImageHub
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.embedding import embed
@@ -50,6 +51,7 @@ class PageServer:
         images: those of its panels.
         clock: that of its timeline.
         shell: what surrounds them.
+        foxglove: what other viewers see.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -73,6 +75,7 @@ class PageServer:
         self.images = ImageHub(page_loop())
         self.clock = PageClock()
         self.shell = Shell(title)
+        self.foxglove = FoxgloveHub(page_loop())
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
 
@@ -85,6 +88,7 @@ class PageServer:
     def close(self) -> None:
         """Stop without waiting for browsers."""
         self.viser.stop()
+        self.foxglove.close()
         self.host.close()
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -106,6 +110,8 @@ class PageServer:
             await self.clock.serve(receive, send, visit.is_viewer)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
+        elif scope["type"] == "websocket" and path == FOXGLOVE:
+            await self.foxglove.serve(scope, receive, send)
         elif path == VISER:
             await self._embedded(scope, receive, send)
         elif path == "/" or path.startswith(NICEGUI):

@@ -22,6 +22,7 @@ from urllib.parse import SplitResult, urlsplit
 from ros_visualise.core.errors import UsageError
 
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
+_DESKTOP = "file://"  # the origin of Electron's apps
 _PORTS = {"http": 80, "https": 443}
 _SITE = re.compile(r"https?://([a-z0-9.-]+|\[[0-9a-f:.]+\])(:\d{1,5})?")
 _OWN_SITES = ("none", "same-origin")  # "none": typed, or a bookmark
@@ -52,7 +53,8 @@ class AccessRules:
         names: the names of this server in its own pages' addresses.
         proxies: other names that ``Host`` may have: those of the sites in ``origins``.
         addresses: whether ``Host`` may be any address, as for a server on all interfaces.
-        origins: other web sites that may use the page, as ``https://example.org``.
+        origins: other web sites that may use the page, as ``https://example.org``; ``file://``
+            stands for apps on a desktop.
         token: the first part of each request's path; empty: none.
         view_token: its alternative for read-only requests.
     """
@@ -123,7 +125,7 @@ def access_rules(host: str, origins: Collection[str] = (), token: bool = True) -
         UsageError: an origin is not a site, or a token is too short or has other characters.
     """
     allowed = frozenset(map(_origin, origins))
-    proxies = frozenset(_split(origin).hostname or "" for origin in allowed)
+    proxies = frozenset(name for origin in allowed if (name := _split(origin).hostname))
     names, addresses = LOOPBACK_NAMES | {host.lower()}, not is_loopback(host)
     if addresses:
         own = socket.gethostname().lower()  # and no longer name: that is looked up on the network
@@ -164,6 +166,8 @@ def _begins(path: str, token: str) -> bool:
 
 
 def _origin(text: str) -> str:
+    if text == _DESKTOP:
+        return text
     site = text.lower().rstrip("/")
     if not _SITE.fullmatch(site) or not _split(site).hostname:
         raise UsageError(f"--allow-origin {text}: give a site as https://robot.example.org")
