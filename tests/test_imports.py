@@ -4,9 +4,8 @@ import ast
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 import ros_visualise
 
@@ -64,9 +63,15 @@ def level_of(room: str) -> int:
     return next((number for number, rooms in enumerate(RUNTIMES) if room in rooms), 0)
 
 
+@cache
+def parsed(path: Path) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
+@cache
 def imported_names(path: Path) -> set[str]:
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in parsed(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -86,33 +91,34 @@ def test_the_top_of_the_package_is_a_list_of_rooms():
 FILES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_point_down(path: Path):
-    own = path.relative_to(ROOT).parts[0].removesuffix(".py")
-    for name in imported_names(path):
-        package, _, rest = name.partition(".")
-        if package == "ros_visualise" and rest:
-            room = rest.partition(".")[0]
-            assert room == own or layer_of(room) <= layer_of(own), f"imports {name}"
-        is_own = package in MIDDLEWARES.get(path.parent.name, ())
-        assert is_own or package in EVERYWHERE, f"imports {name}"
+def test_imports_point_down():
+    for path in FILES:
+        own = path.relative_to(ROOT).parts[0].removesuffix(".py")
+        for name in imported_names(path):
+            package, _, rest = name.partition(".")
+            if package == "ros_visualise" and rest:
+                room = rest.partition(".")[0]
+                is_below = room == own or layer_of(room) <= layer_of(own)
+                assert is_below, f"{path} imports {name}"
+            is_own = package in MIDDLEWARES.get(path.parent.name, ())
+            assert is_own or package in EVERYWHERE, f"{path} imports {name}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_middleware_is_imported_by_nobody_but_itself(path: Path):
-    place = path.relative_to(ROOT).parts
-    own = place[1].removesuffix(".py") if place[0] == "runtime" else ""
-    for name in imported_names(path):
-        parts = name.split(".")
-        if parts[:2] != ["ros_visualise", "runtime"] or len(parts) == 2 or parts[2] == own:
-            continue
-        assert parts[2] not in MIDDLEWARES or path in CHOOSE, name
-        assert not own or level_of(parts[2]) <= level_of(own), name
+def test_a_middleware_is_imported_by_nobody_but_itself():
+    for path in FILES:
+        place = path.relative_to(ROOT).parts
+        own = place[1].removesuffix(".py") if place[0] == "runtime" else ""
+        for name in imported_names(path):
+            parts = name.split(".")
+            if parts[:2] != ["ros_visualise", "runtime"] or len(parts) == 2 or parts[2] == own:
+                continue
+            assert parts[2] not in MIDDLEWARES or path in CHOOSE, f"{path} imports {name}"
+            assert not own or level_of(parts[2]) <= level_of(own), f"{path} imports {name}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_module_shadows_what_it_imports(path: Path):
-    assert path.stem not in {name.partition(".")[0] for name in imported_names(path)}
+def test_no_module_shadows_what_it_imports():
+    for path in FILES:
+        assert path.stem not in {name.partition(".")[0] for name in imported_names(path)}, path
 
 
 def test_what_opens_everything_is_above_it():
@@ -144,7 +150,7 @@ def test_help_imports_nothing_heavy():
 def test_class_names_are_unique():
     places = defaultdict(list)
     for path in sorted(ROOT.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in parsed(path):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert not {name: where for name, where in places.items() if len(where) > 1}

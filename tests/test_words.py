@@ -7,8 +7,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 import ros_visualise
 
 ROOT = Path(ros_visualise.__file__).parent
@@ -51,10 +49,12 @@ def strings(path: Path) -> Iterator[tuple[int, str, bool]]:
             yield node.lineno, " ".join(node.value.split()), id(node) in docstrings
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_sentences_are_read_once(path: Path):
-    for line, text, is_docstring in strings(path):
-        if is_docstring:
-            assert not FIRST.match(text), f"line {line}: {text[:80]}"
-        found = TURNS.search(text)
-        assert found is None, f"line {line}: {text[max(0, found.start() - 40) : found.end() + 40]}"
+def test_sentences_are_read_once():
+    for path in FILES:
+        for line, text, is_docstring in strings(path):
+            where = f"{path.relative_to(ROOT)}:{line}"
+            assert not (is_docstring and FIRST.match(text)), f"{where}: {text[:80]}"
+            if found := TURNS.search(text):
+                raise AssertionError(
+                    f"{where}: {text[max(0, found.start() - 40) : found.end() + 40]}"
+                )
