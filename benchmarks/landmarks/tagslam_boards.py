@@ -12,7 +12,8 @@ import numpy as np
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Hypothesis
-from ros_visualise.landmarks.mapping.problem import Problem, TagSighting
+from ros_visualise.landmarks.mapping.intrinsics import assumed
+from ros_visualise.landmarks.mapping.problem import Problem, RigCamera, TagSighting
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
 from ros_visualise.landmarks.mapping.unknowns import LARGER, SharedPrior
 from ros_visualise.landmarks.pose import squares_poses
@@ -46,8 +47,13 @@ def pitch_table(folder: Path) -> None:
         single = np.concatenate([lengths for lengths, _ in pairs])
         off, one_off = (np.median(np.abs(v - PITCH_M)) * 1e3 for v in (means, single))
         print(f"| {name} | {len(single)} | {off:.2f} | {one_off:.2f} |")
-    for larger_px, title in ((0.0, ""), (SharedPrior.larger_px, ", how much too large estimated")):
-        found = _smoothed(frames[::THINNED], info, SharedPrior(larger_px=larger_px))
+    exact, inexact = RigCamera(), RigCamera(calibration=assumed(info))
+    for larger_px, camera, title in (
+        (0.0, exact, ""),
+        (SharedPrior.larger_px, exact, ", how much too large estimated"),
+        (SharedPrior.larger_px, inexact, ", and the calibration"),
+    ):
+        found = _smoothed(frames[::THINNED], info, SharedPrior(larger_px=larger_px), camera)
         spots = {
             id: (t, np.eye(3)) for id, t in zip(found.problem.names, found.tags.t, strict=True)
         }
@@ -56,7 +62,9 @@ def pitch_table(folder: Path) -> None:
         print(f"| all views at once{title} ({larger:.2f} px) | {len(lengths)} | {off:.2f} | - |")
 
 
-def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: SharedPrior) -> SmoothedMap:
+def _smoothed(
+    frames: Sequence[Corners], info: CameraInfo, prior: SharedPrior, camera: RigCamera
+) -> SmoothedMap:
     """The map of all tags by all views at once."""
     names = sorted({id for tags in frames for id in tags})
     sightings = []
@@ -70,7 +78,7 @@ def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: SharedPrior) -
             if told and len(tags) > 1:
                 sightings.append(TagSighting(view, names.index(id), tags[id], SIZE_M, info, told))
     stamps_ns = np.arange(len(frames), dtype=np.int64)
-    found = smooth(Problem(stamps_ns, names, sightings), prior=prior)
+    found = smooth(Problem(stamps_ns, names, sightings, cameras=[camera]), prior=prior)
     assert found is not None
     return found
 

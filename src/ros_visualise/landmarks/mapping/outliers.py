@@ -135,6 +135,9 @@ def _explained(
         share += "; omitted from the map"
     sized = refit(terms, state, rows, sized=True)
     explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
+    plain = refit(terms, state, rows, sized=False) if explains else None
+    if sized and plain:  # else another size is no better than another pose
+        explains = sized.fits.sum() - plain.fits.sum() >= max(_LEAST, _REFUSED * len(rows))
     if sized and explains and abs(np.log(sized.size)) > _RESIZED:
         return Outlier(name, SIZE, share, sized.size)
     other = refit(terms, state, refused, sized=False)
