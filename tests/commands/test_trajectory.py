@@ -130,6 +130,14 @@ def test_a_drive_is_where_kittis_ground_truth_has_it(recordings, run, tmp_path):
     assert found.path_length == pytest.approx(truth.path_length, abs=0.5)
 
 
+def test_the_flight_of_a_film(recordings, run):
+    """A path of 81 m, as parsed by other hands."""
+    film = recordings / "video" / "gopro_karma_drone.mp4"
+    status, said, _ = run(film, "--topic", "/fix", "--json")
+    assert status == 0
+    assert json.loads(said)["length_m"] == pytest.approx(81, abs=0.5)
+
+
 def test_what_it_says(recordings, run, tmp_path):
     status, said, errors = run(
         recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"

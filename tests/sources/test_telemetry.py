@@ -2,6 +2,10 @@
 
 import csv
 import struct
+import subprocess
+import sys
+from collections import Counter
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -11,7 +15,7 @@ from ros_visualise.data import Image, Imu, NavSatFix
 from ros_visualise.graph.pipelines import film_pipeline
 from ros_visualise.nodes.streamer import StreamerParams
 from ros_visualise.nodes.streamer import film as film_source
-from ros_visualise.sources import demux
+from ros_visualise.sources import demux, info, open_source
 from ros_visualise.sources.logs.gopro import is_whole, read_samples
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.telemetry import Film, telemetry_of
@@ -48,6 +52,27 @@ def klv(key, kind, size, *rows):
 
 def nest(key, *items):
     return klv(key, "", 1, b"".join(items))
+
+
+def test_a_film_as_a_recording_has_its_telemetry(karma, recordings, tmp_path):
+    """In ``info`` and in what is converted from it, not in what is played alone."""
+    with (recordings / "video" / "DERIVED_gopro_karma_telemetry.csv").open() as file:
+        fixes = sum(line.startswith("GLPI,") for line in file)
+    found = info(karma)
+    counts = {topic: one["messages"] for topic, one in found["topics"].items()}
+    assert (counts["/image_raw"], counts["/fix"]) == (362, fixes)
+    assert found["messages"] == sum(counts.values())
+    with closing(open_source(karma)) as film:
+        entries = [(entry.topic, entry.stamp_ns) for entry in film.read()]
+        later = [entry.topic for entry in film.read(start_ns=11_000_000_000, topics=["/fix"])]
+    assert Counter(topic for topic, _ in entries) == counts
+    assert [stamp for _, stamp in entries] == sorted(stamp for _, stamp in entries)
+    assert 0 < len(later) < fixes / 4
+    target = tmp_path / "film.mcap"
+    command = [sys.executable, "-m", "ros_visualise", "convert", karma, target]
+    subprocess.run([*command, "--topics", "/fix", "/imu/data"], check=True, timeout=60)
+    kept = {topic: one["messages"] for topic, one in info(target)["topics"].items()}
+    assert kept == {"/fix": counts["/fix"], "/imu/data": counts["/imu/data"]}
 
 
 def test_fixes_are_those_of_the_track(series, recordings):

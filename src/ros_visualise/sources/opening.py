@@ -28,10 +28,10 @@ def open_source(path: Path) -> Recording:
     if not _may_be_video(path):
         return open_recording(path)
     from ros_visualise.sources.demux import NoVideo  # PyAV takes a while to import
-    from ros_visualise.sources.video import VideoRecording
+    from ros_visualise.sources.telemetry import open_film
 
     try:
-        return VideoRecording(path)
+        return open_film(path)
     except NoVideo:
         raise _neither(path) from None
 
@@ -44,12 +44,18 @@ def info(path: Path, check: bool) -> dict[str, Any]:
                 read_through(recording)
             return summarize(recording)
     from ros_visualise.sources.demux import NoVideo
+    from ros_visualise.sources.telemetry import recorded_telemetry
     from ros_visualise.sources.video import describe
 
     try:
         found = describe(path)
     except NoVideo:
         raise _neither(path) from None
+    with closing(recorded_telemetry(path)) as telemetry:
+        measured = summarize(telemetry)
+        found["topics"] = dict(sorted({**found["topics"], **measured["topics"]}.items()))
+        found["messages"] += measured["messages"]
+        found["lost"]["notes"] = [*found["lost"]["notes"], *measured["lost"]["notes"]]
     if check:
         with closing(open_source(path)) as recording:
             read_through(recording)

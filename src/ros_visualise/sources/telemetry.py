@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.sources.logs.dji import fixes_beside
 from ros_visualise.sources.logs.gopro import gopro_series
+from ros_visualise.sources.recordings import Entry, Extra, Recording, TopicInfo
+from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series
-from ros_visualise.sources.video import Video
+from ros_visualise.sources.video import Video, VideoRecording
 
 log = logging.getLogger(__name__)
 
 _IMAGE = "image"
+_TOPICS = {"fix": "/fix", "imu": "/imu/data"}
 
 
 class FilmItem(NamedTuple):
@@ -54,6 +59,61 @@ class Film:
             yield first
             parts = [_measured(one, max(first[0], start_ns)) for one in self._series]
             yield from heapq.merge(images, *parts, key=lambda timed: timed[0])
+
+
+class FilmRecording:
+    """A film and its telemetry as a `ros_visualise.sources.recordings.Recording`."""
+
+    def __init__(self, video: VideoRecording, telemetry: SeriesRecording) -> None:
+        self._parts: tuple[Recording, ...] = (video, telemetry)
+        self.path, self.format, self.size = video.path, video.format, video.size
+        self.compression = video.compression
+        self.start_ns = min(video.start_ns, telemetry.start_ns)
+        self.end_ns = max(video.end_ns, telemetry.end_ns)
+        self.topics: Mapping[str, TopicInfo] = dict(
+            sorted({**video.topics, **telemetry.topics}.items())
+        )
+        self.loss = video.loss
+        self.loss.notes += telemetry.loss.notes
+
+    def read(
+        self,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        topics: Collection[str] | None = None,
+    ) -> Generator[Entry, None, None]:
+        """The images and measurements in order of their stamps."""
+        video, telemetry = (one.read(start_ns, stop_ns, topics) for one in self._parts)
+        with closing(video), closing(telemetry):
+            yield from heapq.merge(video, telemetry, key=lambda entry: entry.stamp_ns)
+
+    def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        """The times of all; the images are decoded for that."""
+        return {topic: stamps for one in self._parts for topic, stamps in one.stamps_ns().items()}
+
+    def extras(self) -> Iterator[Extra]:
+        return iter(())
+
+    def close(self) -> None:
+        for one in self._parts:
+            one.close()
+
+
+def open_film(path: Path) -> Recording:
+    """A video as a recording, with its telemetry."""
+    video = VideoRecording(path)
+    telemetry = recorded_telemetry(path)
+    return FilmRecording(video, telemetry) if telemetry.topics else video
+
+
+def recorded_telemetry(path: Path) -> SeriesRecording:
+    """The telemetry of a film as a recording: no topics in a film without any."""
+    faults: list[str] = []
+    series = [replace(one, topic=_TOPICS[one.topic]) for one in telemetry_of(path, faults)]
+    recorded = SeriesRecording(path, "telemetry", 0, series)
+    for fault in faults:
+        recorded.loss.add(fault)
+    return recorded
 
 
 def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Series]:

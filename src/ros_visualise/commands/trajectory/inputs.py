@@ -11,7 +11,7 @@ from pathlib import Path
 from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.sinks.names import parse_target
-from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.opening import open_source
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.trajectories import Trajectory, has_poses, read_trajectory
 from ros_visualise.sources.trajectory_files import is_trajectory_file, read_trajectory_file
@@ -104,6 +104,6 @@ def _opened(path: Path, inputs: Inputs) -> Iterator[Path | Recording]:
             f"{path}: no trajectory; its lines have neither TUM's 8 numbers (time x y z qx qy qz"
             " qw) nor KITTI's 12, nor EuRoC's time,x,y,z,qw,qx,qy,qz"
         )
-    with closing(open_recording(path)) as recording:
+    with closing(open_source(path)) as recording:
         yield recording
         inputs.notes += [f"{path}: {note}" for note in recording.loss.notes]

@@ -71,7 +71,7 @@ def understand(
     """The message in these bytes; None for any that our page does not send."""
     try:
         return _DECODER.decode(data) if isinstance(data, bytes) else None
-    except (msgspec.MsgspecError, RecursionError):
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
 
 
