@@ -141,3 +141,18 @@ def test_a_smoothing_that_takes_long_ends_with_ctrl_c_and_the_map_is_kept(mapped
     assert status == 130
     assert "holds the landmarks without smoothing" in said
     assert len(places) == 7
+
+
+@pytest.mark.parametrize(("sigma", "is_trusted"), [(1e-3, True), (None, False)])
+def test_a_calibration_counts_as_much_as_its_file_says(mapped, tmp_path, sigma, is_trusted):
+    text = CALIBRATION
+    if sigma is not None:
+        numbers = ", ".join(str(float(one)) for one in (sigma**2 * np.eye(9)).ravel())
+        text += f"intrinsics_covariance: {{rows: 9, cols: 9, data: [{numbers}]}}\n"
+    given = tmp_path / "given.yaml"
+    given.write_text(text)
+    status, _, said = mapped(Flight(), "--json", "--calibration", given)
+    [camera] = said["smoothing"]["calibrations"]
+    assert (status, camera["intrinsics"][:4]) == (0, [600, 600, 320, 240])
+    assert (camera["sigma"][0] <= 1e-3) is is_trusted
+    assert abs(camera["off"][0]) < 4 * camera["sigma"][0]

@@ -14,6 +14,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.landmarks.mapping.mapping_data import MappingData
+from ros_visualise.landmarks.mapping.problem import RigCamera
 from ros_visualise.landmarks.pose import squares_poses
 
 DOWN = np.diag([1.0, -1, -1])
@@ -76,3 +77,31 @@ def test_tags_of_unknown_size_are_left_out_and_counted():
     gathered.add_found(found_at(0, 0.0))
     assert not gathered.problem(lambda _: 0.0, "").sightings
     assert gathered.skipped["tags without a pose"] == 1
+
+
+def test_images_of_two_cameras_are_views_of_their_rig_by_tf():
+    """Those at one time are one view; else each has the pose of the rig at its own time."""
+    gathered = MappingData([RigCamera("left"), RigCamera("right")])
+    beside = TransformStamped("right", np.array([0.2, 0, 0]), [0, 0, 0, 1.0], Header(0, "camera"))
+    gathered.add_frames(Transforms((beside,)), static=True)
+    for number in range(6):
+        gathered.add_frames(moving(number * 10**8, 0.1 * number), static=False)
+    seen = {0: [0.0, 0.2, 0.4], 1: [0.0, 0.1, 0.4]}  # metres along the way, so in seconds
+    for camera, places in seen.items():
+        for x in places:
+            found = found_at(round(x * 10**9), x + 0.2 * camera)
+            frame_id = ("camera", "right")[camera]
+            header = Header(found.header.stamp_ns, frame_id)
+            gathered.add_found(replace(found, header=header), camera)
+    problem = gathered.problem(lambda _: SIZE, "map")
+    assert [(one.view, one.camera) for one in problem.sightings] == [
+        *((0, 0), (0, 1), (1, 1), (2, 0), (3, 0), (3, 1))
+    ]
+    np.testing.assert_allclose(
+        problem.odometry.T_fixed_camera[:, :3, 3],
+        [[x, 0, 3] for x in (0, 0.1, 0.2, 0.4)],
+        atol=1e-9,
+    )
+    right = problem.cameras[1]
+    np.testing.assert_allclose(right.T_first_camera[:3, 3], [0.2, 0, 0])
+    assert 0 < right.sigma_rad < 0.1
