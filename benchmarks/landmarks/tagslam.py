@@ -37,8 +37,9 @@ from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
 from ros_visualise.geometry.se3 import cross, from_pose, inverse
 from ros_visualise.landmarks.localization.seen import sighting_of
 from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
+from ros_visualise.landmarks.mapping.intrinsics import assumed
 from ros_visualise.landmarks.mapping.outward import outward_steps
-from ros_visualise.landmarks.mapping.problem import Problem, TagPrior, TagSighting
+from ros_visualise.landmarks.mapping.problem import Problem, RigCamera, TagPrior, TagSighting
 from ros_visualise.landmarks.mapping.smoothing import smooth
 from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, MeasurementNoise, SharedPrior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
@@ -212,7 +213,9 @@ def smoothed(
     larger_px = 0.0 if recorded.is_shrunk else SharedPrior.larger_px
     prior = SharedPrior(larger_px=larger_px, printed=0.01)
     noise = None if corners_px is None else MeasurementNoise(extra_px=(corners_px,))
-    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), noise, prior)
+    cameras = [RigCamera(calibration=assumed(recorded.info))]
+    problem = Problem(stamps_ns, names, sightings, surveyed=known, cameras=cameras)
+    found = smooth(problem, noise, prior)
     assert found is not None
     larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]
     refused = int((~found.inliers).sum())
