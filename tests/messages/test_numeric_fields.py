@@ -6,7 +6,7 @@ from through import HEADER, ROS1, ROS2, through_ros1, through_ros2
 
 from ros_visualise.data import Imu, Odometry, PointCloud, Text, Transforms
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.numeric_fields import numeric_fields
+from ros_visualise.messages.numeric_fields import number_at, numeric_fields
 
 IMU = Imu(
     [0, 0, 0.6, 0.8], [1, 2, 3], [4, 5, np.nan], angular_covariance=np.arange(9).reshape(3, 3)
@@ -19,7 +19,8 @@ def test_numbers_have_the_names_that_ros_gives_them():
     assert found["pose.pose.position.y"] == 2
     assert found["twist.twist.linear.x"] == 0.5
     assert found["header.stamp"] == pytest.approx(1_700_000_000.987654, abs=1e-6)
-    assert not [name for name in found if "covariance" in name or "frame_id" in name]
+    assert "pose.covariance[35]" in found
+    assert not [name for name in found if "frame_id" in name]
     assert all(type(value) is float for value in found.values())
 
 
@@ -90,6 +91,10 @@ def test_every_kind_of_field(types):
         "raw[1]": 1,
         "raw[2]": 2,
         "raw[3]": 255,
+        **{f"many[{n}]": 0 for n in range(10)},
+        "points[0].x": 1,
+        "points[0].y": 2,
+        "points[0].z": 3,
         "at.x": 1,
         "at.y": 2,
         "at.z": 3,
@@ -101,9 +106,9 @@ def test_arrays_may_change_their_lengths():
     of = ROS2.types
     layout = of["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     lengths = [
-        len(numeric_fields(of[kind](layout=layout, data=np.zeros(length)))) for length in (0, 9, 10)
+        len(numeric_fields(of[kind](layout=layout, data=np.zeros(length)))) for length in (0, 9, 36)
     ]
-    assert lengths == [1, 10, 1]
+    assert lengths == [1, 10, 37]
 
 
 def test_a_message_may_hold_one_number_or_none():
@@ -117,3 +122,24 @@ def test_a_cloud_gives_its_sizes():
     found = numeric_fields(through_ros2(PointCloud(points)))
     assert (found["width"], found["point_step"], found["is_dense"]) == (1000, 4, 1)
     assert not [name for name in found if name.startswith("data")]
+
+
+def test_each_number_is_found_again_by_its_path():
+    for message in map(through_ros2, (ODOMETRY, IMU)):
+        found = numeric_fields(message)
+        assert len(found) > 36
+        assert {path: number_at(path, message) for path in found} == found
+
+
+def test_a_path_that_leads_nowhere_gives_nan():
+    message = through_ros2(ODOMETRY)
+    for path in (
+        "",
+        "no",
+        "pose.covariance[36]",
+        "header.frame_id",
+        "__class__",
+        "pose[0]",
+        "pose",
+    ):
+        assert np.isnan(number_at(path, message)), path

@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -11,14 +12,12 @@ from scene_runtime import Told
 from waiting import wait_for
 
 from ros_visualise.data import Image, Odometry
-from ros_visualise.geometry.thinning import extremes
 from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.look.answers import BrowserQuery
-from ros_visualise.ui.look.curve import Curve
 
 BLOCK = """{n}
 00:00:{a:02d},000 --> 00:00:{b:02d},000
@@ -119,24 +118,81 @@ def test_what_is_live_grows():
     assert told.asked["/odom"] == 0
 
 
+def test_values_are_whole_doubles(tmp_path):
+    longitude = 149.1234567890123
+    told = Told(odom=Odometry)
+    inspector = Inspector(told)
+    tripled = quote('="/odom:pose.pose.position.x"*3')
+    query = f"{WHOLE}&field=/odom:pose.pose.position.x&field={tripled}"
+    ask(inspector, query)
+    told.say(odom=odometry([longitude, 0, 0], 1))
+    plain, derived = ask(inspector, query)["curves"]
+    inspector.close()
+    assert plain["values"] == [longitude]
+    assert derived["values"] == [longitude * 3]
+
+
+def test_late_messages_are_put_in_their_places():
+    told = Told(odom=Odometry)
+    inspector = Inspector(told)
+    query = f"{WHOLE}&field=/odom:pose.pose.position.x"
+    ask(inspector, query)
+    for second in (5, 8, 6, 9, 7):
+        told.say(odom=odometry([second, 0, 0], second))
+    (curve,) = ask(inspector, query)["curves"]
+    inspector.close()
+    assert curve["times"] == [0, 1, 2, 3, 4]
+    assert curve["values"] == [5, 6, 7, 8, 9]
+
+
 def test_after_a_jump_back_the_later_part_goes():
-    curve = Curve(None)
-    for time_s in (0, 1, 2, 3, 1.5):
-        curve.add(time_s, 10 * time_s)
-    times_s, values = curve.between(0, 9, 100)
-    assert times_s.tolist() == [0, 1, 1.5]
-    assert values.tolist() == [0, 10, 15]
+    told = Told(odom=Odometry)
+    inspector = Inspector(told)
+    query = f"{WHOLE}&field=/odom:pose.pose.position.x"
+    ask(inspector, query)
+    for second in (5, 6, 7, 8):
+        told.say(odom=odometry([second, 0, 0], second))
+    told.epoch = 1
+    told.say(odom=odometry([60, 0, 0], 6.5))
+    (curve,) = ask(inspector, query)["curves"]
+    inspector.close()
+    assert curve["times"] == [0, 1, 1, 1.5]
+    assert curve["values"] == [5, 6, None, 60]
 
 
-def test_thinned_curves_keep_each_peak():
-    times_s = np.arange(100_000.0)
-    values = np.sin(times_s / 500)
-    values[[777, 54_321]] = [9, -7]
-    values[1234] = np.nan
-    chosen = extremes(values, 400)
-    kept_s, kept = times_s[chosen], values[chosen]
-    assert len(kept) <= 400
-    assert (kept.max(), kept.min()) == (9, -7)
-    assert kept_s[kept.argmax()] == 777
-    assert np.isfinite(kept).all()
-    assert (np.diff(kept_s) > 0).all()
+def test_curves_outlive_the_page_that_asked_for_them(clock, monkeypatch):
+    told = Told(odom=Odometry)
+    inspector = Inspector(told)
+    monkeypatch.setattr(inspector._curves._live, "_clock", clock)
+    query = f"{WHOLE}&field=/odom:pose.pose.position.x"
+    ask(inspector, query)
+    for second in range(5):
+        told.say(odom=odometry([second, 0, 0], second))
+        clock.now_s += 100
+        inspector.refresh()
+    clock.now_s += 500
+    inspector.refresh()
+    assert told.asked["/odom"] == 0, "nobody has asked for ten minutes"
+    told.say(odom=odometry([5, 0, 0], 5))
+    ask(inspector, query)
+    told.say(odom=odometry([9, 0, 0], 9))
+    (curve,) = ask(inspector, query)["curves"]
+    inspector.close()
+    assert curve["values"] == [0, 1, 2, 3, 4, None, 5, 9]  # 5: the last one when it came back
+
+
+def test_derived_curves_of_a_recording(inspector):
+    whole_curve(inspector, "/gps/fix:longitude")
+    for text, expected in {
+        'derivative("/gps/fix:longitude")': [None, *[0.001] * 39],
+        '("/gps/fix:longitude" - 149) * 1000': list(range(40)),
+        'mean("/gps/fix:latitude", 5)': [-20.2533] * 40,
+    }.items():
+        curve = whole_curve(inspector, quote(f"={text}"))
+        assert not curve["error"]
+        assert curve["values"][0] == pytest.approx(expected[0])
+        assert curve["values"][1:] == pytest.approx(expected[1:])
+    for text in ('__import__("os")', '"/no:x"', "1 + 1", '"/gps/fix:longitude" +'):
+        (curve,) = ask(inspector, f"{WHOLE}&field={quote('=' + text)}")["curves"]
+        assert curve["error"]
+        assert not curve["values"]

@@ -9,7 +9,8 @@ import pytest
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
-from ros_visualise.ui.look.curve import Curve, RecordedCurves
+from ros_visualise.ui.live.curves import SampleStore
+from ros_visualise.ui.look.curve import RecordedCurves
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.periodic import PeriodicThread
 
@@ -74,9 +75,9 @@ def test_a_recording_that_is_read_wrongly_is_no_curve_and_holds_up_nobody(at_ope
         return Odd()
 
     decoding = RecordedCurves(open_it, None)
-    curve = Curve(0.0)
+    curve = SampleStore(["x"], 0.0)
     assert decoding.first("/odd", PATIENCE_S) is None
-    decoding.fill("/odd", {"x": curve})
+    decoding.fill("/odd", curve)
     assert decoding.first("/odd", PATIENCE_S) is None
     decoding.close()
     assert curve.share == 1.0

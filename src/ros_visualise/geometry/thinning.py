@@ -49,22 +49,6 @@ def simplify(points: Floats, errors_m: Floats, count: int) -> tuple[Indices, Flo
     return kept, np.array([piece.error_m for piece in pieces])
 
 
-def extremes(values: Floats, count: int) -> Indices:
-    """Choose at most so many of the values (N,): the lowest and the highest of each stretch.
-
-    No peak is lost. NaN is chosen only where a stretch holds nothing else.
-    """
-    if len(values) <= count:
-        return np.arange(len(values))
-    edges = np.linspace(0, len(values), max(count // 2, 1) + 1).astype(np.intp)[1:-1]
-    is_finite = np.isfinite(values)
-    lows = np.split(np.where(is_finite, values, np.inf), edges)
-    highs = np.split(np.where(is_finite, values, -np.inf), edges)
-    starts = np.concatenate([[0], edges])
-    chosen = [[low.argmin(), high.argmax()] for low, high in zip(lows, highs, strict=True)]
-    return np.unique(starts[:, None] + chosen)
-
-
 def evenly(total: int, count: int) -> Indices:
     """Choose at most so many of a number of things, evenly, the first and the last among them."""
     return np.linspace(0, total - 1, min(total, count)).astype(np.intp)

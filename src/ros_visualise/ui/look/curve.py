@@ -1,13 +1,11 @@
-"""Numeric fields over time: read from a recording, or growing as messages arrive."""
+"""Fills stores of curves: from a recording, or as messages arrive."""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
-from array import array
-from bisect import bisect_left
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from concurrent.futures import Future
 from contextlib import closing
 from queue import SimpleQueue
@@ -17,66 +15,26 @@ import numpy as np
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.data import Floats
-from ros_visualise.geometry.thinning import extremes
+from ros_visualise.messages.numeric_fields import number_at
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.look.trees import fields_of
+from ros_visualise.ui.live.curves import SampleStore, StoreFull
+from ros_visualise.ui.live.played import PlaybackLine, playback_line
+from ros_visualise.ui.look.trees import as_ros
 
 log = logging.getLogger(__name__)
 
-_MAX_POINTS = 5_000_000
-_NS = 1e-9
+_NS = 1e9
 _NAME = "curves"
 _BATCH = 50  # messages read between two pauses for other threads
 _PAUSE_S = 0.001
 _UNREADABLE = (RosVisualiseError, ValueError, OSError)
-_QUEUED = 2000  # messages of a topic between two requests
-_IDLE_S = 20.0
-
-Name = tuple[str, str]
-"""A topic and the path of a field."""
-
-
-class Curve:
-    """Values in order of time; thread-safe.
-
-    Attributes:
-        share: share that is loaded, 0 to 1; None: it grows as messages arrive.
-        error: why it ends early; empty if it does not.
-    """
-
-    def __init__(self, share: float | None) -> None:
-        self.share = share
-        self.error = ""
-        self._times_s, self._values = array("d"), array("d")
-        self._lock = threading.Lock()
-
-    def add(self, time_s: float, value: float) -> None:
-        """Append a value; where time jumps back, later values are removed."""
-        with self._lock:
-            if self._times_s and time_s < self._times_s[-1]:
-                kept = bisect_left(self._times_s, time_s)
-                del self._times_s[kept:], self._values[kept:]
-            if len(self._times_s) < _MAX_POINTS:
-                self._times_s.append(time_s)
-                self._values.append(value)
-
-    def between(self, start_s: float, end_s: float, points: int) -> tuple[Floats, Floats]:
-        """Times and values from one time to another, with one more on either side.
-
-        Args:
-            start_s, end_s: seconds.
-            points: maximum number; of each stretch the lowest and the highest value are kept.
-        """
-        with self._lock:
-            times_s, values = np.array(self._times_s), np.array(self._values)
-        first = max(int(np.searchsorted(times_s, start_s)) - 1, 0)
-        last = int(np.searchsorted(times_s, end_s, "right")) + 1
-        chosen = first + extremes(values[first:last], points)
-        return times_s[chosen], values[chosen]
+_QUEUED = 2000  # messages of a topic between two calls of `take`
+_IDLE_S = 600.0
+_OTHER_CLOCK_NS = 60 * 1_000_000_000
+"""Stamps this far outside of a recording are of another clock."""
 
 
 class RecordedCurves:
@@ -96,9 +54,9 @@ class RecordedCurves:
         self._starting = threading.Lock()
         self._thread: threading.Thread | None = None
 
-    def fill(self, topic: str, curves: Mapping[str, Curve]) -> None:
-        """Fill these curves, by the paths of their fields, after those requested before."""
-        self._enqueue(lambda: self._try_fill(topic, curves))
+    def fill(self, topic: str, store: SampleStore) -> None:
+        """Fill a store, after those requested before."""
+        self._enqueue(lambda: self._try_fill(topic, store))
 
     def first(self, topic: str, wait_s: float) -> Any:
         """The first message of a topic; None without any in time."""
@@ -139,103 +97,175 @@ class RecordedCurves:
             supervision.note(_NAME, error)
             return None
 
-    def _try_fill(self, topic: str, curves: Mapping[str, Curve]) -> None:
+    def _try_fill(self, topic: str, store: SampleStore) -> None:
         try:
-            self._fill(self._opened(), topic, curves)
+            self._fill(self._opened(), topic, store)
+        except StoreFull:
+            store.error = f"only the first {len(store)} messages fit into memory"
         except supervision.ERRORS as error:
             if isinstance(error, _UNREADABLE):
                 log.warning("cannot plot %s: %s", topic, error)
             else:
                 supervision.note(_NAME, error)
-            for curve in curves.values():
-                curve.error = str(error) or type(error).__name__
-        for curve in curves.values():
-            curve.share = 1.0
+            store.error = str(error) or type(error).__name__
+        store.share = 1.0
 
-    def _fill(self, recording: Recording, topic: str, curves: Mapping[str, Curve]) -> None:
-        place_ns: Callable[[int], int] = lambda stamp_ns: max(stamp_ns, 0)  # noqa: E731
-        if self._played is not None:
-            place_ns = played_time(recording, self._played).place_ns
+    def _fill(self, recording: Recording, topic: str, store: SampleStore) -> None:
+        place_ns = self._places(recording)
         total = max(recording.topics[topic].messages, 1)
+        samples = _NewSamples(store)
         with closing(recording.read(topics=[topic])) as entries:
             for number, entry in enumerate(entries):
                 if self._closed:
                     return
-                _add(curves, place_ns(entry.stamp_ns) * _NS, entry.message)
+                samples.add(place_ns(entry.stamp_ns, entry.message) / _NS, entry.message)
                 if number % _BATCH == 0:
+                    samples.flush()
                     time.sleep(_PAUSE_S)
-                    for curve in curves.values():
-                        curve.share = min(number / total, 0.99)
+                    store.share = min(number / total, 0.99)
+        samples.flush()
+
+    def _places(self, recording: Recording) -> Callable[[int, Any], int]:
+        """The place of a message on the line of playback, by its stamp if that is of this clock."""
+        if self._played is None:
+            return lambda stamp_ns, _: max(stamp_ns, 0)
+        line = played_time(recording, self._played)
+        start_ns, end_ns = recording.start_ns - _OTHER_CLOCK_NS, recording.end_ns + _OTHER_CLOCK_NS
+
+        def place_ns(stamp_ns: int, message: Any) -> int:
+            own_ns = message.header.stamp_ns
+            return line.place_ns(own_ns if start_ns <= own_ns <= end_ns else stamp_ns)
+
+        return place_ns
+
+
+class _NewSamples:
+    """Collects samples for a store."""
+
+    def __init__(self, store: SampleStore) -> None:
+        self._store = store
+        self._times_s: list[float] = []
+        self._rows: list[list[float]] = []
+
+    def add(self, time_s: float, message: Any) -> None:
+        found = as_ros(message)
+        self._times_s.append(time_s)
+        self._rows.append([number_at(path, found) for path in self._store.paths])
+
+    def flush(self) -> None:
+        if self._rows:
+            self._store.add(np.array(self._times_s), np.array(self._rows, np.float64))
+            self._times_s, self._rows = [], []
+
+
+class _LiveTopic:
+    """A topic that is followed, and the stores that grow by it."""
+
+    def __init__(self, feed: Feed) -> None:
+        self.feed, self.epoch = feed, 0
+        self.stores: list[SampleStore] = []
 
 
 class LiveCurves:
-    """Appends the messages of topics to curves, whenever `take` is called.
+    """Appends the messages of topics to stores, whenever `take` is called.
 
-    The time of a message is the playback position, minus the difference of its stamp to the newest
-    one; without playback, it counts from the first stamp.
+    The time of a message is that of its stamp: on the line of playback; without one, or if the
+    source is live, it counts from the first stamp. Where time jumps back, later values are removed.
 
     Attributes:
         now_s: time of the newest message.
+        line: the playback, if the source has one; None if it is live.
     """
 
     def __init__(self, runtime: Runtime, clock: Callable[[], float] = time.monotonic) -> None:
         self._runtime, self._clock = runtime, clock
-        self._curves: dict[str, dict[str, Curve]] = {}
-        self._feeds: dict[str, Feed] = {}
+        self._topics: dict[str, _LiveTopic] = {}
         self._used_s = 0.0
         self._first_ns: int | None = None
         self._lock = threading.Lock()
+        self._line: PlaybackLine | None = None
+        self._has_line = False
         self.now_s = 0.0
 
-    def add(self, topic: str, curves: Mapping[str, Curve]) -> None:
-        """Let these curves, by the paths of their fields, grow from now on."""
+    @property
+    def is_played(self) -> bool:
+        """True if times are those of a playback."""
+        return not self._runtime.graph.live and self._runtime.playback is not None
+
+    def add(self, topic: str, store: SampleStore) -> None:
+        """Let a store grow from now on."""
         with self._lock:
-            self._curves.setdefault(topic, {}).update(curves)
-            if topic not in self._feeds:
-                self._feeds[topic] = Feed(self._runtime, _QUEUED)
-                self._feeds[topic].follow(topic)
+            if topic not in self._topics:
+                self._topics[topic] = _LiveTopic(Feed(self._runtime, _QUEUED))
+            self._topics[topic].stores.append(store)
+            self._topics[topic].feed.follow(topic)
 
     def keep(self) -> None:
-        """Note that some of them are in use."""
-        self._used_s = self._clock()
+        """Note that some of them are in use; those that rested go on after a gap."""
+        with self._lock:
+            self._used_s = self._clock()
+            for topic, live in self._topics.items():
+                if live.feed.follow(topic):
+                    for store in live.stores:
+                        store.break_line()
 
     def take(self) -> None:
         """Append what has arrived since."""
         with self._lock:
-            for topic, feed in self._feeds.items():
-                if messages := list(iter(feed.take, None)):
-                    self._append(self._curves[topic], messages)
+            for live in self._topics.values():
+                self._append(live)
 
-    def rest(self, all_of_them: bool) -> list[Name]:
-        """Unsubscribe if no curve was requested lately; the names of the curves that end."""
+    def rest(self, all_of_them: bool) -> None:
+        """Unsubscribe if no curve was requested for ten minutes; their samples are kept."""
         with self._lock:
-            if not self._curves or (not all_of_them and self._clock() - self._used_s < _IDLE_S):
-                return []
-            for feed in self._feeds.values():
-                feed.follow(None)
-            ended = [(topic, path) for topic, curves in self._curves.items() for path in curves]
-            self._curves, self._feeds = {}, {}
-            return ended
+            if all_of_them or self._clock() - self._used_s >= _IDLE_S:
+                for live in self._topics.values():
+                    live.feed.follow(None)
 
-    def _append(self, curves: Mapping[str, Curve], messages: list[Any]) -> None:
-        stamps_ns = [message.header.stamp_ns for message in messages]
-        newest_ns = max(stamps_ns)
-        if self._first_ns is None:
-            self._first_ns = min(stamps_ns)
-        now_s = self._now_s(newest_ns - self._first_ns)
-        for message, stamp_ns in zip(messages, stamps_ns, strict=True):
-            _add(curves, max(now_s - (newest_ns - stamp_ns) * _NS, 0.0), message)
+    def forget(self, topic: str, store: SampleStore) -> None:
+        """Let a store grow no more."""
+        with self._lock:
+            live = self._topics.get(topic)
+            if live is not None and store in live.stores:
+                live.stores.remove(store)
+                if not live.stores:
+                    self._topics.pop(topic).feed.follow(None)
 
-    def _now_s(self, passed_ns: int) -> float:
-        playback = self._runtime.playback
-        if playback is not None:
-            return playback.state.position_s
-        self.now_s = max(passed_ns, 0) * _NS
-        return self.now_s
+    def _append(self, live: _LiveTopic) -> None:
+        samples = [_NewSamples(store) for store in live.stores]
+        while (message := live.feed.take()) is not None:
+            time_s = self._time_s(message.header.stamp_ns)
+            if live.feed.epoch != live.epoch:
+                live.epoch = live.feed.epoch
+                for one, store in zip(samples, live.stores, strict=True):
+                    one.flush()
+                    store.cut(time_s)
+                    store.break_line()
+                self.now_s = time_s
+            self.now_s = max(self.now_s, time_s)
+            for one in samples:
+                one.add(time_s, message)
+        for one in samples:
+            one.flush()
 
+    def _time_s(self, stamp_ns: int) -> float:
+        line = self._playback_line()
+        if line is None:
+            if self._first_ns is None or stamp_ns < self._first_ns - _OTHER_CLOCK_NS:
+                self._first_ns = stamp_ns
+            return (stamp_ns - self._first_ns) / _NS
+        range_ns = line.range_ns
+        if range_ns is not None:
+            start_ns, end_ns = range_ns
+            if not start_ns - _OTHER_CLOCK_NS <= stamp_ns <= end_ns + _OTHER_CLOCK_NS:
+                return line.playback.time_ns() / _NS
+        return max(line.place_ns(stamp_ns), 0) / _NS
 
-def _add(curves: Mapping[str, Curve], time_s: float, message: Any) -> None:
-    fields = fields_of(message)
-    for path, curve in curves.items():
-        if path in fields:
-            curve.add(time_s, fields[path])
+    def _playback_line(self) -> PlaybackLine | None:
+        if not self._has_line:
+            self._has_line = True
+            try:
+                self._line = playback_line(self._runtime.graph, self._runtime.playback)
+            except _UNREADABLE as error:
+                log.warning("curves by the times of arrival: %s", error)
+        return self._line

@@ -1,30 +1,40 @@
-"""Numeric fields of topics over the time of playback.
+"""Numeric fields of topics over the time of playback, and curves computed from them.
 
-The curves of a recorded topic are whole from the start; those of other topics grow while a plot is
-open.
+The curves of a recorded topic are whole from the start; those of other topics grow from the first
+request on, and go on for ten minutes after the last. The samples of all take at most 1 GiB: beyond,
+the curves that were not requested for the longest time are forgotten.
 """
 
 from __future__ import annotations
 
-import math
 import threading
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ros_visualise.data import Floats
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.ui.live.curves import SampleStore
+from ros_visualise.ui.live.derived import BadExpression, Expression, Sampled
 from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal, as_json
-from ros_visualise.ui.look.curve import Curve, LiveCurves, Name, RecordedCurves
+from ros_visualise.ui.look.curve import LiveCurves, RecordedCurves
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.look.trees import fields_of
 
+Name = tuple[str, str]
+"""A topic and the path of a field."""
+_EXPRESSION = "="
+"""First character of a curve that is computed from others."""
+_VALUE = "value"
 _MAX_CURVES = 24  # of one request
-_KEPT = 100
-_MAX_POINTS = 1500  # of a curve
+_MAX_BYTES = 1 << 30
+_MAX_DERIVED = 50
+_COLUMNS = 750  # of pixels
 _WAIT_S = 0.5
 
 
@@ -39,8 +49,9 @@ class Curves:
         self._runtime = runtime
         self._newest = Taps(runtime, 1)
         self._live = LiveCurves(runtime)
-        self._curves: dict[Name, Curve] = {}
-        self._lock = threading.Lock()
+        self._stores: dict[Name, SampleStore] = {}  # the last requested last
+        self._derived: dict[str, tuple[object, SampleStore]] = {}
+        self._lock, self._deriving = threading.Lock(), threading.Lock()
         source = runtime.graph.source
         self._recorded: dict[str, str] = {}
         self._reader: RecordedCurves | None = None
@@ -79,23 +90,28 @@ class Curves:
     def curves(self, query: BrowserQuery) -> Answer:
         """Curves of fields such as ``/odom:pose.pose.position.x``, from one second to another.
 
-        One that cannot be plotted is empty, with the reason.
+        A name that begins with ``=`` is an expression; see `ros_visualise.ui.live.derived`. A curve
+        that cannot be plotted is empty, with the reason.
 
         Raises:
             Refusal: malformed request.
         """
-        names = [_parse(text) for text in query.texts("field")[:_MAX_CURVES]]
+        texts = query.texts("field")[:_MAX_CURVES]
         start_s, end_s = query.seconds("from"), query.seconds("to")
+        wanted = [_Wanted(text) for text in texts]
+        names = dict.fromkeys(name for one in wanted for name in one.names)
         self._begin_new([name for name in names if not self._refusal(name[0])])
         self._live.take()
-        found = [self._describe(name, start_s, end_s) for name in names]
+        found = [self._describe(one, start_s, end_s) for one in wanted]
         return as_json({"curves": found, **self._position()})
 
     def rest(self, all_of_them: bool = False) -> None:
-        """Unsubscribe from topics that were not requested lately."""
+        """Append what has arrived; unsubscribe from topics that were not requested lately."""
         self._newest.rest(all_of_them)
-        for name in self._live.rest(all_of_them):
-            self._curves.pop(name, None)
+        self._live.take()
+        self._live.rest(all_of_them)
+        with self._lock:
+            self._forget_oldest(set())
 
     def close(self) -> None:
         """Unsubscribe from all, and close the recording."""
@@ -112,49 +128,125 @@ class Curves:
     def _begin_new(self, names: list[Name]) -> None:
         """Begin with curves that are new, all of one topic together."""
         with self._lock:
-            new = sorted({name for name in names if name not in self._curves})
+            new = sorted({name for name in names if name not in self._stores})
             for topic, group in groupby(new, key=lambda name: name[0]):
-                self._begin(topic, {path: Curve(None) for _, path in group})
-            for name in list(self._curves)[:-_KEPT]:
-                del self._curves[name]
+                self._begin(topic, [path for _, path in group])
+            for name in names:
+                self._stores[name] = self._stores.pop(name)
+            self._forget_oldest(set(names))
         if any(self._is_live(topic) for topic, _ in names):
             self._live.keep()
 
-    def _begin(self, topic: str, curves: dict[str, Curve]) -> None:
-        self._curves.update({(topic, path): curve for path, curve in curves.items()})
-        if self._is_live(topic):
-            self._live.add(topic, curves)
+    def _begin(self, topic: str, paths: list[str]) -> None:
+        is_live = self._is_live(topic)
+        store = SampleStore(paths, None if is_live else 0.0)
+        self._stores.update({(topic, path): store for path in paths})
+        if is_live:
+            self._live.add(topic, store)
             return
         assert self._reader is not None
-        for curve in curves.values():
-            curve.share = 0.0
-        self._reader.fill(self._recorded[topic], curves)
+        self._reader.fill(self._recorded[topic], store)
+
+    def _forget_oldest(self, used: set[Name]) -> None:
+        """Forget stores without a requested curve, until all fit into memory."""
+        kept = {id(self._stores[name]) for name in used}
+        for name, store in list(self._stores.items()):
+            derived = [one for _, one in self._derived.values()]
+            sizes = {id(one): one.nbytes for one in (*self._stores.values(), *derived)}
+            if sum(sizes.values()) <= _MAX_BYTES:
+                return
+            if id(store) not in kept and name in self._stores:
+                self._live.forget(name[0], store)
+                self._stores = {n: one for n, one in self._stores.items() if one is not store}
+                self._derived.clear()
 
     def _is_live(self, topic: str) -> bool:
         return topic not in self._recorded
 
-    def _describe(self, name: Name, start_s: float, end_s: float) -> dict[str, Any]:
-        curve = self._curves.get(name, Curve(1.0))
-        times_s, values = curve.between(start_s, end_s, _MAX_POINTS)
+    def _describe(self, wanted: _Wanted, start_s: float, end_s: float) -> dict[str, Any]:
+        stores = [self._stores[name] for name in wanted.names if name in self._stores]
+        shares = [store.share for store in stores if store.share is not None]  # before the samples
+        error = wanted.error or next(
+            (reason for topic, _ in wanted.names if (reason := self._refusal(topic))), ""
+        )
+        times_s, values = np.empty(0), np.empty(0)
+        try:
+            if not error and len(stores) == len(wanted.names):
+                store, path = self._read(wanted, stores)
+                times_s, values = store.between(path, start_s, end_s, _COLUMNS)
+        except BadExpression as bad:
+            error = str(bad)
         return {
-            "name": ":".join(name),
-            "times": _rounded(times_s),
-            "values": _rounded(values),
-            "share": curve.share,
-            "error": curve.error or self._refusal(name[0]),
+            "name": wanted.text,
+            "times": _numbers(times_s),
+            "values": _numbers(values),
+            "share": min(shares, default=1.0 if error else None),
+            "error": error or next((store.error for store in stores if store.error), ""),
         }
+
+    def _read(self, wanted: _Wanted, stores: list[SampleStore]) -> tuple[SampleStore, str]:
+        """The store of a curve, and its path there; expressions are computed anew after changes."""
+        if wanted.expression is None:
+            return stores[0], wanted.names[0][1]
+        with self._deriving:
+            return self._compute(wanted.text, wanted.expression, wanted.names, stores), _VALUE
+
+    def _compute(
+        self, text: str, expression: Expression, names: list[Name], stores: list[SampleStore]
+    ) -> SampleStore:
+        state = [(id(store), store.version) for store in stores]
+        before, store = self._derived.get(text, (None, None))
+        if store is None or before != state:
+            sources = {
+                ":".join(name): partial(_sampled, one, name[1])
+                for name, one in zip(names, stores, strict=True)
+            }
+            found = expression.compute(lambda name: sources[name]())
+            store = SampleStore([_VALUE])
+            store.add(found.times_s, found.values[:, None])
+            self._derived.pop(text, None)
+            self._derived[text] = state, store
+            for name in list(self._derived)[:-_MAX_DERIVED]:
+                del self._derived[name]
+        return store
 
     def _position(self) -> dict[str, Any]:
         """Position and length of playback."""
         playback = self._runtime.playback
-        if playback is None:
-            return {"position": self._live.now_s, "length": None, "playing": True}
+        if playback is None or not self._live.is_played:
+            playing = playback is None or playback.state.playing
+            return {"position": self._live.now_s, "length": None, "playing": playing}
         state = playback.state
         return {
             "position": state.position_s,
             "length": state.duration_s,
             "playing": state.playing,
         }
+
+
+class _Wanted:
+    """A requested curve: a field, or an expression over several.
+
+    Raises:
+        Refusal: it is neither.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text, self.error = text, ""
+        self.expression: Expression | None = None
+        self.names: list[Name] = []
+        if not text.startswith(_EXPRESSION):
+            self.names = [_parse(text)]
+            return
+        try:
+            self.expression = Expression(text.removeprefix(_EXPRESSION))
+            self.names = [_parse(name) for name in self.expression.names]
+        except (BadExpression, Refusal) as bad:
+            self.error, self.names = str(bad), []
+
+
+def _sampled(store: SampleStore, path: str) -> Sampled:
+    return Sampled(*store.whole(path))
 
 
 def _parse(text: str) -> Name:
@@ -168,6 +260,9 @@ def _inverse(outputs: Any) -> dict[str, str]:
     return {topic: port for port, topic in outputs.items()}
 
 
-def _rounded(numbers: Floats) -> list[float | None]:
+def _numbers(numbers: Floats) -> list[float | None]:
     """Numbers for JSON, which lacks NaN and infinities: those are null."""
-    return [float(f"{n:.9g}") if math.isfinite(n) else None for n in numbers.tolist()]
+    plain: list[float | None] = numbers.tolist()
+    for index in np.flatnonzero(~np.isfinite(numbers)).tolist():
+        plain[index] = None
+    return plain

@@ -21,15 +21,16 @@ _TYPES = Definitions("cdr").types
 
 def tree_of(message: Any) -> Any:
     """The fields of a message by their ROS names; of long arrays the first ones and the length."""
-    return _Writer().write(_ros(message))
+    return _Writer().write(as_ros(message))
 
 
 def fields_of(message: Any) -> dict[str, float]:
     """The numbers of a message by their paths in its ROS type."""
-    return numeric_fields(_ros(message))
+    return numeric_fields(as_ros(message))
 
 
-def _ros(message: Any) -> Any:
+def as_ros(message: Any) -> Any:
+    """The ROS message of a recorded one, or of one of ours."""
     is_ros = isinstance(message, Recorded)
     return message.message if is_ros else to_message(message, _TYPES)
 

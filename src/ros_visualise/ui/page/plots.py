@@ -82,6 +82,7 @@ def add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiU
 
 _NONE = "–"
 _LINES = 4
+_OFFERED = 200  # fields; the tab *Plots* has all
 _KEPT = 20_000
 _DRAWN = 1500  # samples of a line that are sent at most
 _WAITING = 1000
@@ -187,7 +188,7 @@ class FieldPlot:
         """Offer these fields, and choose the first one outside of the header."""
         self._known = paths
         for field in self._fields:
-            field.options = (_NONE, *paths)
+            field.options = (_NONE, *paths[:_OFFERED])
         first = next((path for path in paths if not path.startswith("header.")), None)
         if first is not None:
             set_value(self._fields[0], first)

@@ -16,8 +16,8 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.encoding import TopicDeclaration
 from ros_visualise.ui.live.foxglove.feed import ChannelFeed, Encoded, LockedEncoder
 from ros_visualise.ui.live.foxglove.messages import SUBPROTOCOLS
-from ros_visualise.ui.live.foxglove.playback import PlaybackLine, playback_line
 from ros_visualise.ui.live.foxglove.viewer import FoxgloveViewer
+from ros_visualise.ui.live.played import PlaybackLine, playback_line
 from ros_visualise.ui.look.answers import Refusal
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.pool import Pool

@@ -26,7 +26,7 @@ from ros_visualise.ui.live.foxglove.messages import (
     status,
 )
 from ros_visualise.ui.live.foxglove.parameters import Nodes, changes_of, values_of
-from ros_visualise.ui.live.foxglove.playback import SeenState
+from ros_visualise.ui.live.foxglove.playback import SeenState, control, describe, seen_state
 from ros_visualise.ui.live.foxglove.queue import ViewerQueue
 from ros_visualise.ui.look.answers import READ_ONLY
 from ros_visualise.ui.server.gate import Receive, Send
@@ -211,10 +211,10 @@ class FoxgloveViewer:
         if line is None:
             raise BadRequest("this source cannot be paused or sought")
         try:
-            line.control(request)
+            control(line, request)
         except BadRequest as error:
             self._queue.reply(status(2, str(error)))
-        self._queue.reply(line.describe(request.seek_ns is not None, request.id))
+        self._queue.reply(describe(line, request.seek_ns is not None, request.id))
 
     # What it is sent without a request
 
@@ -287,10 +287,10 @@ class FoxgloveViewer:
         line = None if self._shown is None else self._shown.line
         if line is None:
             return
-        before, self._state = self._state, line.seen
+        before, self._state = self._state, seen_state(line)
         if self._state != before and "playbackControl" in self._info:
             did_seek = before is not None and before.epoch != self._state.epoch
-            self._queue.reply(line.describe(did_seek))
+            self._queue.reply(describe(line, did_seek))
         before_ns, self._now_ns = self._now_ns, line.now_ns
         if self._now_ns != before_ns:
             self._queue.reply(messages.time_message(self._now_ns))

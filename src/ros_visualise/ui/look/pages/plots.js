@@ -226,18 +226,23 @@ async function start() {
   addPages();
   const { topics, plotted, plays } = await (await ask("topics")).json();
   Object.assign(state, { plays, offers: plotted.length > 0 });
-  $("topic").hidden = $("search").hidden = !state.offers;
+  $("topic").hidden = $("search").hidden = $("expression").hidden = !state.offers;
   $("play").hidden = !plays;
   for (const topic of plotted) $("topic").add(new Option(`${topic} (${topics[topic]})`, topic));
-  const first = state.chosen[0]?.split(":").slice(0, -1).join(":");
+  const first = state.chosen.find((name) => !name.startsWith("="))?.split(":").slice(0, -1).join(":");
   if (plotted.includes(first)) $("topic").value = first;
   $("topic").onchange = () => offer().catch(report);
   $("search").oninput = filter;
+  $("expression").onchange = () => {
+    const text = $("expression").value.trim();
+    if (text && !state.chosen.includes(`=${text}`)) choose(`=${text}`, true);
+    $("expression").value = "";
+  };
   $("apart").onchange = draw;
   $("fit").onclick = () => { state.fitted = true; update().catch(report); };
   $("play").onclick = () => play({ toggle: 1 });
   window.onkeydown = (event) => {
-    if (event.target.tagName === "INPUT" && event.target.type === "search") return;
+    if (["search", "text"].includes(event.target.type)) return;
     if (event.key === " ") { event.preventDefault(); play({ toggle: 1 }); }
     if (event.key === "f") $("fit").click();
   };
