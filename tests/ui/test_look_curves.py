@@ -16,8 +16,10 @@ from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.live.curves import SampleStore
 from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.look.answers import BrowserQuery
+from ros_visualise.ui.look.curve import LiveCurves
 
 BLOCK = """{n}
 00:00:{a:02d},000 --> 00:00:{b:02d},000
@@ -196,3 +198,23 @@ def test_derived_curves_of_a_recording(inspector):
         (curve,) = ask(inspector, f"{WHOLE}&field={quote('=' + text)}")["curves"]
         assert curve["error"]
         assert not curve["values"]
+
+
+@pytest.mark.parametrize("is_film", [False, True])
+def test_live_curves_lie_at_the_stamps_of_their_messages(tmp_path, is_film):
+    film = write_video(tmp_path / "flight.mkv", numbered(9))
+    log = flight(film.with_suffix(".SRT"), 9)
+    graph = film_pipeline(film) if is_film else recording_pipeline(open_recording(log))
+    topic = "/fix" if is_film else "/gps/fix"
+    runtime = LocalRuntime(graph, Playback(rate=20, hold=True))
+    live, store = LiveCurves(runtime), SampleStore(["longitude"])
+    live.add(topic, store)
+    runtime.start()
+    wait_for(lambda: runtime.playback.state.ended)
+    live.take()
+    live.rest(all_of_them=True)
+    runtime.stop()
+    times_s, values = store.whole("longitude")
+    assert np.allclose(times_s, np.round(times_s), atol=2e-9), "as they were recorded, one a second"
+    assert np.allclose(values, 149 + times_s / 1000)
+    assert len(values) == 9

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine, Mapping
 from functools import partial
+from operator import is_
 from typing import TYPE_CHECKING, Any
 
 from ros_visualise.core.errors import ParameterError
@@ -60,6 +61,7 @@ class FoxgloveViewer:
         self._channels: dict[str, int] = {}  # topic -> channel, of those
         self._followed: set[str] = set()  # parameters
         self._values: dict[str, Mapping[str, Any]] = {}
+        self._seen: list[Any] = []  # parameters of the nodes when their changes were last sent
         self._state: SeenState | None = None
         self._now_ns = -1
         self._lost = 0
@@ -120,6 +122,7 @@ class FoxgloveViewer:
         elif isinstance(request, FollowParameters):
             known = values_of(self._nodes)
             self._followed |= known.keys() & (set(request.parameter_names) or known.keys())
+            self._seen = []
         elif isinstance(request, LeaveParameters):
             self._followed -= set(request.parameter_names) or self._followed
         elif isinstance(request, CallService):
@@ -274,7 +277,10 @@ class FoxgloveViewer:
 
     def _send_changes(self) -> None:
         """Send the followed parameters that have changed."""
-        if not self._followed:
+        present = [parameters.current for parameters in self._nodes.values()]
+        is_same = len(present) == len(self._seen) and all(map(is_, present, self._seen))
+        self._seen = present
+        if is_same or not self._followed:
             return
         values = values_of(self._nodes, self._followed)
         changed = [value for name, value in values.items() if self._values.get(name) != value]
