@@ -266,8 +266,8 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "flat": "holds no World; give one, or a module with WORLD",
         "field": "field is a name of ros_visualise itself",
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
-        " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
-        " ros_visualise.robots, ros_visualise.sensors, ros_visualise.worlds,"
+        " ros_visualise.formats, ros_visualise.drawings, ros_visualise.panels,"
+        " ros_visualise.lessons, ros_visualise.robots, ros_visualise.sensors, ros_visualise.worlds,"
         " ros_visualise.measurements, ros_visualise.commands",
     }
     assert done.returncode == 1

@@ -1,11 +1,13 @@
 """The page of a graph that changes while somebody looks: what is the same stays."""
 
+import json
 import time
 from typing import ClassVar
 
 import numpy as np
 import pytest
-from page_client import Client
+from page_client import TOKEN, Client
+from websockets.sync.client import connect
 
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image
@@ -15,6 +17,7 @@ from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live.topics import LIVE_TOPICS
 from ros_visualise.ui.page import Page
 
 
@@ -69,7 +72,7 @@ def client(changing, port):
     page.close()
 
 
-def test_an_empty_graph_says_so_until_somebody_comes(client, changing):
+def test_an_empty_graph_says_so_until_somebody_comes(client, changing, port):
     client.read_until(lambda: any("No nodes yet" in text for text in client.html))
     changing.show(make("camera", "/image_raw"))
     client.read_until(lambda: "camera" in client.values)
@@ -77,9 +80,9 @@ def test_an_empty_graph_says_so_until_somebody_comes(client, changing):
     client.read_until(
         lambda: any("rv-graph" in text and "/image_raw" in text for text in client.html)
     )
-    client.read_until(
-        lambda: any("rv-topics" in text and "/image_raw" in text for text in client.html)
-    )
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}{LIVE_TOPICS}") as live:
+        while not any("/image_raw" in row for row in json.loads(live.recv(timeout=60))["rows"]):
+            pass
 
 
 def test_what_has_gone_is_taken_away_and_what_stays_is_not_touched(client, changing):

@@ -114,6 +114,7 @@ def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
         VISER,
         "/live/images",
         "/live/clock",
+        "/live/topics",
         "/?upload=a.mp4&size=1",
     ],
 )

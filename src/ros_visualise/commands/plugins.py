@@ -29,9 +29,10 @@ def run(options: PluginsOptions) -> int:
     from ros_visualise.simulation.worlds import WORLDS
     from ros_visualise.sources.formats import FORMATS
     from ros_visualise.ui.scene.drawings import DRAWINGS
+    from ros_visualise.ui.shell.panels import PANELS
 
     registries: tuple[Registry[Any], ...]
-    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, SENSORS, WORLDS)
+    registries = (NODES, FORMATS, DRAWINGS, PANELS, LESSONS, ROBOTS, SENSORS, WORLDS)
     registries += (MEASUREMENTS, COMMANDS)
     found = [_described(registry, one) for registry in registries for one in registry.plugins()]
     known = [registry.kind for registry in registries]

@@ -25,7 +25,14 @@ _ICON = """<link rel="icon" href="data:image/svg+xml,%3Csvg xmlns='http://www.w3
 viewBox='0 0 16 16'%3E%3Ccircle cx='8' cy='8' r='7' fill='%23228be6'/%3E\
 %3Ccircle cx='8' cy='8' r='3' fill='white'/%3E%3C/svg%3E">"""
 _FOLDER = Path(__file__).parent / "pages"
-PAGES = ("image", "plots", "messages", "log", "diagnostics")
+PAGES = {
+    "image": "image",
+    "plots": "show_chart",
+    "messages": "data_object",
+    "log": "article",
+    "diagnostics": "monitor_heart",
+}
+"""Name of a page -> its icon, by its name among Material Icons."""
 _WAIT_S = 0.5
 
 

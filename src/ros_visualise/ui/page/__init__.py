@@ -93,6 +93,7 @@ class Page:
         self._content = PageContent(
             self._server.viser,
             self._server.images,
+            self._server.topics,
             runtime,
             self._files,
             self._inspector,

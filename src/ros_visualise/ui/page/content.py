@@ -12,7 +12,9 @@ from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.live.images import ImageHub
-from ros_visualise.ui.look import PAGES, Inspector, link
+from ros_visualise.ui.live.newest import Newest
+from ros_visualise.ui.live.topics import figures
+from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page.controls import PresetChoice
 from ros_visualise.ui.page.embedding import viewers
 from ros_visualise.ui.page.files import Opener, PageFiles
@@ -28,7 +30,6 @@ from ros_visualise.ui.page.scene_panel import ScenePanel
 from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
-from ros_visualise.ui.page.tables import end_lines, loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.tools import ActionPanels
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
@@ -53,6 +54,7 @@ class PageContent:
         self,
         server: viser.ViserServer,
         images: ImageHub,
+        figures: Newest,
         runtime: Runtime,
         files: PageFiles,
         inspector: Inspector,
@@ -60,7 +62,8 @@ class PageContent:
         urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
-        self._inspector, self._memory, self._hub = inspector, memory, images
+        self._inspector, self._memory = inspector, memory
+        self._hub, self._figures = images, figures
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -127,9 +130,6 @@ class PageContent:
         self._frames_folder = gui.add_folder("Frames", expand_by_default=False)
         with self._frames_folder:
             self._frames = gui.add_html("")
-        with gui.add_folder("Topics"):
-            self._table = gui.add_html("")
-            gui.add_html(_LINKS)
         self._windows_folder = gui.add_folder("Windows")
         with self._windows_folder:
             self._size = self._add_size(gui)
@@ -259,8 +259,7 @@ class PageContent:
 
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            lines = end_lines(report) + travel_lines(report) + loss_lines(report)
-            self._table.content = topic_table(self._graph, report) + lines
+            self._figures.show(figures(self._graph, report))
             self._plots.add(report)
 
     def _show_frames(self) -> None:
@@ -275,15 +274,6 @@ class PageContent:
     def _unthrottled(self) -> bool:
         playback = self._runtime.playback
         return playback is not None and playback.state.rate == 0
-
-
-_LINKS = (
-    '<div class="rv-note rv-links">More pages: '
-    + ", ".join(
-        f'<a href="{link(page)}" target="_blank">{page.capitalize()}</a>' for page in PAGES[1:]
-    )
-    + "</div>"
-)
 
 
 def _kinds_of(graph: Graph) -> dict[str, type]:

@@ -9,6 +9,8 @@ import viser
 from ros_visualise.ui.live.clock import LIVE_CLOCK, PageClock
 from ros_visualise.ui.live.foxglove.hub import FOXGLOVE, FoxgloveHub
 from ros_visualise.ui.live.images import LIVE_IMAGES, ImageHub
+from ros_visualise.ui.live.newest import Newest
+from ros_visualise.ui.live.topics import LIVE_TOPICS
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.embedding import embed
 from ros_visualise.ui.parts import PARTS, part
@@ -50,6 +52,7 @@ class PageServer:
         viser: the elements and the scene of the page.
         images: those of its panels.
         clock: that of its timeline.
+        topics: the figures of its topics.
         shell: what surrounds them.
         foxglove: what other viewers see.
 
@@ -74,6 +77,7 @@ class PageServer:
         self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
         self.clock = PageClock()
+        self.topics = Newest(page_loop())
         self.shell = Shell(title)
         self.foxglove = FoxgloveHub(page_loop())
         self._nicegui = application()
@@ -108,6 +112,8 @@ class PageServer:
             await self.images.serve(receive, send)
         elif scope["type"] == "websocket" and path == LIVE_CLOCK:
             await self.clock.serve(receive, send, visit.is_viewer)
+        elif scope["type"] == "websocket" and path == LIVE_TOPICS:
+            await self.topics.serve(receive, send)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
         elif scope["type"] == "websocket" and path == FOXGLOVE:

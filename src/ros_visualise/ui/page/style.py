@@ -41,7 +41,6 @@ STYLE = f"""<style>
 .rv-whole {{ position: absolute; z-index: 2; bottom: calc(100% + .45em); left: 0; width: 100%;
   cursor: zoom-in; }}
 .rv-whole[data-pick] {{ cursor: crosshair; }}
-.rv-links {{ opacity: 1; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
@@ -66,15 +65,6 @@ STYLE = f"""<style>
 .rv-swatch i {{ position: absolute; right: 1em; top: .55em; width: 2.6em; height: .45em;
   border-radius: .2em; }}
 .rv-place {{ opacity: 1; font-variant-numeric: tabular-nums; }}
-table.rv-topics {{ width: calc(100% - 1.9em); margin: 0 1.1em .6em .8em; border-collapse: collapse;
-  font-size: .75rem; font-variant-numeric: tabular-nums; }}
-table.rv-topics th {{ font-weight: 500; opacity: .65; }}
-table.rv-topics :is(th, td) {{ text-align: right; padding: .15em 0 .15em .6em;
-  white-space: nowrap; vertical-align: top; }}
-table.rv-topics td {{ border-top: 1px solid #8883; }}
-table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0;
-  white-space: normal; overflow-wrap: anywhere; }}
-table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
 .rv-status {{ padding: .2em .8em .4em; font-size: .85rem; overflow-wrap: anywhere; }}
 .rv-status.rv-failed {{ color: #ff8787; }}
 .rv-pad {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px;

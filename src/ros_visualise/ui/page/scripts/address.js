@@ -14,7 +14,7 @@
   const opened = location.hash || sessionStorage.getItem("rv-opened") || "";
   if (!isForeign) sessionStorage.setItem("rv-opened", opened);
   const replace = history.replaceState.bind(history);
-  replace(null, "", location.pathname);
+  replace(null, "", location.pathname + (parent === window ? "" : location.search));
   window.history.replaceState = () => {}; // viser writes its address, which holds the token
 
   function split(hash) {
@@ -38,7 +38,7 @@
   function write(address) {
     const hash = [address, view && `view=${view}`].filter(Boolean).join("&");
     if (hash !== location.hash.slice(1))
-      replace(null, "", location.pathname + (hash && `#${hash}`));
+      replace(null, "", location.pathname + location.search + (hash && `#${hash}`));
     sessionStorage.setItem("rv-shown", `${run} ${address}`);
     sessionStorage.removeItem("rv-opened");
   }

@@ -1,0 +1,55 @@
+"""The newest of something, as text, for all browsers that show it."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+
+from ros_visualise.ui.server.gate import Receive, Send
+
+
+class Newest:
+    """Sends browsers the newest text; a slow one skips those between."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._text = ""
+        self._news: set[asyncio.Event] = set()
+
+    @property
+    def is_watched(self) -> bool:
+        """True while a browser shows it."""
+        return bool(self._news)
+
+    def show(self, text: str) -> None:
+        """Send another text; from any thread."""
+        self._loop.call_soon_threadsafe(self._put, text)
+
+    async def serve(self, receive: Receive, send: Send) -> None:
+        """Serve one browser until it leaves; messages from it are ignored."""
+        await receive()  # the request to connect
+        await send({"type": "websocket.accept"})
+        news = asyncio.Event()
+        news.set()
+        self._news.add(news)
+        sending = asyncio.ensure_future(self._send_all(send, news))
+        try:
+            while (await receive())["type"] != "websocket.disconnect":
+                pass
+        finally:
+            self._news.discard(news)
+            sending.cancel()
+            with suppress(asyncio.CancelledError, OSError):
+                await sending
+
+    def _put(self, text: str) -> None:
+        self._text = text
+        for news in self._news:
+            news.set()
+
+    async def _send_all(self, send: Send, news: asyncio.Event) -> None:
+        while True:
+            await news.wait()
+            news.clear()
+            if self._text:
+                await send({"type": "websocket.send", "text": self._text})

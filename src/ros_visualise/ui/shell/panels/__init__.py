@@ -1,0 +1,41 @@
+"""Panels of the page: a file for each, beside the JavaScript that shows it in a browser.
+
+Another package brings one by an entry point of the group ``ros_visualise.panels``; see
+`ros_visualise.core.registry`.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any, ClassVar
+
+from nicegui.element import Element
+
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.registry import Registry
+
+
+class Panel(Element):
+    """One panel in one browser; it is made when a person opens it.
+
+    What it shows and does goes over WebSockets that know who may only look.
+
+    Attributes:
+        title: above it.
+        icon: on the button that opens it, by its name among Material Icons.
+    """
+
+    title: ClassVar[str]
+    icon: ClassVar[str]
+
+
+def _read(held: Any, name: str) -> type[Panel]:
+    candidates = vars(held).values() if isinstance(held, ModuleType) else [held]
+    kinds = [one for one in candidates if isinstance(one, type) and issubclass(one, Panel)]
+    found = [kind for kind in kinds if "title" in vars(kind)]
+    if not found:
+        raise UsageError("contains no Panel with a title")
+    return found[0]
+
+
+PANELS = Registry("panels", __name__, _read)

@@ -1,0 +1,81 @@
+// The table of topics: one line each; only the lines in view are in the document.
+const RETRY_MS = 1000;
+const LINE = 22; // pixels
+const MORE = 5; // lines beyond the edges
+const COLUMNS = [
+  { name: "Topic", hint: "", at: 0 },
+  { name: "Hz", hint: "By the message stamps", at: 2 },
+  { name: "Target", hint: "Requested rate, Hz", at: 4 },
+  { name: "Dropped", hint: "Messages lost; those that a node was set to skip do not count", at: 5 },
+  { name: "ms", hint: "Median latency from the source until this node is done", at: 7 },
+];
+
+export default {
+  template: `
+    <div class="rv-topics">
+      <input type="search" v-model="words" placeholder="Find a topic" aria-label="Find a topic">
+      <div class="rv-lines" ref="lines" role="table" aria-label="Topics" :aria-rowcount="found.length" tabindex="0"
+        @scroll="top = $event.target.scrollTop">
+        <div class="rv-line rv-head" role="row">
+          <button v-for="column in columns" :key="column.name" role="columnheader" :title="column.hint"
+            :aria-sort="sort === column.at ? (down ? 'descending' : 'ascending') : 'none'" @click="order(column.at)">{{ column.name }}</button>
+        </div>
+        <div :style="{ height: found.length * ${LINE} + 'px', position: 'relative' }">
+          <div v-for="[row, number] in inView" :key="row[0]" class="rv-line" role="row" :style="{ top: number * ${LINE} + 'px' }">
+            <span role="cell" :title="row[0] + '  ' + row[1]">{{ row[0] }} <small>{{ row[1] }}</small></span>
+            <template v-if="row.length > 2">
+              <span role="cell" :title="shown(row[3]) + ' per second'">{{ shown(row[2]) }}</span>
+              <span role="cell">{{ shown(row[4]) }}</span>
+              <span role="cell" :title="row[6] || 'none'">{{ row[5] }}</span>
+              <span role="cell">{{ shown(row[7]) }}</span>
+            </template>
+            <span v-else role="cell" class="rv-wide">unsupported type</span>
+          </div>
+        </div>
+      </div>
+      <p v-for="line in lines">{{ line }}</p>
+    </div>`,
+  data() {
+    return { rows: [], lines: [], words: "", sort: null, down: false, top: 0, height: 400, columns: COLUMNS };
+  },
+  computed: {
+    found() {
+      const words = this.words.toLowerCase().split(/\s+/);
+      const rows = this.rows.filter(([name, kind]) => words.every((word) => `${name} ${kind}`.toLowerCase().includes(word)));
+      if (this.sort === null) return rows;
+      const value = (row) => row[this.sort] ?? -1;
+      const order = (a, b) => (value(a) < value(b) ? -1 : value(a) > value(b) ? 1 : 0);
+      return rows.sort((a, b) => (this.down ? order(b, a) : order(a, b)));
+    },
+    inView() {
+      const from = Math.max(Math.floor(this.top / LINE) - MORE, 0);
+      const until = Math.ceil((this.top + this.height) / LINE) + MORE;
+      return this.found.slice(from, until).map((row, i) => [row, from + i]);
+    },
+  },
+  mounted() {
+    this.connect();
+    this.sized = new ResizeObserver(() => (this.height = this.$refs.lines.clientHeight));
+    this.sized.observe(this.$refs.lines);
+  },
+  beforeUnmount() {
+    this.isGone = true;
+    this.socket.close();
+    this.sized.disconnect();
+  },
+  methods: {
+    connect() {
+      const root = location.pathname.replace(/\/$/, "");
+      this.socket = new WebSocket(`${location.origin.replace("http", "ws")}${root}/live/topics`);
+      this.socket.onmessage = ({ data }) => Object.assign(this, JSON.parse(data));
+      this.socket.onclose = () => this.isGone || setTimeout(() => this.connect(), RETRY_MS);
+    },
+    order(at) {
+      this.down = this.sort === at ? !this.down : at > 0;
+      this.sort = at;
+    },
+    shown(value) {
+      return value == null ? "–" : value.toFixed(1);
+    },
+  },
+};

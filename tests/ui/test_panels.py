@@ -1,0 +1,94 @@
+"""Panels around the graph: opened by buttons, kept in the address, moved by their edge."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+from page_client import wait_in
+
+from ros_visualise.core import registry
+from ros_visualise.ui.look import PAGES
+from ros_visualise.ui.shell.panels import PANELS
+
+
+def table(tab):
+    return tab.get_by_role("table", name="Topics")
+
+
+def test_the_topics_have_a_line_each_and_stay_in_the_address(browse, page, runtime):
+    tab = browse("")
+    assert table(tab).count() == 0
+    tab.get_by_role("button", name="Topics", exact=True).click()
+    row = table(tab).get_by_role("row").filter(has_text="/processed_image")
+    wait_in(tab, lambda: row.count() == 1)
+    assert row.bounding_box()["height"] == 22
+    assert "sensor_msgs/Image" in row.inner_text()
+    wait_in(tab, lambda: "?panels=topics" in tab.url)
+    runtime.parameters["filters"].update({"threshold": 77})
+    wait_in(tab, lambda: tab.url.endswith("?panels=topics#filters/threshold=77"))
+    tab.reload()
+    row.wait_for(timeout=60_000)
+
+    tab.get_by_label("Find a topic").fill("EDGES")
+    wait_in(tab, lambda: row.count() == 0 and table(tab).get_by_text("/edges").count() == 1)
+    tab.get_by_role("button", name="Close Topics").click()
+    wait_in(tab, lambda: table(tab).count() == 0 and "panels" not in tab.url)
+
+
+def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page, monkeypatch):
+    tab = browse("?panels=topics")
+    table(tab).get_by_text("/edges").wait_for(timeout=60_000)
+    names = ["/<img src=x onerror=alert(1)>", *(f"/robot/topic_{n:03}" for n in range(500))]
+    rows = [[name, "a/B", 1.0, 1.0, None, n, "<b>", 2.5] for n, name in enumerate(names)]
+    text = json.dumps({"rows": [*rows, ["/odd", "odd/C"]], "lines": ["<i>gone</i>: ended"]})
+    monkeypatch.setattr(page._content, "_figures", SimpleNamespace(show=lambda _: None))
+    page._server.topics.show(text)
+    wait_in(tab, lambda: table(tab).get_by_text("onerror=alert").count() == 1)
+    assert table(tab).get_attribute("aria-rowcount") == "502"
+    assert table(tab).get_by_role("row").count() < 60
+    assert tab.get_by_text("<i>gone</i>: ended").count() == 1
+    tab.locator(".rv-lines").evaluate("lines => lines.scrollTop = lines.scrollHeight")
+    wait_in(tab, lambda: table(tab).get_by_text("unsupported type").count() == 1)
+    tab.get_by_role("columnheader", name="Dropped").click()
+    tab.locator(".rv-lines").evaluate("lines => lines.scrollTop = 0")
+    wait_in(tab, lambda: "topic_499" in table(tab).get_by_role("row").nth(1).inner_text())
+    dialogs = []
+    tab.on("dialog", lambda dialog: dialogs.append(dialog))
+    tab.wait_for_timeout(100)
+    assert not dialogs
+
+
+def test_the_edge_is_dragged_over_the_frame_and_moved_by_keys(browse):
+    tab = browse("?panels=topics")
+    side = tab.locator(".rv-side")
+    width = side.bounding_box()["width"]
+    edge = tab.get_by_role("separator", name="Panel width")
+    box = edge.bounding_box()
+    tab.mouse.move(box["x"] + 3, 300)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] - 97, 300, steps=8)
+    tab.mouse.up()
+    assert side.bounding_box()["width"] == pytest.approx(width + 100, abs=8)
+    edge.press("ArrowRight")
+    assert side.bounding_box()["width"] == pytest.approx(width + 80, abs=8)
+
+
+def test_the_end_of_the_program_is_said(browse, page):
+    tab = browse("")
+    page.close()
+    tab.get_by_text("Connection lost").wait_for(timeout=60_000)
+
+
+def test_other_pages_are_a_click_away(browse):
+    tab = browse("")
+    for name in list(PAGES)[1:]:
+        link = tab.get_by_role("link", name=name.capitalize())
+        assert link.get_attribute("href") == f"?look={name}"
+
+
+def test_panels_are_found_without_imports_and_say_what_they_are():
+    assert "topics" in PANELS.names()
+    for panel in PANELS.all():
+        assert panel.title
+        assert panel.icon
+    assert isinstance(PANELS, registry.Registry)
