@@ -20,6 +20,7 @@ from ros_visualise.ui.live.curves import SampleStore
 from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.look.answers import BrowserQuery
 from ros_visualise.ui.look.curve import LiveCurves
+from ros_visualise.ui.look.curves import Curves
 
 BLOCK = """{n}
 00:00:{a:02d},000 --> 00:00:{b:02d},000
@@ -218,3 +219,26 @@ def test_live_curves_lie_at_the_stamps_of_their_messages(tmp_path, is_film):
     assert np.allclose(times_s, np.round(times_s), atol=2e-9), "as they were recorded, one a second"
     assert np.allclose(values, 149 + times_s / 1000)
     assert len(values) == 9
+
+
+def test_what_was_not_requested_lately_makes_room():
+    told = Told(odom=Odometry, truth=Odometry)
+    curves = Curves(told, max_bytes=30_000)
+    x, y = (f"{topic}:pose.pose.position.x" for topic in ("/odom", "/truth"))
+
+    def values(text):
+        answer = curves.curves(BrowserQuery(f"from=0&to=1e9&field={quote(text)}"))
+        (curve,) = json.loads(answer.body)["curves"]
+        return curve["values"] or curve["error"]
+
+    values(x)
+    told.say(odom=odometry([7, 0, 0], 7))
+    assert values(x) == [7]
+    assert values(f'="{x}" * 2') == [14]
+    values(y)
+    assert (told.asked["/odom"], told.asked["/truth"]) == (0, 1)
+    for factor in range(9):
+        assert values(f'="{y}" * {factor}') == ""
+    assert told.asked["/truth"] == 1
+    assert "remove some" in values(f'="{x}" + "{y}"')
+    curves.close()

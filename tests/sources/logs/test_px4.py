@@ -106,6 +106,10 @@ def test_every_topic_is_there_as_it_was_logged(real, tables):
         for one, row in zip(messages, tables[table], strict=True):
             found = numeric_fields(one.message)
             assert [found[name] for name in fields] == pytest.approx([row[n] for n in fields])
+    inputs = [numeric_fields(one.message) for one in read(recording, "/px4/input_rc")]
+    assert [one["values[17]"] for one in inputs] == [
+        float(row["values[17]"]) for row in tables["input_rc_0"]
+    ]
     name = recording.topics["/px4/vehicle_attitude"].type.name
     assert name == "px4_msgs/msg/VehicleAttitude"
     [triplet] = read(recording, "/px4/position_setpoint_triplet")

@@ -8,6 +8,7 @@ the curves that were not requested for the longest time are forgotten.
 from __future__ import annotations
 
 import threading
+from collections.abc import Collection
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -43,9 +44,11 @@ class Curves:
 
     Args:
         runtime: the runtime whose topics are plotted.
+        max_bytes: limit of all samples in memory.
     """
 
-    def __init__(self, runtime: Runtime) -> None:
+    def __init__(self, runtime: Runtime, max_bytes: int = _MAX_BYTES) -> None:
+        self._most_bytes = max_bytes
         self._runtime = runtime
         self._newest = Taps(runtime, 1)
         self._live = LiveCurves(runtime)
@@ -100,7 +103,7 @@ class Curves:
         start_s, end_s = query.seconds("from"), query.seconds("to")
         wanted = [_Wanted(text) for text in texts]
         names = dict.fromkeys(name for one in wanted for name in one.names)
-        self._begin_new([name for name in names if not self._refusal(name[0])])
+        self._begin_new([name for name in names if not self._refusal(name[0])], texts)
         self._live.take()
         found = [self._describe(one, start_s, end_s) for one in wanted]
         return as_json({"curves": found, **self._position()})
@@ -125,7 +128,7 @@ class Curves:
             return f"no such topic: {topic}"
         return "" if topic in self.topics else f"{topic} has no numeric fields"
 
-    def _begin_new(self, names: list[Name]) -> None:
+    def _begin_new(self, names: list[Name], shown: Collection[str]) -> None:
         """Begin with curves that are new, all of one topic together."""
         with self._lock:
             new = sorted({name for name in names if name not in self._stores})
@@ -133,7 +136,7 @@ class Curves:
                 self._begin(topic, [path for _, path in group])
             for name in names:
                 self._stores[name] = self._stores.pop(name)
-            self._forget_oldest(set(names))
+            self._forget_oldest(set(names), shown)
         if any(self._is_live(topic) for topic, _ in names):
             self._live.keep()
 
@@ -147,18 +150,27 @@ class Curves:
         assert self._reader is not None
         self._reader.fill(self._recorded[topic], store)
 
-    def _forget_oldest(self, used: set[Name]) -> None:
-        """Forget stores without a requested curve, until all fit into memory."""
+    def _forget_oldest(self, used: set[Name], shown: Collection[str] = ()) -> None:
+        """Forget what is neither used nor shown, until all fits into memory."""
+        for text in list(self._derived):
+            if self._nbytes <= self._most_bytes:
+                return
+            if text not in shown:
+                self._derived.pop(text, None)
         kept = {id(self._stores[name]) for name in used}
         for name, store in list(self._stores.items()):
-            derived = [one for _, one in self._derived.values()]
-            sizes = {id(one): one.nbytes for one in (*self._stores.values(), *derived)}
-            if sum(sizes.values()) <= _MAX_BYTES:
+            if self._nbytes <= self._most_bytes:
                 return
             if id(store) not in kept and name in self._stores:
                 self._live.forget(name[0], store)
                 self._stores = {n: one for n, one in self._stores.items() if one is not store}
-                self._derived.clear()
+
+    @property
+    def _nbytes(self) -> int:
+        """Size of all samples in memory, bytes."""
+        derived = [store for _, store in list(self._derived.values())]
+        every = {id(one): one.nbytes for one in (*list(self._stores.values()), *derived)}
+        return sum(every.values())
 
     def _is_live(self, topic: str) -> bool:
         return topic not in self._recorded
@@ -197,6 +209,8 @@ class Curves:
         state = [(id(store), store.version) for store in stores]
         before, store = self._derived.get(text, (None, None))
         if store is None or before != state:
+            if self._nbytes > self._most_bytes:
+                raise BadExpression("the curves take too much memory; remove some")
             sources = {
                 ":".join(name): partial(_sampled, one, name[1])
                 for name, one in zip(names, stores, strict=True)
