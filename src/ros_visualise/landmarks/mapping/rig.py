@@ -121,8 +121,8 @@ class MappedCamera:
                 f"{what}: its pose relative to {escaped(self.first)} is unknown: not on tf, and too"
                 " few pairs of images of one time"
             )
-        place = " ".join(f"{value:.3f}" for value in self.T_first_camera[:3, 3])
-        where = f"at {place} m +- {self.sigma_m.max():.3f} m from {escaped(self.first)}"
+        place = " ".join(f"{value:.4f}" for value in self.T_first_camera[:3, 3])
+        where = f"at {place} m +- {self.sigma_m.max():.4f} m from {escaped(self.first)}"
         if self.camera.is_estimated:
             return f"{what}: {where}, estimated to {self.sigma_deg.max():.2f} degrees"
         turned, shifted = np.linalg.norm(self.turn_deg), np.linalg.norm(self.shift_m)
