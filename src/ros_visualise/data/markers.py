@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.fields import Fields, header
-from ros_visualise.data.header import Floats, Header
+from ros_visualise.data.header import Floats, Header, read_only
 from ros_visualise.data.ros_fields import TabledMessage
 
 Colors = npt.NDArray[np.float32]
 
 _COLOR = "std_msgs/msg/ColorRGBA"
+_NO_POINTS, _NO_COLORS = read_only(np.zeros((0, 3))), read_only(np.zeros((0, 4), np.float32))
 _NO_IMAGE = {"header": header(Header()), "format": "", "data": np.zeros(0, np.uint8)}
 _NO_FILE = {"filename": "", "data": np.zeros(0, np.uint8)}
 
@@ -88,8 +89,8 @@ class Marker(TabledMessage):
     quat_xyzw: Floats = field(default_factory=lambda: np.array([0.0, 0, 0, 1]))
     scale_xyz: Floats = field(default_factory=lambda: np.ones(3))
     color_rgba: Colors = field(default_factory=lambda: np.ones(4, np.float32))
-    points_xyz: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    colors_rgba: Colors = field(default_factory=lambda: np.zeros((0, 4), np.float32))
+    points_xyz: Floats = field(default_factory=lambda: _NO_POINTS)
+    colors_rgba: Colors = field(default_factory=lambda: _NO_COLORS)
     text: str = ""
     mesh_resource: str = ""
     mesh_use_embedded_materials: bool = False

@@ -114,9 +114,28 @@ class Whole:
             self.__dict__.pop("_across", None)
 
     def covariance(self, rows: Indices, columns: Indices) -> Floats:
-        """A part of the covariance."""
-        self._compute(rows)
-        return self._P[rows].take(columns, axis=1)
+        """A part of the covariance; computed alone, if its rows are not yet."""
+        if self._known[rows].all():
+            return self._P[rows].take(columns, axis=1)
+        assert self._rest is not None
+        n, before = len(self._joint) - len(self._gradient), self._rest.whole
+        change, gained = self._joint[:n, n:], self._joint[n:, n:]
+        every = rows_of(before.places(self._rest.left))
+        (own, left), (own_columns, left_columns) = (
+            (one[one < n], every[one[one >= n] - n]) for one in (rows, columns)
+        )
+        across, across_columns = (
+            before.covariance(one, self._rest.rows) for one in (left, left_columns)
+        )
+        found = np.empty((len(rows), len(columns)))
+        is_own, is_own_column = rows < n, columns < n
+        found[np.ix_(is_own, is_own_column)] = self._joint[np.ix_(own, own_columns)]
+        found[np.ix_(is_own, ~is_own_column)] = change[own] @ across_columns.T
+        found[np.ix_(~is_own, is_own_column)] = across @ change[own_columns].T
+        found[np.ix_(~is_own, ~is_own_column)] = (
+            before.covariance(left, left_columns) + across @ gained @ across_columns.T
+        )
+        return found
 
     @cached_property
     def _across(self) -> Floats:
