@@ -18,6 +18,7 @@ OWN = {
     "simulation/model.py",  # and what is in this package
     "ui/look/inspector.py",
     "ui/page/scripts/__init__.py",
+    "ui/parts/__init__.py",
 }
 """Files that open nothing but what is installed."""
 
