@@ -56,17 +56,21 @@ def test_where_a_lens_folds_back_tags_are_fitted_without_it():
     assert np.abs(found.corners_uv - corners).max() < 2
 
 
-CAMERAS = ["sharpened by 1.5", "overexposed", "JPEG, quality 60", "all of these"]
-
-
-@pytest.mark.parametrize("name", CAMERAS)
-@pytest.mark.parametrize(("side_px", "tilt"), [(40, 40), (60, 20), (110, 20)])
-def test_what_a_camera_makes_of_its_images_moves_no_corner(name, side_px, tilt):
+@pytest.mark.parametrize(
+    ("name", "side_px"),
+    [
+        ("sharpened by 1.5", 60),
+        ("overexposed", 60),
+        ("JPEG, quality 60", 110),
+        ("all of these", 110),
+    ],
+)
+def test_what_a_camera_makes_of_its_images_moves_no_corner(name, side_px):
     """Sharpening makes halos; too much light, or a halo, ends at the brightest level."""
     camera = replace(camera_pictures.CAMERAS[name], readout_s=0.0, speed_px=0.0)
     errors = []
     for seed in range(4):
-        gray, corners = seen(camera, side_px, tilt, seed)
+        gray, corners = seen(camera, side_px, 20, seed)
         (tag,) = TagFinder([family("36h11")]).find(gray, info=calibration_of(camera))
         error = (tag.corners_uv - corners).ravel()
         errors.append(error @ np.linalg.solve(tag.covariance_px2, error))
