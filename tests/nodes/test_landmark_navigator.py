@@ -160,9 +160,12 @@ def test_it_reports_what_it_uses_and_rejects(params):
     answer = node.step(params, detections=wrong, frames=tree())
     (status,) = answer["diagnostics"].statuses
     assert status.values["rejected tag36h11_3"] == "duplicate in the image"
+    assert "markers" not in answer, "the step of an image is long enough"
+    answer = node.step(params, odometry=odometry(3.1, 1.0), frames=tree())
     label = next(m for m in answer["markers"].markers if "duplicate" in m.text)
     assert label.color_rgba[0] > 0.9 > 0.2 > label.color_rgba[1]
     assert {m.ns for m in answer["markers"].markers} == {"robot", "plate", "error", "label"}
+    assert "markers" not in node.step(params, odometry=odometry(3.2, 1.0), frames=tree())
 
 
 def test_landmarks_are_told_with_covariance(params):

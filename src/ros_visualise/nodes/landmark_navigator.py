@@ -111,7 +111,7 @@ class LandmarkNavigator:
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None
         self._shown_ns: int | None = None
-        self._state, self._images = "", 0
+        self._state, self._images, self._is_due = "", 0, False
         self._mounted: dict[str, Mounting] = {}
         self._cameras: list[str] = []
         self._unused: Counter[str] = Counter()
@@ -161,7 +161,8 @@ class LandmarkNavigator:
             self._see(self._navigator, objects, params.object_prefix, frames)
         for name, message in others.items():
             self._read(name, message, frames)
-        return (answer | self._shown()) or None
+        is_image = detections is not None or objects is not None
+        return (answer | ({} if is_image else self._landmarks()) | self._shown()) or None
 
     def _see(
         self, navigator: Navigator, detections: Detections, prefix: str, frames: FrameTree
@@ -286,11 +287,18 @@ class LandmarkNavigator:
         if not is_due and state == self._state:
             return {}
         self._shown_ns, self._state = at.stamp_ns, state
-        answer: dict[str, Any] = {"diagnostics": messages.diagnostics_of(navigator, self._now, at)}
-        if self._now is not None:
-            of_landmarks = self._messages.of(navigator, self._now, at)
-            answer["landmarks"], answer["markers"] = of_landmarks
-        return answer
+        self._is_due = True
+        return {"diagnostics": messages.diagnostics_of(navigator, self._now, at)}
+
+    def _landmarks(self) -> dict[str, Any]:
+        """Landmarks and markers, if due: after an image, whose own step is long enough."""
+        navigator = self._navigator
+        if not self._is_due or navigator is None or self._now is None:
+            return {}
+        self._is_due = False
+        at = Header(self._now.stamp_ns, self._frame)
+        landmarks, markers = self._messages.of(navigator, self._now, at)
+        return {"landmarks": landmarks, "markers": markers}
 
 
 def _variances(covariance: Floats) -> Floats:
