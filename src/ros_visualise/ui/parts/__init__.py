@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from ros_visualise.core.regular_files import read_file
 from ros_visualise.ui.look.answers import Answer, Refusal
 
 PARTS = "/parts/"
@@ -14,7 +15,7 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def _files() -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in _FOLDER.glob("*.js")}
+    return {path.name: read_file(path) for path in _FOLDER.glob("*.js")}
 
 
 def part(name: str) -> Answer:

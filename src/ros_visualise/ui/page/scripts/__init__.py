@@ -9,6 +9,7 @@ from pathlib import Path
 
 import viser
 
+from ros_visualise.core.regular_files import read_file
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
@@ -26,7 +27,7 @@ def client_page(is_foreign: bool, is_viewer: bool) -> bytes:
         is_foreign: another web site may have led here: settings in the address are ignored.
         is_viewer: the page is read-only.
     """
-    page = _VISER.read_bytes()
+    page = read_file(_VISER)
     if _HEAD not in page:
         raise RuntimeError("unsupported viser: its page has changed")
     texts = [(_FOLDER / name).read_text() for name in _SCRIPTS]
