@@ -9,6 +9,7 @@ from nicegui import Client, ui
 
 from ros_visualise.ui.look import PAGES
 from ros_visualise.ui.parts.edge import Edge
+from ros_visualise.ui.parts.frame import Frame
 from ros_visualise.ui.parts.timeline import Timeline
 from ros_visualise.ui.server.gate import Scope, Visit
 from ros_visualise.ui.server.host import page_loop
@@ -20,7 +21,6 @@ FOREIGN = "foreign"
 OPEN = "panels"
 """The query of an address with the names of open panels."""
 _STYLE = Path(__file__).parent / "page.css"
-_FOCUS = "(event) => event.target.contentWindow.focus()"
 
 
 class Shell:
@@ -40,9 +40,7 @@ class Shell:
         ui.add_css(_STYLE)
         query = parse_qs(scope["query_string"].decode("latin-1"))
         with ui.element("div").classes("rv-main"):
-            source = scope["root_path"] + VISER + (f"?{FOREIGN}" if visit.is_foreign else "")
-            frame = ui.element("iframe").props(f'src="{source}" title="Graph"')
-            frame.classes("rv-viser").on("load", js_handler=_FOCUS)
+            Frame(scope["root_path"] + VISER + (f"?{FOREIGN}" if visit.is_foreign else ""))
             Side(query.get(OPEN, [""])[0].split(","))
         Timeline(visit.is_viewer).classes("w-full")
 
