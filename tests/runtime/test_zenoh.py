@@ -219,8 +219,10 @@ def test_a_topic_that_is_flooded_with_damage_counts_each_and_goes_on(
         transport.subscribe("/path", Path, heard.append, rejected.append)
         published = transport.advertise("/path", TopicType(Path.type_name))
         key = keys.topic_key("/path", Path.type_name, "RIHS01_any")
+        flood = stock.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+        wait_for(lambda: flood.matching_status.matching, "the subscriber")
         for size in range(150):
-            stock.put(key, dice.randbytes(size))
+            flood.put(dice.randbytes(size))
         wait_for(lambda: len(rejected) == 150, "all of them")
         path = Path(np.array([1]), np.zeros((1, 3)), np.array([[0.0, 0, 0, 1]]), Header(1, "map"))
         published.publish(path)

@@ -2,6 +2,7 @@
 
 import pytest
 from page_client import Client
+from waiting import wait_for
 
 from ros_visualise.data import Marker, MarkerAction, MarkerArray, MarkerType
 
@@ -55,6 +56,16 @@ def test_labels_that_come_and_go_leave_nothing_while_a_browser_looks(server, sce
         there = {f"{number}.{one}" for one in range(LABELS)}
         inspector.read_until(lambda there=there: texts(inspector) == there)
     assert kept(server) < FEW
+
+
+def test_what_is_sent_to_a_browser_that_has_just_left_is_no_failure(server, port):
+    """A handle of it may be in use when it leaves; the suite makes warnings errors."""
+    client = Client(port)
+    client.read_until(server.get_clients)
+    (there,) = server.get_clients().values()
+    client.close()
+    wait_for(lambda: not server.get_clients(), "the browser to leave")
+    there.camera.look_at = (1.0, 2.0, 3.0)
 
 
 def test_elements_that_come_and_go_leave_nothing(server, inspector):

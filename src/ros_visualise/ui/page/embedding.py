@@ -62,7 +62,8 @@ class _LoopEvent(asyncio.Event):
 class _Outbox(AsyncMessageBuffer):
     """Drops what all browsers have received as soon as a third of its messages may be removals.
 
-    viser 1.1 keeps a message for each removed element until the next browser connects.
+    viser 1.1 keeps a message for each removed element until the next browser connects, and warns
+    of one for a browser that has left, as happens between threads.
     """
 
     tidy: Callable[[], None] | None = None
@@ -73,6 +74,8 @@ class _Outbox(AsyncMessageBuffer):
         self._removals = 0
 
     def push(self, message: Message) -> None:
+        if self.done:  # its browser has just left
+            return
         super().push(message)
         if self.tidy is None or message.lifecycle_phase != "remove":
             return
