@@ -227,7 +227,6 @@ async function start() {
   const { topics, plotted, plays } = await (await ask("topics")).json();
   Object.assign(state, { plays, offers: plotted.length > 0 });
   $("topic").hidden = $("search").hidden = $("expression").hidden = !state.offers;
-  $("play").hidden = !plays;
   for (const topic of plotted) $("topic").add(new Option(`${topic} (${topics[topic]})`, topic));
   const first = state.chosen.find((name) => !name.startsWith("="))?.split(":").slice(0, -1).join(":");
   if (plotted.includes(first)) $("topic").value = first;
@@ -241,6 +240,7 @@ async function start() {
   $("apart").onchange = draw;
   $("fit").onclick = () => { state.fitted = true; update().catch(report); };
   $("play").onclick = () => play({ toggle: 1 });
+  $("play").hidden = !plays;
   window.onkeydown = (event) => {
     if (["search", "text"].includes(event.target.type)) return;
     if (event.key === " ") { event.preventDefault(); play({ toggle: 1 }); }
