@@ -28,6 +28,7 @@ def pair(request, monkeypatch):
     pair.connection.stat_bytes = pair.connection.stat_num_msg = 0
     yield pair
     pair.close()
+    wait_for(lambda: not senders(), "its sender to end")
 
 
 def senders() -> list[threading.Thread]:
