@@ -59,27 +59,42 @@ def _what_is_wrong(number: int | None, host: str, port: int, flag: str) -> str:
     return f"{given}: not an address of this machine; use 127.0.0.1, or 0.0.0.0 for all"
 
 
-class _Patience:
-    """Aborts a connection whose peer accepts no data for too long."""
+class _Patient(asyncio.Protocol):
+    """A connection that is aborted if its peer accepts no data for too long.
 
-    def __init__(self, report: Callable[[str], None]) -> None:
+    ``report`` is called with a line for the log.
+    """
+
+    transport: asyncio.Transport
+    _stalled: TimerHandle | None = None
+
+    def __init__(self, *args: Any, report: Callable[[str], None], **settings: Any) -> None:
+        super().__init__(*args, **settings)
         self._report = report
-        self._timer: TimerHandle | None = None
 
-    def begin(self, transport: asyncio.Transport) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._go_on()
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
         loop = asyncio.get_running_loop()
-        self._timer = loop.call_later(STALL_S, self._abort, transport, STALL_S)
+        self._stalled = loop.call_later(STALL_S, self._give_up, STALL_S)
 
-    def end(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self._go_on()
 
-    def _abort(self, transport: asyncio.Transport, stall_s: float) -> None:
+    def _go_on(self) -> None:
+        if self._stalled is not None:
+            self._stalled.cancel()
+
+    def _give_up(self, stall_s: float) -> None:
         self._report(f"page: a browser accepted no data for {stall_s:g} s; connection closed")
-        transport.abort()
+        self.transport.abort()
 
 
-class Door(H11Protocol):
+class Door(_Patient, H11Protocol):
     """A connection for requests.
 
     Args:
@@ -90,9 +105,8 @@ class Door(H11Protocol):
     def __init__(
         self, *args: Any, silent: dict[Door, None], report: Callable[[str], None], **settings: Any
     ) -> None:
-        super().__init__(*args, **settings)
+        super().__init__(*args, report=report, **settings)
         self._silent = silent
-        self._patience = _Patience(report)
         self.ws_protocol_class = partial(_SocketDoor, report=report)  # type: ignore[assignment]
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -107,7 +121,6 @@ class Door(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._enter()
-        self._patience.end()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -115,40 +128,20 @@ class Door(H11Protocol):
         if self.scope is not None:  # there was a request
             self._enter()
 
-    def pause_writing(self) -> None:
-        super().pause_writing()
-        self._patience.begin(self.transport)
-
-    def resume_writing(self) -> None:
-        super().resume_writing()
-        self._patience.end()
-
     def _enter(self) -> None:
         self._silent.pop(self, None)
         self._waiting.cancel()
 
 
-class _SocketDoor(WebSocketsSansIOProtocol):
-    """A WebSocket; ``report`` is called with a line for the log."""
+class _SocketDoor(_Patient, WebSocketsSansIOProtocol):
+    """A WebSocket."""
 
-    def __init__(self, *args: Any, report: Callable[[str], None], **settings: Any) -> None:
-        super().__init__(*args, **settings)
-        self._patience = _Patience(report)
-        self._leaving: TimerHandle | None = None
+    _leaving: TimerHandle | None = None
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._patience.end()
         if self._leaving is not None:
             self._leaving.cancel()
         super().connection_lost(exc)
-
-    def pause_writing(self) -> None:
-        super().pause_writing()
-        self._patience.begin(self.transport)
-
-    def resume_writing(self) -> None:
-        super().resume_writing()
-        self._patience.end()
 
     def handle_parser_exception(self) -> None:
         """End a browser that sends what is no message, or too much, even if it does not read."""
