@@ -118,25 +118,28 @@ def with_landmarks(
     elif has_frames(graph):
         found.append(place(find_node(LOCALIZER), beside))
     if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
-        landing = place(find_node(LANDING), beside)
-        # pads may move: they are no landmarks
-        still = {"moving": landing.params.target}
-        mapping = (LOCALIZER, NAVIGATOR)
-        found = [one.configured(still) if one.name in mapping else one for one in found]
-        found.append(landing)
+        found = _with_landing(found, beside)
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(
             f"the recording has {made} already: exclude it by --topics, or omit --landmarks"
         )
     whole = graph.joined(*found)
-    names = [node.name for node in found]
-    if TAGS in names and _is_simulated(graph) and graph.source is not None:
-        rendered: dict[str, Any] = {"tags": tags_of_world(graph.source.params.world)}
-        if _is_ideal(graph.source.params):
-            rendered["corner_floor"] = 0.0
-        rendered["readout"] = graph.source.params.camera_readout
-        whole = whole.configured({TAGS: rendered})
+    if TAGS in (node.name for node in found) and _is_simulated(graph) and graph.source is not None:
+        whole = whole.configured({TAGS: _of_simulation(graph.source.params)})
     return whole.configured({node.name: settings.get(node.type.name, {}) for node in found})
+
+
+def _with_landing(found: Sequence[Node], inputs: Mapping[str, str]) -> list[Node]:
+    """The nodes and the one that lands; its pad may move, so that it is no landmark."""
+    landing = place(find_node(LANDING), inputs)
+    still, mapping = {"moving": landing.params.target}, (LOCALIZER, NAVIGATOR)
+    return [*(one.configured(still) if one.name in mapping else one for one in found), landing]
+
+
+def _of_simulation(params: Any) -> dict[str, Any]:
+    """Parameters of a tag detector: the tags of a simulated world, and its camera."""
+    known = {"tags": tags_of_world(params.world), "readout": params.camera_readout}
+    return known | ({"corner_floor": 0.0} if _is_ideal(params) else {})
 
 
 def detectors_of(graph: Graph) -> list[Node]:
