@@ -159,6 +159,10 @@ def test_damaged_telemetry_is_said_where_the_film_is_played(karma, tmp_path, key
         played = film_source(path).make(StreamerParams(str(path)), Playback(rate=0))
         assert played.report().get("lost", {"notes": []})["notes"] == notes
         played.close()
+        assert info(path)["lost"]["notes"] == notes
+        with closing(open_source(path)) as film:
+            assert sum(1 for _ in film.read()) >= 362
+            assert film.loss.notes == notes
 
 
 def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):

@@ -74,7 +74,8 @@ class FilmRecording:
             sorted({**video.topics, **telemetry.topics}.items())
         )
         self.loss = video.loss
-        self.loss.notes += telemetry.loss.notes
+        for note in telemetry.loss.notes:
+            self.loss.add(note)
 
     def read(
         self,
@@ -103,7 +104,7 @@ def open_film(path: Path) -> Recording:
     """A video as a recording, with its telemetry."""
     video = VideoRecording(path)
     telemetry = recorded_telemetry(path)
-    return FilmRecording(video, telemetry) if telemetry.topics else video
+    return FilmRecording(video, telemetry) if telemetry.topics or telemetry.loss else video
 
 
 def recorded_telemetry(path: Path) -> SeriesRecording:

@@ -348,7 +348,8 @@ class VideoRecording:
                 if start_ns is None or stamp_ns >= start_ns:
                     header = Header(stamp_ns, _FRAME)
                     yield Entry(_TOPIC, stamp_ns, replace(image, header=header))
-        self.loss.notes[:] = self._video.faults
+        for fault in self._video.faults:
+            self.loss.add(fault)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """The times of the images, which are decoded for that."""
