@@ -11,6 +11,7 @@ from typing import Any
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.live.exchange import exchange, ignore
 from ros_visualise.ui.server.gate import Receive, Send
 
 log = logging.getLogger(__name__)
@@ -48,19 +49,7 @@ class PageClock:
 
     async def serve(self, receive: Receive, send: Send, is_viewer: bool) -> None:
         """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
-        await receive()  # the request to connect
-        await send({"type": "websocket.accept"})
-        sending = asyncio.ensure_future(self._send_all(send))
-        try:
-            while True:
-                message = await receive()
-                if message["type"] == "websocket.disconnect":
-                    return
-                if not is_viewer:
-                    self.act(message.get("text") or "")
-        finally:
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
+        await exchange(receive, send, self._send_all(send), ignore if is_viewer else self.act)
 
     def act(self, text: str) -> None:
         """Do what a browser asks; anything else than our pages ask is ignored."""

@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 
 from ros_visualise.data import Pixels
+from ros_visualise.ui.live.exchange import exchange
 from ros_visualise.ui.server.gate import Receive, Send
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 85]
@@ -81,20 +82,11 @@ class ImageHub:
         It sends ``{"show": {PANEL: SIZE}}`` for all that it shows, and ``{"got": PANEL}`` for each
         image that it has drawn.
         """
-        await receive()  # the request to connect
-        await send({"type": "websocket.accept"})
         browser = _Browser(self._channels, send)
-        sending = asyncio.ensure_future(browser.send_all())
         try:
-            while True:
-                message = await receive()
-                if message["type"] == "websocket.disconnect":
-                    return
-                browser.hear(message.get("text") or "")
+            await exchange(receive, send, browser.send_all(), browser.hear)
         finally:
-            sending.cancel()
             browser.leave()
-            await asyncio.gather(sending, return_exceptions=True)
 
 
 class _Browser:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import suppress
 
+from ros_visualise.ui.live.exchange import exchange, ignore
 from ros_visualise.ui.server.gate import Receive, Send
 
 
@@ -27,20 +27,13 @@ class Newest:
 
     async def serve(self, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves; messages from it are ignored."""
-        await receive()  # the request to connect
-        await send({"type": "websocket.accept"})
         news = asyncio.Event()
         news.set()
         self._news.add(news)
-        sending = asyncio.ensure_future(self._send_all(send, news))
         try:
-            while (await receive())["type"] != "websocket.disconnect":
-                pass
+            await exchange(receive, send, self._send_all(send, news), ignore)
         finally:
             self._news.discard(news)
-            sending.cancel()
-            with suppress(asyncio.CancelledError, OSError):
-                await sending
 
     def _put(self, text: str) -> None:
         self._text = text
