@@ -18,8 +18,8 @@ import zstandard
 from waiting import wait_for
 from websockets.sync.client import ClientConnection, connect
 
-from ros_visualise.ui.live.clock import LIVE_CLOCK
-from ros_visualise.ui.live.images import LIVE_IMAGES
+from ros_visualise.ui.live.clock import PageClock
+from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.shell import VISER
 
 TOKEN = "a-token-of-the-tests_00"
@@ -76,7 +76,7 @@ class Client:
             origin=origin,
             max_size=None,
         )
-        self._address = f"ws://127.0.0.1:{port}{path}{LIVE_IMAGES}"
+        self._address = f"ws://127.0.0.1:{port}{path}{ImageHub.path}"
         self._origin = origin
         self._live: ClientConnection | None = None
         self._panels: dict[str, str] = {}  # by their elements
@@ -191,7 +191,7 @@ class ClockClient:
     """A browser's side of the timeline."""
 
     def __init__(self, port: int, token: str) -> None:
-        self._socket = connect(f"ws://127.0.0.1:{port}/{token}{LIVE_CLOCK}")
+        self._socket = connect(f"ws://127.0.0.1:{port}/{token}{PageClock.path}")
         self._state: dict[str, Any] = {}
 
     def __enter__(self) -> ClockClient:

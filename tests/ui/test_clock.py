@@ -1,6 +1,7 @@
 """The timeline's clock, as browsers move it: nothing that they send does anything else."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from page_client import TOKEN, VIEW_TOKEN, Client, ClockClient
@@ -108,7 +109,7 @@ def test_nonsense_is_ignored():
     playback, clock = Playback(hold=True), PageClock()
     clock.act('{"toggle": 1}')  # without a playback
     assert clock.state == {}
-    clock.follow(playback, False)
+    clock.show(SimpleNamespace(playback=playback, graph=SimpleNamespace(live=False)))
     for text in ("", "x", "[]", "{}", "null", "[" * 50_000, '{"act": 1}', '{"__class__": 1}'):
         clock.act(text)
     for action in ("seek", "rate", "topic"):

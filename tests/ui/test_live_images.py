@@ -24,7 +24,7 @@ class Browser:
         self._sent = asyncio.Queue()
         self._sent.put_nowait({"type": "websocket.connect"})
         self.grays = []
-        self._serving = asyncio.ensure_future(hub.serve(self._sent.get, self._take))
+        self._serving = asyncio.ensure_future(hub.serve({}, self._sent.get, self._take))
 
     def send(self, message):
         text = message if isinstance(message, str) else json.dumps(message)

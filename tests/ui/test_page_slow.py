@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 import ros_visualise.ui.server.door
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.file_chooser import FileChooser
-from ros_visualise.ui.live.images import LIVE_IMAGES
+from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.uploads import UploadedFile
@@ -201,7 +201,7 @@ def connect_to(port, held, silent, count):
 
 def test_a_crowd_that_looks_leaves_room_for_its_host(shown, port):
     with ExitStack() as stack:
-        address = f"ws://127.0.0.1:{port}/{VIEW_TOKEN}{LIVE_IMAGES}"
+        address = f"ws://127.0.0.1:{port}/{VIEW_TOKEN}{ImageHub.path}"
         for _ in range(150):
             stack.enter_context(connect(address))
         with pytest.raises(InvalidStatus) as refused:

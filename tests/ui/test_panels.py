@@ -1,4 +1,4 @@
-"""Panels around the graph: opened by buttons, kept in the address, moved by their edge."""
+"""Panels of the page: opened, closed, moved, dragged, undone, and kept in its address."""
 
 import json
 from types import SimpleNamespace
@@ -9,6 +9,8 @@ from page_client import wait_in
 from ros_visualise.core import registry
 from ros_visualise.ui.look import PAGES
 from ros_visualise.ui.shell.panels import PANELS
+
+BESIDE = "{~row~:[{~panel~:~viser~},{~panel~:~topics~}],~at~:[0.72,0.28]}"
 
 
 def table(tab):
@@ -23,26 +25,29 @@ def test_the_topics_have_a_line_each_and_stay_in_the_address(browse, page, runti
     wait_in(tab, lambda: row.count() == 1)
     assert row.bounding_box()["height"] == 22
     assert "sensor_msgs/Image" in row.inner_text()
-    wait_in(tab, lambda: "?panels=topics" in tab.url)
+    wait_in(tab, lambda: f"?layout={BESIDE}" in tab.url)
     runtime.parameters["filters"].update({"threshold": 77})
-    wait_in(tab, lambda: tab.url.endswith("?panels=topics#filters/threshold=77"))
+    wait_in(tab, lambda: tab.url.endswith(f"?layout={BESIDE}#filters/threshold=77"))
     tab.reload()
     row.wait_for(timeout=60_000)
 
     tab.get_by_label("Find a topic").fill("EDGES")
     wait_in(tab, lambda: row.count() == 0 and table(tab).get_by_text("/edges").count() == 1)
     tab.get_by_role("button", name="Close Topics").click()
-    wait_in(tab, lambda: table(tab).count() == 0 and "panels" not in tab.url)
+    wait_in(tab, lambda: table(tab).count() == 0 and "topics" not in tab.url)
+    tab.keyboard.press("Control+z")
+    wait_in(tab, lambda: table(tab).count() == 1 and f"?layout={BESIDE}" in tab.url)
 
 
 def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page, monkeypatch):
-    tab = browse("?panels=topics")
+    tab = browse("?layout={~panel~:~topics~}", images=False)
     table(tab).get_by_text("/edges").wait_for(timeout=60_000)
     names = ["/<img src=x onerror=alert(1)>", *(f"/robot/topic_{n:03}" for n in range(500))]
     rows = [[name, "a/B", 1.0, 1.0, None, n, "<b>", 2.5] for n, name in enumerate(names)]
     text = json.dumps({"rows": [*rows, ["/odd", "odd/C"]], "lines": ["<i>gone</i>: ended"]})
-    monkeypatch.setattr(page._content, "_figures", SimpleNamespace(show=lambda _: None))
-    page._server.topics.show(text)
+    silent = SimpleNamespace(put=lambda _: None, is_watched=True)
+    monkeypatch.setattr(page._content, "_figures", silent)
+    page._server.topics.put(text)
     wait_in(tab, lambda: table(tab).get_by_text("onerror=alert").count() == 1)
     assert table(tab).get_attribute("aria-rowcount") == "502"
     assert table(tab).get_by_role("row").count() < 60
@@ -58,11 +63,12 @@ def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page,
     assert not dialogs
 
 
-def test_the_edge_is_dragged_over_the_frame_and_moved_by_keys(browse):
-    tab = browse("?panels=topics")
-    side = tab.locator(".rv-side")
+def test_edges_are_dragged_over_frames_and_moved_by_keys(browse):
+    tab = browse(f"?layout={BESIDE}")
+    side = tab.locator(".rv-topics")
+    side.wait_for(timeout=60_000)
     width = side.bounding_box()["width"]
-    edge = tab.get_by_role("separator", name="Panel width")
+    edge = tab.get_by_role("separator", name="Panel size")
     box = edge.bounding_box()
     tab.mouse.move(box["x"] + 3, 300)
     tab.mouse.down()
@@ -70,7 +76,60 @@ def test_the_edge_is_dragged_over_the_frame_and_moved_by_keys(browse):
     tab.mouse.up()
     assert side.bounding_box()["width"] == pytest.approx(width + 100, abs=8)
     edge.press("ArrowRight")
-    assert side.bounding_box()["width"] == pytest.approx(width + 80, abs=8)
+    wait_in(tab, lambda: side.bounding_box()["width"] < width + 90)
+    tab.reload()
+    side.wait_for(timeout=60_000)
+    assert side.bounding_box()["width"] == pytest.approx(width + 64, abs=30)
+
+
+def test_a_panel_is_dragged_to_another_side_and_made_as_large_as_all(browse):
+    tab = browse(f"?layout={BESIDE}")
+    side = tab.locator(".rv-topics")
+    side.wait_for(timeout=60_000)
+    box = tab.get_by_role("tab", name="Topics").bounding_box()
+    tab.mouse.move(box["x"] + 9, box["y"] + 9)
+    tab.mouse.down()
+    tab.mouse.move(300, 200, steps=4)
+    tab.mouse.move(12, 300, steps=4)
+    tab.mouse.up()
+    wait_in(tab, lambda: side.bounding_box()["x"] == 0 and "{~row~:[{~panel~:~topics~}," in tab.url)
+    size = side.bounding_box()["width"]
+    tab.get_by_role("button", name="Maximise").first.click()
+    wait_in(tab, lambda: side.bounding_box()["width"] > 1.5 * size)
+    tab.get_by_role("button", name="Restore").click()
+    wait_in(tab, lambda: side.bounding_box()["width"] == size)
+
+
+def test_a_layout_is_saved_by_name(browse):
+    tab = browse(f"?layout={BESIDE}")
+    table(tab).wait_for(timeout=60_000)
+    tab.get_by_role("button", name="Layouts").click()
+    tab.get_by_label("Save as").fill("mine")
+    tab.get_by_label("Save as").press("Enter")
+    tab.get_by_text("Default layout").click()
+    wait_in(tab, lambda: table(tab).count() == 0 and "layout" not in tab.url)
+    tab.get_by_role("button", name="Layouts").click()
+    tab.get_by_text("mine").click()
+    wait_in(tab, lambda: table(tab).count() == 1 and "topics" in tab.url)
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        "{}",
+        "[1,2]",
+        "{~row~:" * 5000,
+        "{~row~:[" * 99 + "{~panel~:~topics~}" + "]}" * 99,
+        "{~panel~:~../x~}",
+        "{~row~:7}",
+        "{~tabs~:[{~panel~:~<img src=x>~}]}",
+    ],
+)
+def test_a_layout_that_is_none_leaves_the_page_usable(layout, browse):
+    tab = browse("?layout=" + layout[:3000], images=False)
+    button = tab.get_by_role("button", name="Topics", exact=True)
+    button.click(timeout=60_000)
+    table(tab).wait_for(timeout=60_000)
 
 
 def test_the_end_of_the_program_is_said(browse, page):

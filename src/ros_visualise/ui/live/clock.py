@@ -10,20 +10,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.live.exchange import exchange, ignore
-from ros_visualise.ui.server.gate import Receive, Send
+from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 
 log = logging.getLogger(__name__)
 
-LIVE_CLOCK = "/live/clock"
-"""Path of the WebSocket."""
 _PERIOD_S = 0.03
 _FARTHEST_S = 1e9
 
 
 class PageClock:
     """Sends browsers the state of a playback, and does what they ask."""
+
+    path = "/live/clock"
 
     def __init__(self) -> None:
         self._playback: Playback | None = None
@@ -40,16 +41,19 @@ class PageClock:
             "whole": lambda playback, _: playback.set_part(),
         }
 
-    def follow(self, playback: Playback | None, live: bool) -> None:
-        """Show another playback, of a ``live`` source or of a recording, or None; from any thread.
+    def show(self, runtime: Runtime | None) -> None:
+        """Show the playback of this graph, if it has one; a live source can only be paused."""
+        self._playback = None if runtime is None else runtime.playback
+        self._live = runtime is not None and runtime.graph.live
 
-        A live source can be paused but not seeked.
-        """
-        self._playback, self._live = playback, live
-
-    async def serve(self, receive: Receive, send: Send, is_viewer: bool) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
-        await exchange(receive, send, self._send_all(send), ignore if is_viewer else self.act)
+        visit: Visit = scope["state"]["visit"]
+        hear = ignore if visit.is_viewer else self.act
+        await exchange(receive, send, self._send_all(send), hear)
+
+    def close(self) -> None:
+        """Do nothing: it has no thread."""
 
     def act(self, text: str) -> None:
         """Do what a browser asks; anything else than our pages ask is ignored."""

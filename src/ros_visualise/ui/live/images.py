@@ -11,12 +11,11 @@ from typing import Any
 import cv2
 
 from ros_visualise.data import Pixels
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.exchange import exchange
-from ros_visualise.ui.server.gate import Receive, Send
+from ros_visualise.ui.server.gate import Receive, Scope, Send
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 85]
-LIVE_IMAGES = "/live/images"
-"""Path of the WebSocket."""
 _CREDIT = 2
 """Images of a panel that are on their way to a browser at once."""
 _MOST_SHOWN, _MOST_PIXELS = 64, 4096
@@ -68,6 +67,8 @@ class _Shown:
 class ImageHub:
     """The images of all panels, by the panels' names."""
 
+    path = "/live/images"
+
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._channels: dict[str, ImageChannel] = {}
@@ -76,7 +77,13 @@ class ImageHub:
         """The channel of a panel; a new panel of the same name continues it."""
         return self._channels.setdefault(name, ImageChannel(name, self._loop))
 
-    async def serve(self, receive: Receive, send: Send) -> None:
+    def show(self, runtime: Runtime | None) -> None:
+        """Do nothing: the panels follow the graph."""
+
+    def close(self) -> None:
+        """Do nothing: it has no thread."""
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send one browser the images that it shows, until it leaves.
 
         It sends ``{"show": {PANEL: SIZE}}`` for all that it shows, and ``{"got": PANEL}`` for each

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import asyncio
 
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.exchange import exchange, ignore
-from ros_visualise.ui.server.gate import Receive, Send
+from ros_visualise.ui.server.gate import Receive, Scope, Send
 
 
 class Newest:
-    """Sends browsers the newest text; a slow one skips those between."""
+    """Sends browsers the newest text; a slow one skips those between.
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
+    Attributes:
+        path: of its WebSockets.
+    """
+
+    def __init__(self, path: str, loop: asyncio.AbstractEventLoop) -> None:
+        self.path, self._loop = path, loop
         self._text = ""
         self._news: set[asyncio.Event] = set()
 
@@ -21,11 +26,17 @@ class Newest:
         """True while a browser shows it."""
         return bool(self._news)
 
-    def show(self, text: str) -> None:
+    def show(self, runtime: Runtime | None) -> None:
+        """Do nothing: the texts come from elsewhere."""
+
+    def close(self) -> None:
+        """Do nothing: it has no thread."""
+
+    def put(self, text: str) -> None:
         """Send another text; from any thread."""
         self._loop.call_soon_threadsafe(self._put, text)
 
-    async def serve(self, receive: Receive, send: Send) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves; messages from it are ignored."""
         news = asyncio.Event()
         news.set()

@@ -9,7 +9,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.runtime.report import RunReport, TravelReport
 
 LIVE_TOPICS = "/live/topics"
-"""Path of the WebSocket."""
+"""Path of their WebSocket."""
 Cell = str | float | None
 
 

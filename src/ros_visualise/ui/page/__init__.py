@@ -86,8 +86,7 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._inspector = Inspector(runtime)
-        self._server.clock.follow(runtime.playback, runtime.graph.live)
-        self._server.foxglove.show(runtime)
+        self._server.show(runtime)
         if self._files.title:
             self._server.shell.name(self._files.title)
         self._content = PageContent(
@@ -105,7 +104,7 @@ class Page:
         """Remove the present graph from the page, and remember the settings."""
         assert self._content is not None
         assert self._inspector is not None
-        self._server.foxglove.show(None)
+        self._server.show(None)
         self._content.close(_LEAVE_S)
         self._inspector.close()
         self._server.empty()

@@ -259,7 +259,7 @@ class PageContent:
 
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            self._figures.show(figures(self._graph, report))
+            self._figures.put(figures(self._graph, report))
             self._plots.add(report)
 
     def _show_frames(self) -> None:
@@ -269,7 +269,7 @@ class PageContent:
             self._frames.content = f'<div class="rv-frames">{picture}</div>'
 
     def _is_watched(self) -> bool:
-        return bool(self._server.get_clients())
+        return bool(self._server.get_clients()) or self._figures.is_watched
 
     def _unthrottled(self) -> bool:
         playback = self._runtime.playback

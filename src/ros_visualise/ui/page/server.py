@@ -6,9 +6,11 @@ from collections.abc import Awaitable, Callable
 
 import viser
 
-from ros_visualise.ui.live.clock import LIVE_CLOCK, PageClock
-from ros_visualise.ui.live.foxglove.hub import FOXGLOVE, FoxgloveHub
-from ros_visualise.ui.live.images import LIVE_IMAGES, ImageHub
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.live.clock import PageClock
+from ros_visualise.ui.live.foxglove.hub import FoxgloveHub
+from ros_visualise.ui.live.hub import Hub
+from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.topics import LIVE_TOPICS
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
@@ -51,10 +53,8 @@ class PageServer:
     Attributes:
         viser: the elements and the scene of the page.
         images: those of its panels.
-        clock: that of its timeline.
         topics: the figures of its topics.
         shell: what surrounds them.
-        foxglove: what other viewers see.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -76,12 +76,17 @@ class PageServer:
         self._embedded: App
         self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
-        self.clock = PageClock()
-        self.topics = Newest(page_loop())
+        self.topics = Newest(LIVE_TOPICS, page_loop())
+        hubs: list[Hub] = [self.images, self.topics, PageClock(), FoxgloveHub(page_loop())]
+        self._hubs = {hub.path: hub for hub in hubs}
         self.shell = Shell(title)
-        self.foxglove = FoxgloveHub(page_loop())
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
+
+    def show(self, runtime: Runtime | None) -> None:
+        """Serve this graph from now on, or none."""
+        for hub in self._hubs.values():
+            hub.show(runtime)
 
     def empty(self) -> None:
         """Remove everything from the page; browsers stay connected."""
@@ -92,7 +97,8 @@ class PageServer:
     def close(self) -> None:
         """Stop without waiting for browsers."""
         self.viser.stop()
-        self.foxglove.close()
+        for hub in self._hubs.values():
+            hub.close()
         self.host.close()
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -108,16 +114,10 @@ class PageServer:
                 visit.hold(len(answer.body))
                 await send_answer(scope, send, answer)
                 return
-        if scope["type"] == "websocket" and path == LIVE_IMAGES:
-            await self.images.serve(receive, send)
-        elif scope["type"] == "websocket" and path == LIVE_CLOCK:
-            await self.clock.serve(receive, send, visit.is_viewer)
-        elif scope["type"] == "websocket" and path == LIVE_TOPICS:
-            await self.topics.serve(receive, send)
+        if scope["type"] == "websocket" and path in self._hubs:
+            await self._hubs[path].serve(scope, receive, send)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
-        elif scope["type"] == "websocket" and path == FOXGLOVE:
-            await self.foxglove.serve(scope, receive, send)
         elif path == VISER:
             await self._embedded(scope, receive, send)
         elif path == "/" or path.startswith(NICEGUI):

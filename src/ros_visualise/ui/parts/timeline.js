@@ -1,6 +1,4 @@
-// The timeline: clock, controls and a bar to scrub. It hears the playback's state over a WebSocket
-// of its own, and sends {action: value}. The frames in the page hand their keys on, by rvKey.
-const RETRY_MS = 1000;
+// The timeline: clock, controls and a bar to scrub. The frames in the page hand their keys on, by rvKey.
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 0];
 const SKIP_S = 5;
 const MARGIN = 10;
@@ -12,8 +10,6 @@ function clock(seconds) {
   const rest = `${two(Math.floor(whole / 100) % 60)}.${two(whole % 100)}`;
   return hours ? `${hours}:${two(minutes)}:${rest}` : `${minutes}:${rest}`;
 }
-
-const isTyping = (target) => target?.closest?.("input, textarea, select, [contenteditable]");
 
 export default {
   template: `
@@ -57,7 +53,8 @@ export default {
     rates() { return RATES.includes(this.state.rate) ? RATES : [this.state.rate ?? 1, ...RATES]; },
   },
   mounted() {
-    this.connect();
+    rv.clock.addEventListener("change", this.heard);
+    this.heard();
     this.sized = new ResizeObserver(() => this.draw());
     this.sized.observe(this.$refs.bar);
     window.rvKey = (event) => this.key(event);
@@ -65,25 +62,19 @@ export default {
     document.addEventListener("keydown", this.pressed);
   },
   beforeUnmount() {
-    this.isGone = true;
-    this.socket.close();
+    rv.clock.removeEventListener("change", this.heard);
     this.sized.disconnect();
     document.removeEventListener("keydown", this.pressed);
   },
   methods: {
-    connect() {
-      const root = location.pathname.replace(/\/$/, "");
-      const socket = (this.socket = new WebSocket(`${location.origin.replace("http", "ws")}${root}/live/clock`));
-      socket.onmessage = ({ data }) => {
-        this.state = JSON.parse(data);
-        this.isKnown = "position" in this.state;
-        if (this.isGrabbed !== true) this.scrubbed = null;
-        this.$nextTick(this.draw);
-      };
-      socket.onclose = () => this.isGone || setTimeout(() => this.connect(), RETRY_MS);
+    heard() {
+      this.state = rv.clock.state;
+      this.isKnown = "position" in this.state;
+      if (this.isGrabbed !== true) this.scrubbed = null;
+      this.$nextTick(this.draw);
     },
     act(message) {
-      if (!this.readOnly && this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+      if (!this.readOnly) rv.clock.act(message);
     },
     seek(seconds) {
       const to = Math.min(Math.max(seconds, 0), this.end);
@@ -92,7 +83,7 @@ export default {
       this.draw();
     },
     key(event) {
-      if (!this.isKnown || isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return false;
+      if (!this.isKnown || rv.isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return false;
       if (event.key === " " && event.target.closest?.("button")) return false; // a button's own
       const { live } = this.state;
       const part = this.state.part?.[0] ?? 0;

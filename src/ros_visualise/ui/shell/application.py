@@ -31,7 +31,7 @@ def application() -> App:
     ui.page("/")(_build)
     ui.run_with(
         site,
-        dark=True,
+        dark=None,
         reconnect_timeout=_RECONNECT_S,
         binding_refresh_interval=None,
         show_welcome_message=False,

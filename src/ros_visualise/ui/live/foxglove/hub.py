@@ -24,8 +24,6 @@ from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
-FOXGLOVE = "/foxglove"
-"""Path of the WebSocket."""
 _MOST_VIEWERS = 32
 _THREADS = 4
 _DEPTH, _LARGE_DEPTH = 100, 2  # messages that wait to be encoded
@@ -57,6 +55,8 @@ class FoxgloveHub:
     Attributes:
         pool: threads for what may take long.
     """
+
+    path = "/foxglove"
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.pool = Pool("foxglove", _THREADS)

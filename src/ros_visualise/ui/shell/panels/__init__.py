@@ -6,6 +6,7 @@ Another package brings one by an entry point of the group ``ros_visualise.panels
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -18,15 +19,24 @@ from ros_visualise.core.registry import Registry
 class Panel(Element):
     """One panel in one browser; it is made when a person opens it.
 
-    What it shows and does goes over WebSockets that know who may only look.
+    What it shows and does goes over WebSockets that know who may only look. Its JavaScript gets
+    ``readOnly`` and ``state``: what it kept in the page's address by ``rv.keep``.
 
     Attributes:
-        title: above it.
+        title: on its tab, unless its state has a topic.
         icon: on the button that opens it, by its name among Material Icons.
+        side: where it opens: left, right, top or bottom, with others of this side.
+        many: several can be open at once.
     """
 
     title: ClassVar[str]
     icon: ClassVar[str]
+    side: ClassVar[str] = "right"
+    many: ClassVar[bool] = False
+
+    def __init__(self, state: Mapping[str, Any], read_only: bool) -> None:
+        super().__init__()
+        self._props["state"], self._props["read-only"] = dict(state), read_only
 
 
 def _read(held: Any, name: str) -> type[Panel]:

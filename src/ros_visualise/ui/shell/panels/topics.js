@@ -1,5 +1,4 @@
 // The table of topics: one line each; only the lines in view are in the document.
-const RETRY_MS = 1000;
 const LINE = 22; // pixels
 const MORE = 5; // lines beyond the edges
 const COLUMNS = [
@@ -35,6 +34,7 @@ export default {
       </div>
       <p v-for="line in lines">{{ line }}</p>
     </div>`,
+  props: { state: Object, readOnly: Boolean },
   data() {
     return { rows: [], lines: [], words: "", sort: null, down: false, top: 0, height: 400, columns: COLUMNS };
   },
@@ -54,22 +54,15 @@ export default {
     },
   },
   mounted() {
-    this.connect();
+    this.live = rv.live("/live/topics", { message: (figures) => Object.assign(this, figures) });
     this.sized = new ResizeObserver(() => (this.height = this.$refs.lines.clientHeight));
     this.sized.observe(this.$refs.lines);
   },
   beforeUnmount() {
-    this.isGone = true;
-    this.socket.close();
+    this.live.close();
     this.sized.disconnect();
   },
   methods: {
-    connect() {
-      const root = location.pathname.replace(/\/$/, "");
-      this.socket = new WebSocket(`${location.origin.replace("http", "ws")}${root}/live/topics`);
-      this.socket.onmessage = ({ data }) => Object.assign(this, JSON.parse(data));
-      this.socket.onclose = () => this.isGone || setTimeout(() => this.connect(), RETRY_MS);
-    },
     order(at) {
       this.down = this.sort === at ? !this.down : at > 0;
       this.sort = at;

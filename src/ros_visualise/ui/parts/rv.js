@@ -1,0 +1,114 @@
+// What all panels use, as window.rv: WebSockets, queries, the clock, the cursor, undo, the workspace.
+(() => {
+  const RETRY_MS = 1000;
+  const root = location.pathname.replace(/\/(viser)?$/, "");
+
+  // A WebSocket of the page that comes back by itself. Text is JSON, binary an ArrayBuffer.
+  function live(path, { message = () => {}, open = () => {}, closed = () => {} } = {}) {
+    let socket, isGone;
+    const connect = () => {
+      socket = new WebSocket(`${location.origin.replace("http", "ws")}${root}${path}`);
+      socket.binaryType = "arraybuffer";
+      socket.onopen = () => open();
+      socket.onmessage = ({ data }) => message(typeof data === "string" ? JSON.parse(data) : data);
+      socket.onclose = () => {
+        if (isGone) return;
+        closed();
+        setTimeout(() => isGone || connect(), RETRY_MS);
+      };
+    };
+    connect();
+    return {
+      send: (value) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(value)),
+      close: () => {
+        isGone = true;
+        socket.close();
+      },
+    };
+  }
+
+  // The answer to a query, as JSON; rejected with the reason that the server gives.
+  async function ask(query) {
+    const answer = await fetch(`${root}/?${new URLSearchParams(query)}`, { headers: { "X-Ros-Visualise": "1" } });
+    if (!answer.ok) throw new Error(await answer.text());
+    return answer.json();
+  }
+
+  // The playback: its state as the server sends it, or {}; "change" tells of another one.
+  class Clock extends EventTarget {
+    state = {};
+    begin() {
+      this.socket = live("/live/clock", {
+        message: (state) => {
+          this.state = state;
+          this.dispatchEvent(new Event("change"));
+        },
+      });
+    }
+    act(message) {
+      this.socket?.send(message);
+    }
+    seek(seconds) {
+      this.act({ seek: seconds });
+    }
+  }
+
+  // The time that a person points at in any panel, s from the recording's start, or null; "move".
+  class Cursor extends EventTarget {
+    at = null;
+    move(at) {
+      if (at === this.at) return;
+      this.at = at;
+      this.dispatchEvent(new Event("move"));
+    }
+  }
+
+  // What a person did, in all of the page; each is {undo, redo}. "change" tells of another state.
+  class Past extends EventTarget {
+    done = [];
+    undone = [];
+    did(step) {
+      this.done = [...this.done.slice(-99), step];
+      this.undone = [];
+      this.dispatchEvent(new Event("change"));
+    }
+    undo() {
+      this.step(this.done, this.undone, "undo");
+    }
+    redo() {
+      this.step(this.undone, this.done, "redo");
+    }
+    step(from, to, way) {
+      const step = from.pop();
+      if (!step) return;
+      step[way]();
+      to.push(step);
+      this.dispatchEvent(new Event("change"));
+    }
+  }
+
+  const isTyping = (target) => !!target?.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]");
+  const past = new Past();
+  document.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || isTyping(event.target)) return;
+    const key = event.key.toLowerCase();
+    if (key !== "z" && key !== "y") return;
+    event.preventDefault();
+    key === "y" || event.shiftKey ? past.redo() : past.undo();
+  });
+
+  window.rv = {
+    root,
+    live,
+    ask,
+    isTyping,
+    past,
+    clock: new Clock(),
+    cursor: new Cursor(),
+    // Keep a panel's state in the address: what is given replaces what it had under the same names.
+    keep: (element, state) => element.dispatchEvent(new CustomEvent("rv-keep", { bubbles: true, detail: state })),
+    // Open a panel of this kind.
+    open: (kind, state = {}) => document.dispatchEvent(new CustomEvent("rv-open", { detail: { kind, state } })),
+  };
+  if (!location.pathname.endsWith("/viser")) window.rv.clock.begin();
+})();
