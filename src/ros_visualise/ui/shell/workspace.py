@@ -24,8 +24,8 @@ class Workspace(Element, component="workspace.js"):
     """The panels of one browser, made as it asks for them.
 
     Args:
-        layout: of the page's address; None if it has none.
-        standard: the layout of those that have none.
+        layout: of the page's address, or None.
+        standard: the layout of addresses without one.
         read_only: panels only show.
     """
 
