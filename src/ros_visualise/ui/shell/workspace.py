@@ -77,7 +77,7 @@ def read_layout(text: str) -> object:
 
 
 def _depth(found: object, depth: int = 0) -> int:
-    """How many rows and columns are within one another; it need not be counted further."""
+    """Depth of what is within one another, counted until it is too deep."""
     if isinstance(found, dict):
         found = [*found.values()]
     if not isinstance(found, list) or depth > _DEEPEST:
