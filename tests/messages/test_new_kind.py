@@ -24,7 +24,7 @@ from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Inspector
-from ros_visualise.ui.look.answers import BrowserQuery
+from ros_visualise.ui.server.answers import BrowserQuery
 
 WRENCHES = [
     WrenchStamped(np.array([0, 0, 10.0 + n]), np.zeros(3), sample(WrenchStamped).header)

@@ -4,7 +4,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from ros_visualise.ui.look.answers import Refusal
+from ros_visualise.ui.server.answers import Refusal
 from ros_visualise.ui.server.budget import Budget, Client, Share
 
 ONE, OTHER = Client("192.0.2.1"), Client("192.0.2.2")

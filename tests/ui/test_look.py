@@ -23,10 +23,10 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.reports import Level, Log
 from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live.taps import Taps
 from ros_visualise.ui.look import Inspector, link
-from ros_visualise.ui.look.answers import BrowserQuery, Refusal
-from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.server.answers import BrowserQuery, Refusal
 
 OURS = {"X-Ros-Visualise": "1"}
 DEPTH = np.array([[0.5, np.nan, 2.25], [0, 7, 1e-3]], np.float32)

@@ -10,7 +10,7 @@ from ros_visualise.core.supervision import PROCESS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
 from ros_visualise.ui.live.curves import SampleStore
-from ros_visualise.ui.look.curve import RecordedCurves
+from ros_visualise.ui.live.sampling import RecordedCurves
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.periodic import PeriodicThread
 

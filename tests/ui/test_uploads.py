@@ -8,7 +8,7 @@ import pytest
 from waiting import wait_for
 from websockets.exceptions import ConnectionClosedError
 
-from ros_visualise.ui.look.answers import BrowserQuery
+from ros_visualise.ui.server.answers import BrowserQuery
 from ros_visualise.ui.server.uploads import Uploads
 
 

@@ -6,6 +6,7 @@ blocks that lie in a column as a whole, and the samples at its sides.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -108,6 +109,24 @@ class SampleStore:
         with self._lock:
             values = self._columns[self.paths.index(path)].values[: self._count]
             return self._times_s[: self._count].copy(), values.copy()
+
+    @property
+    def span_s(self) -> tuple[float, float] | None:
+        """Times of the first and the last sample; None without any."""
+        with self._lock:
+            if not self._count:
+                return None
+            return float(self._times_s[0]), float(self._times_s[self._count - 1])
+
+    def at(self, path: str, time_s: float) -> float:
+        """The last value until a time; NaN before the first."""
+        with self._lock:
+            index = int(np.searchsorted(self._times_s[: self._count], time_s, "right")) - 1
+            return (
+                float(self._columns[self.paths.index(path)].values[index])
+                if index >= 0
+                else math.nan
+            )
 
     def between(
         self, path: str, start_s: float, end_s: float, columns: int

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.ui.live.units import per_second, times_second
 
 _LONGEST, _DEEPEST = 500, 20
 _QUATERNION = ("x", "y", "z", "w")
@@ -147,6 +148,10 @@ class Expression:
         assert isinstance(found, Sampled)
         return found
 
+    def unit(self, unit_of: Callable[[str], str]) -> str:
+        """Its unit by those of the curves; empty if unknown."""
+        return _unit(self._root, unit_of)
+
     def _check(self, node: ast.AST, depth: int) -> None:
         """Allow numbers, names of curves, operators and known functions; note the curves."""
         if depth > _DEEPEST:
@@ -196,7 +201,7 @@ class Expression:
         if name in _OF_ANGLES:
             text = ast.literal_eval(given[0])
             parts = [read(f"{text}.{part}") for part in _QUATERNION]
-            parts = [_aligned(part, parts[0].times_s) for part in parts]
+            parts = [aligned(part, parts[0].times_s) for part in parts]
             return parts[0]._replace(values=_OF_ANGLES[name](*(part.values for part in parts)))
         values = [self._compute(one, read) for one in given]
         if name in _PAIRS:
@@ -215,13 +220,32 @@ class Expression:
         return _OF_CURVES[name](first)
 
 
+def _unit(node: ast.AST, unit_of: Callable[[str], str]) -> str:
+    if isinstance(node, ast.Constant):
+        return unit_of(node.value) if isinstance(node.value, str) else ""
+    if isinstance(node, ast.UnaryOp):
+        return _unit(node.operand, unit_of)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        left, right = (_unit(side, unit_of) for side in (node.left, node.right))
+        return left if left == right else ""
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+        return ""
+    name = node.func.id
+    if name in _OF_ANGLES:
+        return "rad"
+    own = _unit(node.args[0], unit_of)
+    changed = {"derivative": per_second(own), "integral": times_second(own), "degrees": "°"}
+    changed |= dict.fromkeys(("mean", "unwrap", "abs", "min", "max"), own)
+    return changed.get(name, "")
+
+
 def _sign(node: ast.AST) -> float:
     return -1.0 if isinstance(node, ast.USub) else 1.0
 
 
 def _combined(one: _Value, other: _Value, combine: Callable[[Floats, Floats], Floats]) -> _Value:
     if isinstance(one, Sampled) and isinstance(other, Sampled):
-        other = _aligned(other, one.times_s)
+        other = aligned(other, one.times_s)
         return one._replace(values=combine(one.values, other.values))
     if isinstance(one, Sampled):
         return one._replace(values=combine(one.values, other))  # type: ignore[arg-type]
@@ -230,7 +254,7 @@ def _combined(one: _Value, other: _Value, combine: Callable[[Floats, Floats], Fl
     return float(combine(np.float64(one), np.float64(other)))
 
 
-def _aligned(curve: Sampled, times_s: Floats) -> Sampled:
+def aligned(curve: Sampled, times_s: Floats) -> Sampled:
     """A curve at other times."""
     if np.array_equal(curve.times_s, times_s):
         return curve

@@ -33,3 +33,13 @@ async def exchange(
 
 def ignore(text: str) -> None:
     """Do nothing with a text from a browser that may not ask."""
+
+
+async def wait(event: asyncio.Event, timeout_s: float) -> None:
+    """Wait for an event, or until the time is over; it is cleared then."""
+    timer = asyncio.get_running_loop().call_later(timeout_s, event.set)
+    try:
+        await event.wait()
+    finally:
+        timer.cancel()
+        event.clear()

@@ -4,7 +4,7 @@ Their addresses have no path, only a query, so that they work behind a token or 
 ``?look=image&topic=/edges`` is a page, ``?ask=pixels&topic=/edges`` a query of it.
 """
 
-from ros_visualise.ui.look.answers import Answer as Answer
 from ros_visualise.ui.look.inspector import PAGES as PAGES
 from ros_visualise.ui.look.inspector import Inspector as Inspector
 from ros_visualise.ui.look.inspector import link as link
+from ros_visualise.ui.server.answers import Answer as Answer

@@ -22,10 +22,10 @@ from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.ui.live.curves import SampleStore
 from ros_visualise.ui.live.derived import BadExpression, Expression, Sampled
-from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal, as_json
-from ros_visualise.ui.look.curve import LiveCurves, RecordedCurves
-from ros_visualise.ui.look.taps import Taps
-from ros_visualise.ui.look.trees import fields_of
+from ros_visualise.ui.live.sampling import LiveCurves, RecordedCurves
+from ros_visualise.ui.live.taps import Taps
+from ros_visualise.ui.live.trees import fields_of
+from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_json
 
 Name = tuple[str, str]
 """A topic and the path of a field."""

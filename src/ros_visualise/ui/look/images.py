@@ -10,9 +10,9 @@ import numpy as np
 
 from ros_visualise.data import MEASUREMENTS, Image, Pixels
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal
-from ros_visualise.ui.look.taps import Taps
+from ros_visualise.ui.live.taps import Taps
 from ros_visualise.ui.preview import preview
+from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.vision.color import order_of, to_bgr
 
 _DEPTH = 8  # images of a topic, among which that of a stamp is looked for

@@ -12,12 +12,12 @@ from urllib.parse import quote
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.look.answers import READ_ONLY, Answer, BrowserQuery, Refusal, as_json
+from ros_visualise.ui.live.monitor import LogLines, NodeMonitor
+from ros_visualise.ui.live.taps import Taps
+from ros_visualise.ui.live.trees import tree_of
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
-from ros_visualise.ui.look.monitor import LogLines, NodeMonitor
-from ros_visualise.ui.look.taps import Taps
-from ros_visualise.ui.look.trees import tree_of
+from ros_visualise.ui.server.answers import READ_ONLY, Answer, BrowserQuery, Refusal, as_json
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,6 @@ from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.look import Answer, Inspector
-from ros_visualise.ui.look.answers import BrowserQuery, Refusal
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
 from ros_visualise.ui.page.files import PageFiles
@@ -19,6 +18,7 @@ from ros_visualise.ui.page.server import PageServer, url
 from ros_visualise.ui.page.settings import SettingsMemory
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
+from ros_visualise.ui.server.answers import BrowserQuery, Refusal
 from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)

@@ -22,9 +22,9 @@ from viser.infra import ClientId, Message, WebsockClientConnection, WebsockServe
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 from viser.infra._infra import _ClientHandleState, _message_consumer, _message_producer
 
-from ros_visualise.ui.look.answers import READ_ONLY, Answer, Refusal
 from ros_visualise.ui.page.inbound import CameraMessage, UpdateMessage, refusal, understand
 from ros_visualise.ui.page.scripts import client_page
+from ros_visualise.ui.server.answers import READ_ONLY, Answer, Refusal
 from ros_visualise.ui.server.gate import (
     MOST_REPORTED,
     App,

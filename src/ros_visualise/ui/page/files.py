@@ -12,9 +12,9 @@ import viser
 
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.ui.file_chooser import SUFFIXES, FileChooser
-from ros_visualise.ui.look.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.server.pool import Pool
 from ros_visualise.ui.server.uploads import MAX_GIB, Pieces, Uploads
 from ros_visualise.ui.server.zipped import ZippedFolder

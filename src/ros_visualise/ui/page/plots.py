@@ -18,7 +18,7 @@ from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.look.trees import fields_of
+from ros_visualise.ui.live.trees import fields_of
 from ros_visualise.ui.page.controls import set_value
 
 _KEPT = 60

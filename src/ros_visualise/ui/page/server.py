@@ -11,12 +11,15 @@ from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.foxglove.hub import FoxgloveHub
 from ros_visualise.ui.live.hub import Hub
 from ros_visualise.ui.live.images import ImageHub
+from ros_visualise.ui.live.messages import MessageHub
+from ros_visualise.ui.live.monitor import MonitorHub
 from ros_visualise.ui.live.newest import Newest
+from ros_visualise.ui.live.plots import PlotHub
 from ros_visualise.ui.live.topics import LIVE_TOPICS
-from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.page.embedding import embed
 from ros_visualise.ui.parts import PARTS, part
 from ros_visualise.ui.server.access import AccessRules
+from ros_visualise.ui.server.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.server.door import listen
 from ros_visualise.ui.server.gate import (
     App,
@@ -78,6 +81,7 @@ class PageServer:
         self.images = ImageHub(page_loop())
         self.topics = Newest(LIVE_TOPICS, page_loop())
         hubs: list[Hub] = [self.images, self.topics, PageClock(), FoxgloveHub(page_loop())]
+        hubs += [PlotHub(page_loop()), MessageHub(), MonitorHub()]
         self._hubs = {hub.path: hub for hub in hubs}
         self.shell = Shell(title)
         self._nicegui = application()

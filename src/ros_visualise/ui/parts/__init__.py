@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from ros_visualise.core.regular_files import read_file
-from ros_visualise.ui.look.answers import Answer, Refusal
+from ros_visualise.ui.server.answers import Answer, Refusal
 
 PARTS = "/parts/"
 """The first part of their paths."""

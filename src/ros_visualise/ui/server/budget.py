@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from ros_visualise.ui.look.answers import Refusal
+from ros_visualise.ui.server.answers import Refusal
 
 
 class Client(NamedTuple):

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from uvicorn.protocols.utils import ClientDisconnected
 
 from ros_visualise.core import supervision
-from ros_visualise.ui.look.answers import Answer, Refusal, as_json
 from ros_visualise.ui.server.access import AccessRules, Fetch
+from ros_visualise.ui.server.answers import Answer, Refusal, as_json
 from ros_visualise.ui.server.budget import Budget, Client
 
 log = logging.getLogger(__name__)

@@ -16,7 +16,7 @@ from ros_visualise.core.errors import RecordingError, RosVisualiseError, UsageEr
 from ros_visualise.core.limits import disk_reserve
 from ros_visualise.core.paths import inside
 from ros_visualise.ui.file_chooser import SUFFIXES
-from ros_visualise.ui.look.answers import BrowserQuery, Refusal
+from ros_visualise.ui.server.answers import BrowserQuery, Refusal
 from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from ros_visualise.ui.live.foxglove.feed import ChannelFeed, Encoded, LockedEnco
 from ros_visualise.ui.live.foxglove.messages import SUBPROTOCOLS
 from ros_visualise.ui.live.foxglove.viewer import FoxgloveViewer
 from ros_visualise.ui.live.played import PlaybackLine, playback_line
-from ros_visualise.ui.look.answers import Refusal
+from ros_visualise.ui.server.answers import Refusal
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.pool import Pool
 

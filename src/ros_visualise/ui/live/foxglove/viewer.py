@@ -29,7 +29,7 @@ from ros_visualise.ui.live.foxglove.messages import (
 from ros_visualise.ui.live.foxglove.parameters import Nodes, changes_of, values_of
 from ros_visualise.ui.live.foxglove.playback import SeenState, control, describe, seen_state
 from ros_visualise.ui.live.foxglove.queue import ViewerQueue
-from ros_visualise.ui.look.answers import READ_ONLY
+from ros_visualise.ui.server.answers import READ_ONLY
 from ros_visualise.ui.server.gate import Receive, Send
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""Fills stores of curves: from a recording, or as messages arrive."""
+"""Fills stores of curves: from a recording, or as messages arrive.
+
+The path of a store may be empty: that number is 1 for each message, for its time alone.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.live.curves import SampleStore, StoreFull
 from ros_visualise.ui.live.played import PlaybackLine, playback_line
-from ros_visualise.ui.look.trees import as_ros
+from ros_visualise.ui.live.trees import as_ros
 
 log = logging.getLogger(__name__)
 
@@ -150,7 +153,7 @@ class _NewSamples:
     def add(self, time_s: float, message: Any) -> None:
         found = as_ros(message)
         self._times_s.append(time_s)
-        self._rows.append([number_at(path, found) for path in self._store.paths])
+        self._rows.append([number_at(path, found) if path else 1.0 for path in self._store.paths])
 
     def flush(self) -> None:
         if self._rows:
@@ -260,6 +263,11 @@ class LiveCurves:
             if not start_ns - _OTHER_CLOCK_NS <= stamp_ns <= end_ns + _OTHER_CLOCK_NS:
                 return line.playback.time_ns() / _NS
         return max(line.place_ns(stamp_ns), 0) / _NS
+
+    def stamp_ns(self, time_s: float) -> int:
+        """The stamp of a time of these curves."""
+        line, place_ns = self._playback_line(), round(time_s * _NS)
+        return place_ns + (self._first_ns or 0) if line is None else line.time_ns(place_ns)
 
     def _playback_line(self) -> PlaybackLine | None:
         if not self._has_line:

@@ -1,7 +1,12 @@
-"""Log and diagnostics of all nodes."""
+"""Log and diagnostics of all nodes, and their way to browsers.
+
+A browser sends ``{"show": "log"}`` or ``{"show": "diagnostics"}``.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import json
 import logging
 import threading
 import time
@@ -14,11 +19,84 @@ from ros_visualise.data.reports import Log
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.runtime.topics import Subscription
+from ros_visualise.ui.live.exchange import exchange, wait
+from ros_visualise.ui.periodic import PeriodicThread
+from ros_visualise.ui.server.gate import Receive, Scope, Send
 
 _KEPT, _LONGEST = 1000, 2000  # lines, and their characters
 _WAITING = 1000  # messages of a topic between two rounds
+_ROUND_S, _SENDING_S = 0.25, 0.5
 _PERIOD_S = 1.0
 _MOST = 1000  # statuses
+_LOGGER = "ros_visualise"
+
+
+class MonitorHub:
+    """Collects log and diagnostics of a graph all the time, and shows them to browsers."""
+
+    path = "/live/monitor"
+
+    def __init__(self) -> None:
+        self.lines = LogLines()
+        self._monitor: NodeMonitor | None = None
+        self._rounds: PeriodicThread | None = None
+        self._is_live = False
+        logging.getLogger(_LOGGER).addHandler(self.lines)
+
+    def show(self, runtime: Runtime | None) -> None:
+        """Collect those of this runtime from now on, or of none; from any thread."""
+        if self._rounds is not None:
+            self._rounds.close(0)
+        self._monitor = self._rounds = None
+        if runtime is not None:
+            self._is_live = runtime.playback is None
+            self._monitor = monitor = NodeMonitor(runtime, self.lines)
+            self._rounds = PeriodicThread(
+                "monitor", monitor.take, monitor.close, _ROUND_S, lambda: False
+            )
+            self._rounds.start()
+
+    def close(self) -> None:
+        """End."""
+        self.show(None)
+        logging.getLogger(_LOGGER).removeHandler(self.lines)
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one browser until it leaves."""
+        asked: list[str] = []
+        news = asyncio.Event()
+
+        def hear(text: str) -> None:
+            asked[:] = [text]
+            news.set()
+
+        await exchange(receive, send, self._send_all(send, asked, news), hear)
+
+    async def _send_all(self, send: Send, asked: list[str], news: asyncio.Event) -> None:
+        shown, number, last = "", 0, ""
+        while True:
+            if asked:
+                shown, number, last = _shown(asked.pop()), 0, ""
+            message: Mapping[str, Any] = {}
+            if shown == "log" and (lines := self.lines.after(number)):
+                number, message = lines[-1]["number"], {"lines": lines}
+            elif shown == "diagnostics" and self._monitor is not None:
+                message = {"statuses": self._monitor.statuses(), "live": self._is_live}
+            text = json.dumps(message) if message else ""
+            if text and text != last:
+                last = text
+                await send({"type": "websocket.send", "text": text})
+            await wait(news, _SENDING_S)
+
+
+def _shown(text: str) -> str:
+    """The request of a browser; empty for anything else than our pages ask."""
+    try:
+        asked = json.loads(text)
+    except (ValueError, RecursionError):
+        return ""
+    shown = asked.get("show") if isinstance(asked, dict) else None
+    return shown if isinstance(shown, str) else ""
 
 
 class LogLines(logging.Handler):
