@@ -315,7 +315,7 @@ def _table(curves: CurveSet, names: Sequence[str], start_s: float, end_s: float)
 
 
 def _cells(column: Sampled, times_s: Floats) -> list[str]:
-    """The values of a curve at some times, as text; empty where it has none."""
+    """The values of a curve at some times, as text; empty without one."""
     at = np.searchsorted(column.times_s, times_s)
     at[at == len(column.times_s)] = 0
     if not len(column.times_s):
