@@ -20,6 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.images import ImageHub
+from ros_visualise.ui.server.answers import HEADER
 from ros_visualise.ui.shell import VISER
 
 TOKEN = "a-token-of-the-tests_00"
@@ -56,6 +57,12 @@ def get(port: int, path: str = "/", token: str = TOKEN, **headers: str) -> tuple
         asked.request("GET", f"/{token}{path}" if token else path, headers=headers)
         answer = asked.getresponse()
         return answer.status, answer.headers, answer.read().decode(errors="replace")
+
+
+def picture(port: int, name: str) -> str:
+    """The SVG of the panel of this name."""
+    answer = get(port, f"/?ask={name}", **{HEADER: "1"})
+    return json.loads(answer[2])["svg"]
 
 
 def wait_in(tab: Any, check: Callable[[], Any]) -> Any:

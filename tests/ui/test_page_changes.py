@@ -6,7 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from page_client import TOKEN, Client
+from page_client import TOKEN, Client, picture
+from waiting import wait_for
 from websockets.sync.client import connect
 
 from ros_visualise.core.params import Parameters
@@ -19,6 +20,7 @@ from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.live.topics import LIVE_TOPICS
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.shell.offered import OfferedHub
 
 
 def make(name, output=None, params=NoParams):
@@ -73,16 +75,22 @@ def client(changing, port):
 
 
 def test_an_empty_graph_says_so_until_somebody_comes(client, changing, port):
-    client.read_until(lambda: any("No nodes yet" in text for text in client.html))
+    assert "No nodes yet" in picture(port, "graph")
     changing.show(make("camera", "/image_raw"))
     client.read_until(lambda: "camera" in client.values)
     client.read_until(lambda: changing.looked_at == ["/image_raw"])
-    client.read_until(
-        lambda: any("rv-graph" in text and "/image_raw" in text for text in client.html)
-    )
+    wait_for(lambda: "/image_raw" in picture(port, "graph"))
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}{LIVE_TOPICS}") as live:
         while not any("/image_raw" in row for row in json.loads(live.recv(timeout=60))["rows"]):
             pass
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}{OfferedHub.path}") as live:
+        offered = json.loads(live.recv(timeout=60))
+        assert offered["topics"] == [["/image_raw", "sensor_msgs/msg/Image"]]
+        assert offered["parameters"] == offered["actions"] == []
+        changing.show(make("edge_detector", "/edges", find("edge_detector").params))
+        while ["/edges", "sensor_msgs/msg/Image"] not in offered["topics"]:
+            offered = json.loads(live.recv(timeout=60))
+        assert ["edge_detector", "low"] in [one[:2] for one in offered["parameters"]]
 
 
 def test_what_has_gone_is_taken_away_and_what_stays_is_not_touched(client, changing):
@@ -109,11 +117,11 @@ def test_a_node_that_comes_back_with_other_parameters_gets_others(client, changi
     client.read_until(lambda: client.values["Low"] == 44)
 
 
-def test_a_node_with_nothing_to_show_has_no_window(client, changing):
+def test_a_node_with_nothing_to_show_has_no_window(client, changing, port):
     changing.show(make("image_view"), make("camera", "/image_raw"))
     client.read_until(lambda: "camera" in client.values)
     assert "image_view" not in client.values
-    client.read_until(lambda: any(">image_view<" in text for text in client.html))
+    assert ">image_view<" in picture(port, "graph")
 
 
 def test_graphs_that_change_fast_break_nothing(client, changing, caplog):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_client import Client
+from page_client import Client, picture
 from scene_messages import cloud, image, odometry, tf, transform
 from scene_runtime import Told
 from waiting import wait_for
@@ -91,13 +91,11 @@ def test_what_has_no_transform_is_told(client, runtime):
     )
 
 
-def test_the_tree_of_frames_is_pictured(client, runtime):
+def test_the_tree_of_frames_is_pictured(client, runtime, port):
     runtime.say(
         tf=tf(transform("map", "odom", [1, 0, 0], 1), transform("odom", "base_link", [0, 0, 0], 1))
     )
-    client.read_until(
-        lambda: any("rv-tree" in text and ">base_link<" in text for text in client.html)
-    )
+    wait_for(lambda: ">base_link<" in picture(port, "frames"))
 
 
 def test_a_field_is_plotted_once_its_topic_is_chosen(client, runtime):

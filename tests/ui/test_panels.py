@@ -145,6 +145,26 @@ def test_other_pages_are_a_click_away(browse):
         assert link.get_attribute("href") == f"?look={name}"
 
 
+def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
+    tab = browse(f"?layout={BESIDE}")
+    table(tab).wait_for(timeout=60_000)
+    tab.get_by_role("tab", name="Topics").focus()  # not the frame, which hears its own keys
+    tab.keyboard.press("Control+k")
+    field = tab.get_by_role("searchbox", name="Search")
+    field.fill("fram")
+    tab.get_by_role("option", name="panel Frames").click()
+    tab.get_by_text("No transforms yet").wait_for(timeout=60_000)
+    tab.get_by_role("button", name="Search").click()
+    field.fill("thresh")
+    tab.get_by_role("option", name="parameter filters/threshold", exact=True).wait_for()
+    field.fill("0:00.5")
+    field.press("Enter")
+    wait_in(tab, lambda: runtime.playback.state.position_s == 0.5)
+    tab.get_by_role("button", name="Search").click()
+    field.fill("<img src=x onerror=alert(1)>")
+    tab.get_by_text("No results").wait_for()
+
+
 def test_panels_are_found_without_imports_and_say_what_they_are():
     assert "topics" in PANELS.names()
     for panel in PANELS.all():

@@ -18,7 +18,7 @@ from ros_visualise.ui.page.server import PageServer, url
 from ros_visualise.ui.page.settings import SettingsMemory
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
-from ros_visualise.ui.server.answers import BrowserQuery, Refusal
+from ros_visualise.ui.server.answers import BrowserQuery, Refusal, as_json
 from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
@@ -88,7 +88,7 @@ class Page:
         self._inspector = Inspector(runtime)
         self._server.show(runtime)
         if self._files.title:
-            self._server.shell.name(self._files.title)
+            self._server.offered.title = self._files.title
         self._content = PageContent(
             self._server.viser,
             self._server.images,
@@ -110,8 +110,11 @@ class Page:
         self._server.empty()
 
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
-        if query.text("ask") == "recorded":
+        asked = query.text("ask")
+        if asked == "recorded":
             return await self._files.answer(query)
+        if asked in ("graph", "frames") and self._content is not None:
+            return as_json({"svg": getattr(self._content, f"{asked}_picture")})
         if self._inspector is not None:
             return await self._querys.do(partial(self._inspector.answer, query, is_viewer))
         if "ask" in query or "look" in query:

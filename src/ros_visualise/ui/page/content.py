@@ -92,6 +92,16 @@ class PageContent:
         self._images.start()
         self._drawing.start()
 
+    @property
+    def graph_picture(self) -> str:
+        """An SVG of the nodes and topics."""
+        return graph_picture(self._graph)
+
+    @property
+    def frames_picture(self) -> str:
+        """An SVG of the tree of frames."""
+        return tree_picture(self._scene.frames.links.all())
+
     def close(self, timeout_s: float) -> None:
         """End the threads, each within the given time."""
         self._memory.remember(self._settings.arrangement)
@@ -127,9 +137,6 @@ class PageContent:
         self._scene_panel = ScenePanel(
             self._server, self._scene_folder, self._runtime, self._scene, self._worker
         )
-        self._frames_folder = gui.add_folder("Frames", expand_by_default=False)
-        with self._frames_folder:
-            self._frames = gui.add_html("")
         self._windows_folder = gui.add_folder("Windows")
         with self._windows_folder:
             self._size = self._add_size(gui)
@@ -138,8 +145,6 @@ class PageContent:
         with gui.add_folder("Recording"):
             self._recorder = RecordingPanel(gui, self._runtime, self._worker, self._files)
             SavePanel(gui, self._runtime, self._worker, self._files.folder, self._settings)
-        with gui.add_folder("Graph"):
-            self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("Plots", expand_by_default=False)
         with self._plots_folder:
             self._field_plot = FieldPlot(gui, self._runtime)
@@ -201,7 +206,7 @@ class PageContent:
         self._scene_panel.follow(topics, self._graph.inputs)
         self._has_scene = bool(topics)
         self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
-        self._scene_folder.visible = self._frames_folder.visible = self._has_scene
+        self._scene_folder.visible = self._has_scene
         self._switches.follow(self._windows, self._has_scene, is_track(topics))
         self._windows_folder.visible = bool(self._windows)
         self._size.visible = bool(self._pictures())
@@ -215,7 +220,6 @@ class PageContent:
             if window not in self._windows:
                 window.remove()
         self._tools.follow(self._graph)
-        self._picture.content = graph_picture(self._graph)
         self._field_plot.follow(_kinds_of(self._graph))
         self._recorder.follow(self._graph)
         self._driver.post("actors", self._end_actors)
@@ -254,19 +258,14 @@ class PageContent:
         if self._ticks % 5 == 1:
             if self._opener is not None:
                 self._opener.refresh()
-            self._show_frames()
+            if self._has_scene:
+                self._scene_panel.refresh()
             self._show_report(self._runtime.report(_WINDOW_S))
 
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
             self._figures.put(figures(self._graph, report))
             self._plots.add(report)
-
-    def _show_frames(self) -> None:
-        if self._has_scene:
-            self._scene_panel.refresh()
-            picture = tree_picture(self._scene.frames.links.all())
-            self._frames.content = f'<div class="rv-frames">{picture}</div>'
 
     def _is_watched(self) -> bool:
         return bool(self._server.get_clients()) or self._figures.is_watched

@@ -9,7 +9,7 @@ from ros_visualise.plotting.diagrams import DiagramNode, GraphLayout, Place
 
 _ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
 _CHARACTER = 6.6
-_HALO = "paint-order:stroke;stroke:var(--mantine-color-body);stroke-width:4px"
+_HALO = "paint-order:stroke;stroke:var(--rv-body);stroke-width:4px"
 """The halo of a topic's name, which arrows may cross."""
 _ARROW = (
     '<defs><marker id="rv-tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" '

@@ -35,6 +35,7 @@ from ros_visualise.ui.server.host import PageHost, page_loop
 from ros_visualise.ui.server.uploads import UPLOAD, Pieces
 from ros_visualise.ui.shell import VISER, Shell
 from ros_visualise.ui.shell.application import NICEGUI, application
+from ros_visualise.ui.shell.offered import OfferedHub
 
 Answers = Callable[[BrowserQuery, bool], Awaitable[Answer | None]]
 Receiver = Callable[[BrowserQuery, Pieces], Awaitable[None]]
@@ -58,6 +59,7 @@ class PageServer:
         images: those of its panels.
         topics: the figures of its topics.
         shell: what surrounds them.
+        offered: what browsers know of the graph.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -80,10 +82,17 @@ class PageServer:
         self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
         self.topics = Newest(LIVE_TOPICS, page_loop())
-        hubs: list[Hub] = [self.images, self.topics, PageClock(), FoxgloveHub(page_loop())]
-        hubs += [PlotHub(page_loop()), MessageHub(), MonitorHub()]
+        self.offered = OfferedHub(title)
+        self.shell = Shell(self.offered)
+        hubs: list[Hub] = [
+            self.offered,
+            self.images,
+            self.topics,
+            PageClock(),
+            PlotHub(page_loop()),
+        ]
+        hubs += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
         self._hubs = {hub.path: hub for hub in hubs}
-        self.shell = Shell(title)
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
 

@@ -75,9 +75,6 @@ STYLE = f"""<style>
 .rv-pad button:last-child {{ grid-column: 1 / -1; }}
 .rv-pad button.rv-held {{ background: #228be6; color: #fff; }}
 .rv-pad kbd {{ margin-left: .5em; opacity: .5; font-size: .65rem; }}
-.rv-frames {{ overflow-x: auto; padding: 0 .8em .5em; }}
-svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;
-  margin: 0 auto .4em; }}
 /* On a phone all is in one sheet: playback, then the windows, then the folders. */
 @media (max-width: 36em) {{
   {_SHEET} {{ width: 100% !important; max-height: var(--rv-sheet) !important; }}

@@ -53,6 +53,20 @@
     }
   }
 
+  // What the server offers: title, standard layout, topics, parameters, actions; "change" when it differs.
+  class Offered extends EventTarget {
+    state = {};
+    begin() {
+      live("/live/offered", {
+        message: (state) => {
+          this.state = state;
+          document.title = state.title;
+          this.dispatchEvent(new Event("change"));
+        },
+      });
+    }
+  }
+
   // The time that a person points at in any panel, s from the recording's start, or null; "move".
   class Cursor extends EventTarget {
     at = null;
@@ -105,10 +119,12 @@
     past,
     clock: new Clock(),
     cursor: new Cursor(),
+    offered: new Offered(),
     // Keep a panel's state in the address: what is given replaces what it had under the same names.
     keep: (element, state) => element.dispatchEvent(new CustomEvent("rv-keep", { bubbles: true, detail: state })),
     // Open a panel of this kind.
     open: (kind, state = {}) => document.dispatchEvent(new CustomEvent("rv-open", { detail: { kind, state } })),
   };
-  if (!location.pathname.endsWith("/viser")) window.rv.clock.begin();
+  rv.clock.begin();
+  rv.offered.begin();
 })();

@@ -84,6 +84,7 @@ export default {
         <q-btn v-for="(icon, page) in pages" :key="page" flat dense :icon="icon" :href="'?look=' + page" target="_blank"
           :aria-label="page[0].toUpperCase() + page.slice(1)" :title="page[0].toUpperCase() + page.slice(1)" />
         <span class="rv-space"></span>
+        <q-btn flat dense icon="search" aria-label="Search" title="Search (Ctrl+K)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
         <q-btn flat dense icon="redo" aria-label="Redo" title="Redo (Ctrl+Shift+Z)" :disable="!redoable" @click="past.redo()" />
         <q-btn flat dense icon="dashboard_customize" aria-label="Layouts" title="Layouts">
@@ -144,16 +145,21 @@ export default {
         `[data-panel="${place.panels[place.shown].id}"]{display:flex!important;left:${x}px;top:${y + HEAD}px;width:${w}px;height:${Math.max(h - HEAD, 0)}px}`).join("\n");
     },
   },
-  watch: {
-    standard() { this.isOwn || this.restore(); },
-  },
   created() {
     this.isOwn = !!this.layout;
+    this.usual = this.standard;
     this.root = this.readable(this.layout ?? this.standard);
   },
   mounted() {
     this.sized = new ResizeObserver(([{ contentRect }]) => ({ width: this.width, height: this.height } = contentRect));
     this.sized.observe(this.$refs.room);
+    this.other = () => {
+      const { layout } = rv.offered.state;
+      if (JSON.stringify(layout) === JSON.stringify(this.usual)) return;
+      this.usual = layout;
+      if (!this.isOwn) this.restore();
+    };
+    rv.offered.addEventListener("change", this.other);
     this.opened = ({ detail: { kind, state } }) => this.open(kind, state);
     document.addEventListener("rv-open", this.opened);
     this.stepped = () => ([this.undoable, this.redoable] = [rv.past.done.length > 0, rv.past.undone.length > 0]);
@@ -164,6 +170,7 @@ export default {
   beforeUnmount() {
     this.sized.disconnect();
     document.removeEventListener("rv-open", this.opened);
+    rv.offered.removeEventListener("change", this.other);
     rv.past.removeEventListener("change", this.stepped);
   },
   methods: {
@@ -193,6 +200,9 @@ export default {
     isOpen(kind) {
       return this.all().some((panel) => panel.kind === kind);
     },
+    search() {
+      document.dispatchEvent(new CustomEvent("rv-search"));
+    },
     tell() {
       const panels = this.all().map(({ id, kind, state }) => ({ id, kind, state }));
       this.$emit("panels", panels);
@@ -216,7 +226,7 @@ export default {
         if (at >= 0) panel.id = there.splice(at, 1)[0].id;
       }
       this.text = this.written();
-      this.isOwn = this.text !== JSON.stringify(this.standard);
+      this.isOwn = this.text !== JSON.stringify(this.usual);
       this.address();
       this.tell();
     },
@@ -298,7 +308,7 @@ export default {
       this.maximal = this.maximal === place.key ? null : place.key;
     },
     restore() {
-      this.become(JSON.stringify(this.standard ?? {}));
+      this.become(JSON.stringify(this.usual ?? {}));
       this.isOwn = false;
       this.address();
     },

@@ -24,28 +24,22 @@ class Workspace(Element, component="workspace.js"):
     """The panels of one browser, made as it asks for them.
 
     Args:
+        kinds: of panels, as `ros_visualise.ui.shell.panels.kinds` gives them.
         layout: of the page's address, or None.
         standard: the layout of addresses without one.
         read_only: panels only show.
     """
 
-    def __init__(self, layout: object, standard: object, read_only: bool) -> None:
+    def __init__(
+        self, kinds: Mapping[str, object], layout: object, standard: object, read_only: bool
+    ) -> None:
         super().__init__()
         self._read_only = read_only
         self._panels: dict[int, Panel] = {}
-        kinds = {name: PANELS.find(name) for name in PANELS.names()}
-        self._props["kinds"] = {
-            name: {"title": kind.title, "icon": kind.icon, "side": kind.side, "many": kind.many}
-            for name, kind in kinds.items()
-        }
+        self._props["kinds"] = dict(kinds)
         self._props["pages"] = dict(list(PAGES.items())[1:])
         self._props["layout"], self._props["standard"] = layout, standard
         self.on("panels", self._hear)
-
-    def show(self, standard: object) -> None:
-        """Give another standard layout, of another graph."""
-        self._props["standard"] = standard
-        self.update()
 
     def _hear(self, event: events.GenericEventArguments) -> None:
         """Make the panels that the browser asks for, and remove the others."""

@@ -39,6 +39,15 @@ class Panel(Element):
         self._props["state"], self._props["read-only"] = dict(state), read_only
 
 
+def kinds() -> dict[str, dict[str, object]]:
+    """Name -> title, icon, side and many, of all panels that can be opened."""
+    found = {name: PANELS.find(name) for name in PANELS.names()}
+    return {
+        name: {"title": kind.title, "icon": kind.icon, "side": kind.side, "many": kind.many}
+        for name, kind in found.items()
+    }
+
+
 def _read(held: Any, name: str) -> type[Panel]:
     candidates = vars(held).values() if isinstance(held, ModuleType) else [held]
     kinds = [one for one in candidates if isinstance(one, type) and issubclass(one, Panel)]
