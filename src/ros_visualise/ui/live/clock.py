@@ -7,13 +7,17 @@ import json
 import logging
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.live.exchange import exchange, ignore
+from ros_visualise.ui.live.marks import Marks
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
+from ros_visualise.ui.server.host import page_loop
+from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
@@ -22,13 +26,19 @@ _FARTHEST_S = 1e9
 
 
 class PageClock:
-    """Sends browsers the state of a playback, and does what they ask."""
+    """Sends browsers the state of a playback with its marks, and does what they ask.
+
+    Attributes:
+        marks: of what is played.
+    """
 
     path = "/live/clock"
 
     def __init__(self) -> None:
         self._playback: Playback | None = None
         self._live = False
+        self.marks = Marks()
+        self._writing = Pool("marks", 1)
         self._actions: Mapping[str, Callable[[Playback, Any], None]] = {
             "toggle": lambda playback, _: playback.toggle(),
             "step": lambda playback, forward: playback.step(1 if forward else -1),
@@ -39,6 +49,8 @@ class PageClock:
             "begin": lambda playback, _: begin_at(playback, playback.state.position_s),
             "end": lambda playback, _: end_at(playback, playback.state.position_s),
             "whole": lambda playback, _: playback.set_part(),
+            "range": _play_range,
+            "mark": self._mark,
         }
 
     def show(self, runtime: Runtime | None) -> None:
@@ -53,7 +65,8 @@ class PageClock:
         await exchange(receive, send, self._send_all(send), hear)
 
     def close(self) -> None:
-        """Do nothing: it has no thread."""
+        """End the thread that writes marks."""
+        self._writing.close()
 
     def act(self, text: str) -> None:
         """Do what a browser asks; anything else than our pages ask is ignored."""
@@ -66,6 +79,21 @@ class PageClock:
             log.warning("%s", error)
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError, OverflowError):
             return
+
+    def _mark(self, playback: Playback, mark: Any) -> None:
+        """Set the mark at a time to a name; ``None`` stands for the present time."""
+        at, name = mark
+        if not isinstance(name, str):
+            raise ValueError(name)
+        at_s = playback.state.position_s if at is None else _seconds(at)
+        writing = self._write(partial(self.marks.set, at_s, name))
+        asyncio.run_coroutine_threadsafe(writing, page_loop())
+
+    async def _write(self, write: Callable[[], None]) -> None:
+        try:
+            await self._writing.do(write)
+        except RosVisualiseError as error:
+            log.warning("%s", error)
 
     async def _send_all(self, send: Send) -> None:
         shown = ""
@@ -94,6 +122,7 @@ class PageClock:
             "topics": playback.step_topics,
             "topic": playback.step_topic,
             "live": self._live,
+            "marks": list(self.marks.names.items()),
         }
 
 
@@ -107,6 +136,11 @@ def end_at(playback: Playback, time_s: float) -> None:
     """Set the end of the range that is played; a later start is cleared. 0 is the recording's."""
     begin_s = playback.state.part_s[0]
     playback.set_part(begin_s if begin_s < time_s or not time_s else 0.0, time_s or None)
+
+
+def _play_range(playback: Playback, ends: Any) -> None:
+    begin, end = ends
+    playback.set_part(_seconds(begin), None if end is None else _seconds(end))
 
 
 def _seconds(value: Any) -> float:

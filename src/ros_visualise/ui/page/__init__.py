@@ -7,9 +7,12 @@ import socket
 import threading
 from functools import partial
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live.marks import Marks
+from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.look import Answer, Inspector
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
@@ -60,6 +63,7 @@ class Page:
         )
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._content: PageContent | None = None
+        self._runtime: Runtime | None = None
         self._ended = threading.Event()
 
     @property
@@ -85,7 +89,9 @@ class Page:
             self._browser.open()
 
     def _show(self, runtime: Runtime) -> None:
+        self._runtime = runtime
         self._inspector = Inspector(runtime)
+        self._server.clock.marks = self._marks()
         self._server.show(runtime)
         if self._files.title:
             self._server.offered.title = self._files.title
@@ -99,6 +105,15 @@ class Page:
             self._memory,
             self._urdf,
         )
+
+    def _marks(self) -> Marks:
+        """The marks of the file that is shown."""
+        current = None if self._files.chooser is None else self._files.chooser.current
+        try:
+            return Marks(current)
+        except RosVisualiseError as error:
+            log.warning("%s; marks set now are not kept", error)
+            return Marks()
 
     def _leave(self) -> None:
         """Remove the present graph from the page, and remember the settings."""
@@ -115,6 +130,9 @@ class Page:
             return await self._files.answer(query)
         if asked in ("graph", "frames") and self._content is not None:
             return as_json({"svg": getattr(self._content, f"{asked}_picture")})
+        if asked == "ticks" and self._runtime is not None:
+            shown = self._runtime
+            return as_json(await self._querys.do(lambda: ticks(shown.graph, shown.playback)))
         if self._inspector is not None:
             return await self._querys.do(partial(self._inspector.answer, query, is_viewer))
         if "ask" in query or "look" in query:

@@ -59,6 +59,7 @@ class PageServer:
         images: those of its panels.
         topics: the figures of its topics.
         shell: what surrounds them.
+        clock: that of the timeline.
         offered: what browsers know of the graph.
 
     Raises:
@@ -82,13 +83,14 @@ class PageServer:
         self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
         self.topics = Newest(LIVE_TOPICS, page_loop())
+        self.clock = PageClock()
         self.offered = OfferedHub(title)
         self.shell = Shell(self.offered)
         hubs: list[Hub] = [
             self.offered,
             self.images,
             self.topics,
-            PageClock(),
+            self.clock,
             PlotHub(page_loop()),
         ]
         hubs += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]

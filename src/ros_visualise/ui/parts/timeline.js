@@ -23,9 +23,24 @@ export default {
           title="Step forward (.)" @mousedown.prevent @click="act({ step: true })" />
         <span class="rv-clock">{{ time }}<small v-if="length"> / {{ length }}</small></span>
       </div>
-      <div v-show="!state.live" ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
+      <div v-show="!state.live" class="rv-track">
+      <div v-if="rows.length" class="rv-ticks" role="img" aria-label="Messages over time">
+        <div v-for="[topic, counts] in rows" :key="topic" class="rv-tick-row" :title="topic">
+          <span>{{ topic }}</span><canvas :ref="(canvas) => canvas && drawRow(canvas, counts)"></canvas></div>
+      </div>
+      <div ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
         :aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
-        @pointerdown="grab" @pointermove="hover" @pointerleave="pointer = null; draw()"><canvas ref="canvas"></canvas></div>
+        @pointerdown="grab" @pointermove="hover" @pointerleave="leave"><canvas ref="canvas"></canvas>
+        <button v-for="[at, name] in state.marks ?? []" :key="at" class="rv-mark" :style="{ left: place(at) }" :title="name + '  ' + clock(at)"
+          :aria-label="'Mark ' + name + ' at ' + clock(at)" @pointerdown.stop @click="seek(at)">
+          <q-menu v-if="!readOnly" context-menu @show="marked = name"><div class="rv-marking">
+            <q-input v-model="marked" dense autofocus label="Name of the mark" @keydown.stop @keydown.enter="act({ mark: [at, marked] })" />
+            <q-btn v-close-popup flat dense no-caps label="Rename" @click="act({ mark: [at, marked] })" />
+            <q-btn v-close-popup flat dense no-caps label="Loop from here to the next mark" @click="loop(at)" />
+            <q-btn v-close-popup flat dense no-caps label="Remove" @click="act({ mark: [at, ''] })" />
+          </div></q-menu></button>
+      </div>
+      </div>
       <div v-if="!state.live" class="rv-controls">
         <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< and >)"
           @change="act({ rate: Number($event.target.value) }); $event.target.blur()">
@@ -33,6 +48,10 @@ export default {
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
           :aria-pressed="String(!!state.loop)" title="Start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+        <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
+          title="Set a mark (M); a right click on a mark renames or removes it" @mousedown.prevent @click="mark" />
+        <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
+          :aria-pressed="String(!!rows.length)" title="Messages of each topic over time" @mousedown.prevent @click="toggleTicks" />
         <select v-if="(state.topics ?? []).length > 1" :value="state.topic" :disabled="readOnly" aria-label="Step by" class="rv-topic"
           title="Step to the next message of this topic" @change="act({ topic: $event.target.value }); $event.target.blur()">
           <option value="">Any message</option>
@@ -42,7 +61,7 @@ export default {
     </div>`,
   props: { readOnly: Boolean },
   data() {
-    return { state: {}, isKnown: false, scrubbed: null, pointer: null };
+    return { state: {}, isKnown: false, scrubbed: null, pointer: null, marked: "", rows: [] };
   },
   computed: {
     shown() { return this.scrubbed ?? this.state.position ?? 0; },
@@ -57,6 +76,7 @@ export default {
     this.heard();
     this.sized = new ResizeObserver(() => this.draw());
     this.sized.observe(this.$refs.bar);
+    rv.cursor.addEventListener("move", this.pointed);
     window.rvKey = (event) => this.key(event);
     this.pressed = (event) => this.key(event) && event.preventDefault();
     document.addEventListener("keydown", this.pressed);
@@ -64,6 +84,7 @@ export default {
   beforeUnmount() {
     rv.clock.removeEventListener("change", this.heard);
     this.sized.disconnect();
+    rv.cursor.removeEventListener("move", this.pointed);
     document.removeEventListener("keydown", this.pressed);
   },
   methods: {
@@ -98,6 +119,7 @@ export default {
           Home: () => this.seek(part),
           End: () => this.seek(this.state.part?.[1] ?? this.end),
           "[": () => this.act({ begin: 1 }),
+          m: () => this.mark(),
           "]": () => this.act({ end: 1 }),
           "<": () => this.act({ rate: to.findLast((rate) => rate < this.state.rate) ?? to[0] }),
           ">": () => this.act({ rate: to.find((rate) => rate > this.state.rate) ?? to.at(-1) }),
@@ -106,6 +128,38 @@ export default {
       const action = Object.hasOwn(actions, event.key) && actions[event.key];
       if (action) action();
       return !!action;
+    },
+    clock,
+    place(at) {
+      return `calc(${MARGIN}px + ${at / this.end} * (100% - ${2 * MARGIN}px))`;
+    },
+    mark() {
+      this.act({ mark: [null, `Mark ${(this.state.marks ?? []).length + 1}`] });
+    },
+    loop(at) {
+      const next = (this.state.marks ?? []).find(([time]) => time > at)?.[0];
+      this.act({ range: [at, next ?? null] });
+      this.act({ loop: true });
+      this.seek(at);
+    },
+    async toggleTicks() {
+      if (this.rows.length) return (this.rows = []);
+      const { topics } = await rv.ask({ ask: "ticks" });
+      this.rows = Object.entries(topics);
+    },
+    // The messages of a topic over the time of the recording; a gap is empty.
+    drawRow(canvas, counts) {
+      const most = Math.max(...counts, 1);
+      Object.assign(canvas, { width: counts.length, height: 1 });
+      const to = canvas.getContext("2d");
+      to.fillStyle = getComputedStyle(this.$el).color;
+      counts.forEach((count, i) => {
+        to.globalAlpha = count ? 0.35 + (0.65 * count) / most : 0;
+        to.fillRect(i, 0, 1, 1);
+      });
+    },
+    leave() {
+      rv.cursor.move(null);
     },
     timeAt({ clientX }) {
       const { left, width } = this.$refs.bar.getBoundingClientRect();
@@ -126,7 +180,10 @@ export default {
       bar.onpointerup = bar.onpointercancel = release;
     },
     hover(event) {
-      this.pointer = this.timeAt(event);
+      rv.cursor.move(this.timeAt(event));
+    },
+    pointed() {
+      this.pointer = rv.cursor.at;
       this.draw();
     },
     draw() {

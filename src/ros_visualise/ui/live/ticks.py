@@ -1,0 +1,43 @@
+"""Where on the timeline the messages of each topic are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.graph import Graph
+from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.live.played import playback_line
+
+_BINS = 500
+_MOST_TOPICS = 200
+_NS = 1_000_000_000
+
+
+def ticks(graph: Graph, playback: Playback | None) -> Mapping[str, Any]:
+    """Topic -> number of messages in each of 500 equal parts of the recording.
+
+    Empty for sources other than recordings.
+
+    Raises:
+        RosVisualiseError, OSError: the recording can no longer be read.
+    """
+    path = None if graph.source is None else graph.source.type.recording
+    line = None if path is None else playback_line(graph, playback)
+    if path is None or line is None or not line.playback.state.duration_s:
+        return {"topics": {}}
+    with closing(open_recording(path)) as recording:
+        stamps = recording.stamps_ns()
+    edges = np.linspace(0, line.playback.state.duration_s * _NS, _BINS + 1)
+    limits_ns = [line.time_ns(round(edge)) for edge in edges]
+    limits_ns[-1] += 1  # the last message counts too
+    return {
+        "topics": {
+            topic: np.diff(np.searchsorted(np.sort(found), limits_ns)).tolist()
+            for topic, found in sorted(stamps.items())[:_MOST_TOPICS]
+        }
+    }
