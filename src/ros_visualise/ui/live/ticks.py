@@ -1,4 +1,4 @@
-"""Where on the timeline the messages of each topic are."""
+"""The places of messages on the timeline, by topic."""
 
 from __future__ import annotations
 
