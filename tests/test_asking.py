@@ -1,5 +1,6 @@
 """What the command line answers where it was not asked rightly, and what shells learn from it."""
 
+import json
 import os
 import subprocess
 import sys
@@ -9,7 +10,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from made_videos import numbered, write_video
 
 from ros_visualise.commands import COMMANDS, main
 from ros_visualise.running.arguments import add_arguments, argument, option
@@ -115,6 +119,33 @@ def test_of_a_file_it_tells_the_one_that_is_there(capsys, tmp_path):
     status, _, err = answer_to(capsys, "video", tmp_path / "flight.avi", "--view", "none")
     assert status == 2
     assert err.endswith("flight.avi: no such file; did you mean flight.mp4?\n")
+
+
+PLAYED = ["--view", "none", "--rate", "0", "--json"]
+
+
+def test_a_thing_is_shown_without_the_name_of_a_command(capsys, tmp_path):
+    film = tmp_path / "film.mkv"
+    write_video(film, numbered(4))
+    assert (
+        main(["video", str(film), *PLAYED[:4], "--record", str(tmp_path / "a.bag@/image_raw")]) == 0
+    )
+    (tmp_path / "pictures").mkdir()
+    cv2.imwrite(str(tmp_path / "pictures" / "1.png"), np.zeros((9, 9), np.uint8))
+    for name, messages in (("film.mkv", 4), ("a.bag", 4), ("pictures", 1)):
+        capsys.readouterr()
+        status, out, _ = answer_to(capsys, tmp_path / name, *PLAYED)
+        assert status == 0
+        assert json.loads(out)["topics"]["/image_raw"]["messages"] == messages
+    (tmp_path / "log.txt").write_text("x")
+    for thing, answer in (
+        (tmp_path / "log.txt", "not a video that FFmpeg can read"),
+        (tmp_path / "none.bag", "no such file; give a file, a folder, a URL or a command"),
+        ("rtsp://127.0.0.1:1/x", "--rate, --loop and --start do not fit a live camera"),
+    ):
+        status, _, err = answer_to(capsys, thing, *PLAYED)
+        assert (status, err.count("\n")) == (2, 1)
+        assert answer in err
 
 
 def completions(line):

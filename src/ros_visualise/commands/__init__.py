@@ -31,11 +31,13 @@ from ros_visualise.running.options import MemoryOptions
 T = TypeVar("T")
 
 _OPTION = re.compile("--[a-z][a-z-]*")
+_ADDRESS = re.compile("[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 _CHOICE = re.compile(
     r"argument (?P<what>.*): invalid choice: '(?P<given>.*?)' \(choose from (?P<there>.*)\)"
 )
 _EXAMPLES = """examples:
   ros-visualise demo
+  ros-visualise drive.mcap
   ros-visualise sim husky --world playpen --mission square
   ros-visualise video flight.mp4 --set filters.threshold=90
   ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
@@ -95,6 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         given = sys.argv[1:] if arguments is None else arguments
+        given = _with_command(given)
         parser = _parser(words_to_complete() or given)
         complete(parser)
         found = vars(parser.parse_args(given))
@@ -130,9 +133,8 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         found = _CHOICE.search(message)
-        if found and os.path.exists(found["given"]):
-            path = found["given"]
-            message = f"to play {path}: {self.prog} {_command_for(Path(path))} {path}"
+        if found and re.search("[./]", found["given"]):
+            message = f"{found['given']}: no such file; give a file, a folder, a URL or a command"
         elif found:
             there = re.findall(r"[^', ]+", found["there"])
             hint = did_you_mean(found["given"], there)
@@ -141,18 +143,30 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2)
 
 
+def _with_command(given: Sequence[str]) -> Sequence[str]:
+    """The arguments with the command that shows what comes first, unless that is a command."""
+    first = given[0] if given else ""
+    if first in COMMANDS.names() or first.startswith("-"):
+        return given
+    if _ADDRESS.match(first) or (first.startswith("/dev/") and os.path.exists(first)):
+        return ["camera", *given]
+    return [_command_for(Path(first)), *given] if first and os.path.exists(first) else given
+
+
 def _command_for(path: Path) -> str:
     from ros_visualise.sources.formats import suffixes
+    from ros_visualise.sources.opening import is_recording
+    from ros_visualise.sources.pictures import is_pictures
 
-    is_recording = path.is_dir() or path.suffix.lower() in suffixes()
-    return "bag" if is_recording else "video"
+    is_named = path.suffix.lower() in suffixes()  # one that is damaged is best named by its reader
+    return "bag" if (is_recording(path) or is_named) and not is_pictures(path) else "video"
 
 
 def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The parser of all commands; where one is given, it alone is imported and has arguments."""
     parser = _Parser(
         prog="ros-visualise",
-        description="See what a robot sees.",
+        description="See what a robot sees: give a command, or a file, folder, device or URL.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
