@@ -38,7 +38,7 @@ CAMERA = {
     "up_direction": (0.0, 0.0, 1.0),
 }
 PORT = 8099
-PANELS = ("fps_control", "filters", "edge_detector")
+TOPICS = ("/controlled_stream", "/processed_image", "/edges")
 
 
 def receive(received: list[int]) -> None:
@@ -56,14 +56,16 @@ def receive(received: list[int]) -> None:
 
 
 def take_images(address: str, received: list[int]) -> None:
-    """Take the images of all panels, as fast as they come."""
+    """Take images as panels do, as fast as they come."""
     with connect(f"{address}/live/images", max_size=None) as live:
-        live.send(json.dumps({"show": dict.fromkeys(PANELS, 720)}))
+        views = {topic: {"topic": topic, "size": 720, "boxes": True} for topic in TOPICS}
+        live.send(json.dumps({"show": views}))
         try:
             for image in live:
                 received[0] += len(image)
-                length = int.from_bytes(image[:2], "little")
-                live.send(json.dumps({"got": image[2 : 2 + length].decode()}))
+                if isinstance(image, bytes):
+                    length = int.from_bytes(image[:4], "little")
+                    live.send(json.dumps({"got": json.loads(image[4 : 4 + length])["key"]}))
         except ConnectionClosed:
             return
 

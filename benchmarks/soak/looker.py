@@ -9,7 +9,6 @@ of the median latencies that the page shows.
 
 import json
 import math
-import re
 import sys
 import time
 from contextlib import suppress
@@ -24,6 +23,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 EVERY_S = 5.0
+MOST_SHOWN = 4
 LATENCIES = "ms since the source"
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -47,7 +47,6 @@ class Looker:
         self._opener = build_opener(HTTPCookieProcessor(self._cookies))
         self._address = address
         self._plots: set[str] = set()
-        self._panels: set[str] = set()
         self._live: ClientConnection | None = None
         self._told = {"bytes": 0, "connected": 0, "answer_ms": None, "latency_ms": None}
 
@@ -102,13 +101,16 @@ class Looker:
             while self._live is not None:
                 image = self._live.recv(timeout=0)
                 self._told["bytes"] += len(image)
-                length = int.from_bytes(image[:2], "little")
-                self._live.send(json.dumps({"got": image[2 : 2 + length].decode()}))
+                if isinstance(image, str):
+                    self._show([one["topic"] for one in json.loads(image)["topics"]][:MOST_SHOWN])
+                    continue
+                length = int.from_bytes(image[:4], "little")
+                self._live.send(json.dumps({"got": json.loads(image[4 : 4 + length])["key"]}))
 
-    def _show(self, panel: str) -> None:
-        self._panels.add(panel)
+    def _show(self, topics: list[str]) -> None:
         assert self._live is not None
-        self._live.send(json.dumps({"show": dict.fromkeys(self._panels, 720)}))
+        views = {topic: {"topic": topic, "size": 720, "boxes": True} for topic in topics}
+        self._live.send(json.dumps({"show": views}))
 
     def _read(self, packet: bytes) -> None:
         """Find the latencies among what came."""
@@ -117,9 +119,6 @@ class Looker:
         content = msgspec.msgpack.decode(packed)
         for message in content["messages"]:
             told = message.get("props") or message.get("updates") or {}
-            panel = re.search('data-image="(.*?)"', str(told.get("content")))
-            if panel:
-                self._show(panel[1])
             if told.get("title") == LATENCIES:
                 self._plots.add(message["uuid"])
             elif message.get("uuid") in self._plots and told.get("data"):

@@ -31,15 +31,14 @@ _MESSAGES = {
 }
 _QUESTIONS = (
     "ask=topics",
-    "ask=pixels&topic=/edges&stamp=5&after=3",
-    "ask=png&topic=/image_raw&near=1",
+    "ask=message&topic=/edges&stamp=5&after=3",
     "ask=message&topic=/image_raw&after=3",
     "ask=fields&topic=/image_raw",
     "ask=curves&field=/image_raw:header.stamp&from=0&to=9.5",
     "ask=log&after=2",
     "ask=diagnostics",
     "ask=play&seek=1.5",
-    "look=image",
+    "look=messages",
 )
 
 

@@ -8,7 +8,7 @@ from contextlib import closing
 
 import pytest
 import viser
-from page_client import TOKEN, VIEW_TOKEN, Client
+from page_client import IMAGES, TOKEN, VIEW_TOKEN, Client
 
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
@@ -85,7 +85,7 @@ def chromium() -> Iterator[object]:
 
 @pytest.fixture
 def browse(chromium, page: Page) -> Iterator[Callable[..., object]]:
-    """Opens viser's page, or another, in a browser of its own, until its images are there."""
+    """Opens viser's page, or another, in a browser of its own, until it has come."""
     contexts = []
 
     def open_browser(path: str = VISER, images: bool = True) -> object:
@@ -97,9 +97,9 @@ def browse(chromium, page: Page) -> Iterator[Callable[..., object]]:
             return tab
         if path != VISER:
             tab.wait_for_selector("iframe", timeout=120_000)
-        tab.frames[-1].wait_for_function(
-            "document.querySelectorAll('[data-images]').length == 3", timeout=120_000
-        )
+        tab.frames[-1].get_by_text("Threshold", exact=True).wait_for(timeout=120_000)
+        if not path:
+            tab.wait_for_function(IMAGES, timeout=120_000)
         return tab
 
     yield open_browser

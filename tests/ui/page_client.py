@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import time
 from collections.abc import Callable
 from email.message import Message
@@ -16,7 +15,7 @@ import numpy as np
 import viser
 import zstandard
 from waiting import wait_for
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.images import ImageHub
@@ -26,6 +25,8 @@ from ros_visualise.ui.shell import VISER
 TOKEN = "a-token-of-the-tests_00"
 VIEW_TOKEN = "another-one-to-look-01"
 """What the pages of these tests are opened with (`conftest.tokens`)."""
+IMAGES = "document.querySelectorAll('[data-images]').length == 3"
+"""In a browser, when all images of the demo are there."""
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -40,6 +41,7 @@ CAMERA = {
 }
 
 
+_IMAGES = 4  # that a client shows
 _POSES = {"SetPositionMessage": "position", "SetOrientationMessage": "wxyz"}
 
 
@@ -83,13 +85,9 @@ class Client:
             origin=origin,
             max_size=None,
         )
-        self._address = f"ws://127.0.0.1:{port}{path}{ImageHub.path}"
-        self._origin = origin
-        self._live: ClientConnection | None = None
-        self._panels: dict[str, str] = {}  # by their elements
+        self._live = ImageClient(port, path, origin)
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
-        self.images = 0
         self.nodes: dict[str, dict[str, Any]] = {}
         self.plots: dict[str, Any] = {}
         self.commands: list[str] = []  # what the protocol calls them
@@ -99,6 +97,11 @@ class Client:
     def send(self, message: dict[str, Any]) -> None:
         """Send one message."""
         self.socket.send(msgspec.msgpack.encode(message))
+
+    @property
+    def images(self) -> int:
+        """The number of images that have come."""
+        return len(self._live.images)
 
     @property
     def elements(self) -> list[str]:
@@ -124,39 +127,19 @@ class Client:
             with contextlib.suppress(TimeoutError):
                 for message in _decode(self.socket.recv(timeout=0.02)):
                     self._take(message)
-            with contextlib.suppress(TimeoutError):
-                self._take_images()
+            self._live.take()
+            if list(self._live.shown) != self._live.topics[:_IMAGES]:
+                self._live.show(*self._live.topics[:_IMAGES])
 
     def close(self) -> None:
         """Leave."""
         self.socket.close()
-        if self._live is not None:
-            self._live.close()
+        self._live.socket.close()
 
     def vanish(self) -> None:
         """Lose the connection without a word."""
         self.socket.socket.close()
-        if self._live is not None:
-            self._live.socket.close()
-
-    def _take_images(self) -> None:
-        """Draw all images that have come."""
-        while self._live is not None:
-            data = self._live.recv(timeout=0)
-            length = int.from_bytes(data[:2], "little")
-            self._live.send(json.dumps({"got": data[2 : 2 + length].decode()}))
-            self.images += 1
-
-    def _show_images(self, uuid: str, panel: str | None) -> None:
-        """Show the image of an element, or remove it."""
-        if panel == self._panels.get(uuid):
-            return
-        self._panels.pop(uuid, None)
-        if panel is not None:
-            self._panels[uuid] = panel
-        if self._live is None:
-            self._live = connect(self._address, origin=self._origin, max_size=None)
-        self._live.send(json.dumps({"show": dict.fromkeys(self._panels.values(), 640)}))
+        self._live.socket.socket.close()
 
     def _take(self, message: dict[str, Any]) -> None:
         self._take_node(message)
@@ -165,9 +148,6 @@ class Client:
         if "uuid" not in message:
             return
         props = message.get("props") or message.get("updates") or {}
-        found = re.search('data-image="(.*?)"', str(props.get("content")))
-        if found or message["type"] == "GuiRemoveMessage":
-            self._show_images(message["uuid"], found and found[1])
         if message["type"] == "GuiRemoveMessage":
             self.values.pop(self._labels.pop(message["uuid"], None), None)
         if props.get("label") and "value" in message:
@@ -192,6 +172,59 @@ class Client:
         else:
             props = message.get("props") or message.get("updates") or {}
             self.nodes.setdefault(name, {}).update(props)
+
+
+class ImageClient:
+    """A browser's side of the image panels: shows topics, under their names as keys."""
+
+    def __init__(self, port: int, path: str = f"/{TOKEN}", origin: str | None = None) -> None:
+        address = f"ws://127.0.0.1:{port}{path}{ImageHub.path}"
+        self.socket = connect(address, origin=origin, max_size=None)
+        self.topics: list[str] = []
+        self.offers: list[dict[str, Any]] = []
+        self.shown: dict[str, dict[str, Any]] = {}
+        self.images: list[tuple[dict[str, Any], bytes]] = []
+        self.answers: dict[int, tuple[dict[str, Any], bytes]] = {}
+
+    def show(self, *topics: str, size: int = 640, **options: Any) -> None:
+        """Show these topics and no others."""
+        self.shown = {topic: {"topic": topic, "size": size, **options} for topic in topics}
+        self.send(show=self.shown)
+
+    def send(self, **message: Any) -> None:
+        """Send one message."""
+        self.socket.send(json.dumps(message))
+
+    def ask(self, key: str, what: str, *at: float) -> tuple[dict[str, Any], bytes]:
+        """Facts and bytes of an answer."""
+        number = len(self.answers) + 1
+        self.send(ask=number, key=key, what=what, at=at)
+        self.read_until(lambda: number in self.answers)
+        return self.answers[number]
+
+    def read_until(self, check: Callable[[], object], timeout_s: float = 60.0) -> None:
+        """Take in what comes until the check holds."""
+        end_s = time.monotonic() + timeout_s
+        while not check():
+            assert time.monotonic() < end_s, "it did not come about"
+            self.take(0.02)
+
+    def take(self, timeout_s: float = 0.0) -> None:
+        """Take all that has come, and draw the images."""
+        with contextlib.suppress(TimeoutError):
+            while True:
+                data = self.socket.recv(timeout=timeout_s)
+                if isinstance(data, str):
+                    self.offers = json.loads(data)["topics"]
+                    self.topics = [one["topic"] for one in self.offers]
+                    continue
+                length = int.from_bytes(data[:4], "little")
+                facts, body = json.loads(data[4 : 4 + length]), data[4 + length :]
+                if "answer" in facts:
+                    self.answers[facts["answer"]] = facts, body
+                else:
+                    self.images.append((facts, body))
+                    self.send(got=facts["key"])
 
 
 class ClockClient:

@@ -40,8 +40,7 @@ def test_the_token_is_in_a_file_of_its_owner_until_a_browser_has_come(
         tab.goto(url)
         tab.wait_for_url(f"{page.url}**", timeout=60_000)
         assert tab.title() == "ros_visualise"
-        image = tab.frame_locator("iframe").locator("[data-images] canvas").first
-        image.wait_for(timeout=120_000)
+        tab.locator("[data-images]").first.wait_for(timeout=120_000)
         wait_for(lambda: not path.parent.exists(), "the file's end")
         context.close()
     finally:

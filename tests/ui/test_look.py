@@ -6,7 +6,6 @@ import logging
 import re
 from contextlib import closing
 
-import cv2
 import numpy as np
 import pytest
 from page_client import TOKEN
@@ -24,20 +23,16 @@ from ros_visualise.data import (
 from ros_visualise.data.reports import Level, Log
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.live.taps import Taps
-from ros_visualise.ui.look import Inspector, link
+from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.server.answers import BrowserQuery, Refusal
 
 OURS = {"X-Ros-Visualise": "1"}
-DEPTH = np.array([[0.5, np.nan, 2.25], [0, 7, 1e-3]], np.float32)
-DEEP = np.arange(12, dtype=np.uint16).reshape(2, 2, 3) * 5000
 
 
 @pytest.fixture
 def told():
-    return Told(
-        deep=Image, depth=Image, odom=Odometry, diagnostics=DiagnosticArray, points=PointCloud
-    )
+    return Told(deep=Image, odom=Odometry, diagnostics=DiagnosticArray, points=PointCloud)
 
 
 @pytest.fixture
@@ -59,53 +54,15 @@ def said(answer):
 
 
 @pytest.mark.parametrize(
-    ("topic", "pixels", "encoding"), [("deep", DEEP, "rgb16"), ("depth", DEPTH, "32FC1")]
-)
-def test_pixels_come_as_they_are(told, inspector, topic, pixels, encoding):
-    told.say(**{topic: Image(pixels, encoding, Header(2**62 + 1, "camera"))})
-    answer = ask(inspector, f"ask=pixels&topic=/{topic}")
-    facts = json.loads(answer.headers["X-Image"])
-    assert (facts["encoding"], facts["width"], facts["height"]) == (encoding, *pixels.shape[1::-1])
-    assert facts["stamp"] == str(2**62 + 1)
-    found = np.frombuffer(answer.body, facts["dtype"]).reshape(pixels.shape)
-    np.testing.assert_array_equal(found, pixels)
-    again = ask(inspector, f"ask=pixels&topic=/{topic}&after={2**62 + 1}")
-    assert (again.status, again.body) == (204, b"")
-
-
-def test_16_bits_are_saved_as_they_are(told, inspector):
-    told.say(deep=Image(DEEP, "rgb16", Header(7)))
-    answer = ask(inspector, "ask=png&topic=/deep")
-    read = cv2.imdecode(np.frombuffer(answer.body, np.uint8), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(read[..., ::-1], DEEP)
-    assert 'filename="deep_7.png"' in answer.headers["Content-Disposition"]
-
-
-def test_of_two_topics_the_images_of_one_stamp_are_found(told, inspector):
-    def image(value):
-        return Image(np.full((2, 2), value, np.uint8), "mono8", Header(value))
-
-    assert ask(inspector, "ask=pixels&topic=/deep").status == 404  # from now on they are kept
-    for value in (1, 2, 3):
-        told.say(deep=image(value))
-    assert ask(inspector, "ask=pixels&topic=/deep&stamp=2").body == bytes([2] * 4)
-    assert ask(inspector, "ask=pixels&topic=/deep").body == bytes([3] * 4)
-    assert ask(inspector, "ask=pixels&topic=/deep&stamp=9&near=1").body == bytes([3] * 4)
-    assert "with that timestamp" in said(ask(inspector, "ask=pixels&topic=/deep&stamp=9"))["error"]
-
-
-@pytest.mark.parametrize(
     ("query", "status"),
     [
-        ("ask=pixels&topic=/odom", 404),
-        ("ask=pixels&topic=/no/such", 404),
-        ("ask=pixels&topic=/deep&stamp=x", 400),
-        ("ask=pixels&topic=/deep&stamp=99999999999999999999", 400),
+        ("ask=log&after=x", 400),
+        ("ask=log&after=99999999999999999999", 400),
         ("ask=message&topic=/no/such", 404),
         ("ask=nothing", 404),
         ("look=../../etc/passwd", 404),
         ("ask=play&toggle=1", 409),
-        ("ask=pixels&topic=%ff", 400),
+        ("ask=message&topic=%ff", 400),
         ("ask=" + "x" * 9000, 414),
     ],
 )
@@ -213,43 +170,14 @@ def get(port, path, **headers):
 
 
 def test_the_door_is_before_these_pages_too(page, port):
-    status, headers, body = get(port, "/" + link("image", topic="/edges"))
+    status, headers, body = get(port, "/?look=messages&topic=/edges")
     assert status == 200
     assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
-    assert b"class Stage" in body
+    assert b"async function ask(" in body
     assert not re.search(rb"/\* [a-z]+\.(js|css) \*/", body)  # all parts are inside
     evil = {"Host": f"127.0.0.1:{port}", "Origin": "http://evil.example"}
     assert get(port, "/?ask=topics", **OURS, **evil)[0] == 403
     assert get(port, "/other?ask=topics", **OURS)[0] == 404
-
-
-DIFFERENCE = """() => {
-  const facts = { width: 1, height: 1, channels: 3, dtype: "uint8", measured: false, stamp: "1" };
-  const made = (encoding, ...values) =>
-    new Picture("/image", { ...facts, encoding }, new Uint8Array(values).buffer);
-  return difference(made("rgb8", 10, 20, 30), made("bgr8", 33, 20, 7)).at(0, 0);
-}"""
-
-
-def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
-    tab = browse()
-    shown = tab.locator("[data-images] canvas").first.bounding_box()
-    with tab.context.expect_page(timeout=60_000) as opened:
-        tab.mouse.click(shown["x"] + shown["width"] / 2, shown["y"] + shown["height"] / 2)
-    whole = opened.value
-    whole.locator("#facts", has_text="640").wait_for(timeout=60_000)
-    whole.select_option("#other", "/processed_image")
-    canvas = whole.locator("#view")
-    box = canvas.bounding_box()
-    canvas.hover(position={"x": box["width"] / 2, "y": box["height"] / 2})
-    whole.locator("#value", has_text="/processed_image").wait_for(timeout=30_000)
-    text = whole.locator("#value").inner_text()
-    x, y = map(int, re.search(r"x (\d+), y (\d+)", text).groups())
-    subscription = runtime.subscribe("/image_raw")
-    values = subscription.take(10).pixels[y, x].tolist()
-    subscription.close()
-    assert [int(v) for v in re.findall(r"[RGB] (\d+)", text)] == values
-    assert whole.evaluate(DIFFERENCE) == [3, 0, 3]
 
 
 def test_who_asks_before_anything_is_shown_is_told_to_ask_again(port):

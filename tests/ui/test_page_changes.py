@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from page_client import TOKEN, Client, picture
+from page_client import TOKEN, Client, ImageClient, picture
 from waiting import wait_for
 from websockets.sync.client import connect
 
@@ -77,7 +77,6 @@ def client(changing, port):
 def test_an_empty_graph_says_so_until_somebody_comes(client, changing, port):
     assert "No nodes yet" in picture(port, "graph")
     changing.show(make("camera", "/image_raw"))
-    client.read_until(lambda: "camera" in client.values)
     client.read_until(lambda: changing.looked_at == ["/image_raw"])
     wait_for(lambda: "/image_raw" in picture(port, "graph"))
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}{LIVE_TOPICS}") as live:
@@ -95,7 +94,7 @@ def test_an_empty_graph_says_so_until_somebody_comes(client, changing, port):
 
 def test_what_has_gone_is_taken_away_and_what_stays_is_not_touched(client, changing):
     edges = make("edge_detector", "/edges", find("edge_detector").params)
-    changing.show(make("camera", "/image_raw"), edges)
+    changing.show(make("camera", "/image_raw", find("fps_control").params), edges)
     client.read_until(lambda: {"Low", "camera", "edge_detector"} <= set(client.values))
     client.read_until(lambda: sorted(changing.looked_at) == ["/edges", "/image_raw"])
     slider = client.uuid("Low")
@@ -118,7 +117,8 @@ def test_a_node_that_comes_back_with_other_parameters_gets_others(client, changi
 
 
 def test_a_node_with_nothing_to_show_has_no_window(client, changing, port):
-    changing.show(make("image_view"), make("camera", "/image_raw"))
+    camera = make("camera", "/image_raw", find("fps_control").params)
+    changing.show(make("image_view"), camera)
     client.read_until(lambda: "camera" in client.values)
     assert "image_view" not in client.values
     assert ">image_view<" in picture(port, "graph")
@@ -136,7 +136,14 @@ def test_graphs_that_change_fast_break_nothing(client, changing, caplog):
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_an_image_without_pixels_is_told_and_keeps_no_other_from_being_shown(client, changing):
+def test_an_image_without_pixels_is_told_and_keeps_no_other_from_being_shown(
+    client, changing, port
+):
+    looking = ImageClient(port)
+    looking.show("/empty", "/image_raw")  # before they are there
     changing.show(make("broken", "/empty"), make("camera", "/image_raw"))
-    client.read_until(lambda: any("/empty<span>0 × 0 mono8" in text for text in client.html))
-    client.read_until(lambda: any("/image_raw<span>8 × 6 mono8" in text for text in client.html))
+    looking.read_until(lambda: len(looking.images) == 2)
+    found = {facts["key"]: facts for facts, _ in looking.images}
+    assert found["/empty"]["problem"] == "the image has no pixels"
+    assert [found["/image_raw"][name] for name in ("width", "height")] == [8, 6]
+    looking.socket.close()

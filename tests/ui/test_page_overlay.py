@@ -6,7 +6,7 @@ from scene_messages import K, cloud, image, tf, transform
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo
-from ros_visualise.ui.page.overlay import between, choose_calibration, is_rectified, paint, scaled
+from ros_visualise.ui.live.overlay import between, choose_calibration, is_rectified, paint, scaled
 from ros_visualise.ui.scene.frames import Frames
 
 INFO = CameraInfo(120, 160, K)

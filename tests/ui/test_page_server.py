@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from threading import Thread
 
 import pytest
-from page_client import TOKEN, Client, addresses
+from page_client import TOKEN, Client, ImageClient, addresses
 from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError
@@ -150,7 +150,7 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
     followed = []
     subscribe = runtime.subscribe
 
-    def counted(topic, depth):
+    def counted(topic, depth=1):
         subscription = subscribe(topic, depth)
         close = subscription.close
         subscription.close = lambda: (followed.remove(topic), close())
@@ -158,12 +158,16 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
         return subscription
 
     monkeypatch.setattr(runtime, "subscribe", counted)
-    client = Client(port)
-    client.read_until(lambda: len(followed) == 3)
-    assert followed == ["/controlled_stream", "/processed_image", "/edges"]
-    client.set("filters", False)
-    wait_for(lambda: "/processed_image" not in followed)
-    client.close()
+    clients = [ImageClient(port), ImageClient(port)]
+    for client in clients:
+        client.show("/processed_image", "/edges")
+        client.read_until(lambda client=client: len(client.images) >= 2)
+    assert sorted(followed) == ["/edges", "/processed_image"]  # once for both
+    for client in clients:
+        client.show("/edges", "/no/such")
+    wait_for(lambda: followed == ["/edges"])
+    for client in clients:
+        client.socket.close()
     wait_for(lambda: not followed)
 
 

@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 
+import nicegui
 import pytest
 from page_client import TOKEN, VIEW_TOKEN, Client, get
 from waiting import wait_for
@@ -20,12 +21,12 @@ from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.uploads import UploadedFile
+from ros_visualise.ui.shell.application import NICEGUI
 
 OURS = {"X-Ros-Visualise": "1"}
-PIXELS = "/?ask=pixels&topic=/edges"
-SIZE = 640 * 480
-LARGE = "/?ask=pixels&topic=/controlled_stream"
-LARGE_SIZE = 3 * SIZE
+MESSAGE = "/?ask=message&topic=/edges"
+LARGE = f"{NICEGUI}/{nicegui.__version__}/static/quasar.umd.js"
+LARGE_SIZE = 1_000_000
 _BUFFER = 4096
 
 
@@ -82,7 +83,7 @@ def test_who_takes_nothing_is_let_go(shown, port, monkeypatch, caplog):
     with closing(reader.socket):
         wait_for(lambda: "a browser accepted no data for 0.2 s" in caplog.text, "the end")
         assert 0 < reader.take() < LARGE_SIZE
-    wait_for(lambda: get(port, PIXELS, **OURS)[0] == 200, "an answer")
+    wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "an answer")
 
 
 def test_sixty_who_take_nothing_hold_a_few_answers_and_nobody_up(shown, port):
@@ -93,17 +94,17 @@ def test_sixty_who_take_nothing_hold_a_few_answers_and_nobody_up(shown, port):
         statuses = [reader.status() for reader in readers]
         assert statuses.count(503) >= 60 - 16
         assert statuses.count(200) + statuses.count(503) == 60
-        for path in ("/?ask=topics", PIXELS, "/?look=plots", "/"):
+        for path in ("/?ask=topics", MESSAGE, "/?look=plots", "/"):
             assert get(port, path, **OURS)[0] == 200
         assert get(port, "/?ask=topics", VIEW_TOKEN, **OURS)[0] == 503
     again = partial(get, port, "/?ask=topics", VIEW_TOKEN, **OURS)
     wait_for(lambda: again()[0] == 200, "room for answers")
 
 
-def test_who_waits_for_images_holds_no_other_question_up(shown, port, runtime):
-    """Sixteen questions for images of a topic that has none take a second each."""
+def test_who_waits_for_messages_holds_no_other_question_up(shown, port, runtime):
+    """Sixteen questions for messages of a topic that has none take half a second each."""
     with ExitStack() as stack:
-        path = "/?ask=pixels&topic=/edges_overlay&stamp=1"
+        path = "/?ask=message&topic=/edges_overlay"
         for _ in range(60):
             stack.enter_context(closing(Reader(port, path, VIEW_TOKEN).socket))
         assert get(port, "/?ask=topics", **OURS)[0] == 200
@@ -112,13 +113,13 @@ def test_who_waits_for_images_holds_no_other_question_up(shown, port, runtime):
 def test_the_end_waits_for_nobody(port, runtime):
     page = Page(ViewOptions(port=port))
     page.open(runtime)
-    wait_for(lambda: get(port, PIXELS, **OURS)[0] == 200, "the first image")
+    wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "the first image")
     with ExitStack() as stack:
         for path in [LARGE] * 5 + ["/"] * 5:
             stack.enter_context(closing(Reader(port, path).socket))
         for _ in range(5):  # who ask for nothing
             stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-        get(port, PIXELS, **OURS)
+        get(port, MESSAGE, **OURS)
         page.close()
         page._server.host.serving.result(5)
     gc.collect()  # what was forgotten would warn here, which is an error
@@ -144,9 +145,9 @@ def test_slow_uploads_hold_no_question_up_and_questions_no_upload(
                 address = f"ws://127.0.0.1:{port}/{TOKEN}/?upload={number}.mp4&size=1"
                 stack.enter_context(connect(address)).send(b"x")
             wait_for(lambda: len(list(tmp_path.glob("*.part"))) == 4, "the uploads")
-            wait_for(lambda: get(port, PIXELS, **OURS)[0] == 200, "an answer")
+            wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "an answer")
             for _ in range(60):
-                path = "/?ask=pixels&topic=/edges&stamp=1"
+                path = "/?ask=message&topic=/edges_overlay"
                 stack.enter_context(closing(Reader(port, path, VIEW_TOKEN).socket))
             held.set()
             names = [f"{number}.mp4" for number in range(4)]

@@ -122,7 +122,7 @@ def test_a_viewer_asks_and_commands_nothing(page, port, runtime, query):
     assert runtime.playback.state == state
     asked = [get(port, "/?ask=topics", token, **OURS)[2] for token in (TOKEN, VIEW_TOKEN)]
     assert [json.loads(text)["plays"] for text in asked] == [True, False]
-    assert get(port, "/?ask=pixels&topic=/edges", VIEW_TOKEN, **OURS)[0] == 200
+    assert get(port, "/?ask=message&topic=/edges", VIEW_TOKEN, **OURS)[0] == 200
     assert get(port, "/?look=plots", VIEW_TOKEN)[0] == 200
     assert get(port, f"/?{query}", **OURS)[0] == 200
     wait_for(lambda: runtime.playback.state != state, "what its owner asked for")

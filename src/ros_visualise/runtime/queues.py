@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 END = 2**62
@@ -41,11 +42,13 @@ class Inbox:
 
     ``lossless``: `put` waits for room. Otherwise only the newest messages are kept, ``keep`` of
     each port, and those that they replace are counted in ``dropped``. May be switched at any time.
-    ``discarded`` counts messages that came after `close`, or were discarded by it.
+    ``discarded`` counts messages that came after `close`, or were discarded by it. ``heard`` is
+    called after each `put`, if set.
     """
 
     def __init__(self, lossless: bool, depth: int = 2, keep: int = 1) -> None:
         self.dropped = self.discarded = 0
+        self.heard: Callable[[], None] | None = None
         self._keep = keep
         self._lossless = lossless
         self._depth = depth
@@ -96,6 +99,8 @@ class Inbox:
                 return  # it would only take room
             self._packets.append(packet)
             self._changed.notify_all()
+        if self.heard is not None:
+            self.heard()
 
     def finish(self, port: str) -> None:
         """Nothing more comes on a port; this is taken after its last packet."""

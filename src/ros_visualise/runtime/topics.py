@@ -76,6 +76,10 @@ class Subscription:
                 self._warn(error)
         return None
 
+    def notify(self, heard: Callable[[], None]) -> None:
+        """Call this whenever a message comes, on the thread that publishes it."""
+        self._inbox.heard = heard
+
     def close(self) -> None:
         """End it."""
         self._disconnect()

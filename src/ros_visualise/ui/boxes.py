@@ -102,6 +102,10 @@ class Boxes:
                 return found
         return None if self._clock() - self._matched_s < _PATIENCE_S else image
 
+    def has(self, image: Image) -> bool:
+        """True if detections belong to an image."""
+        return bool(self._of(image))
+
     def draw(self, image: Image, shown: Pixels) -> Pixels:
         """The picture ``shown`` of an image, 8-bit RGB of any size, with its detections."""
         several = [one for found in self._of(image) for one in self._decoded(found)]

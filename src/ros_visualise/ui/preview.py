@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from ros_visualise.data import MEASUREMENTS, Image, Pixels
-from ros_visualise.vision.color import order_of, to_bgr
+from ros_visualise.vision.color import encoding_of, order_of, to_bgr
 from ros_visualise.vision.depth import to_8_bit
-from ros_visualise.vision.measurements import to_picture
+from ros_visualise.vision.measurements import to_picture, usual_range
 
 _BRIGHTEN = np.rint(255 * np.sqrt(np.arange(256) / 255)).astype(np.uint8)
 
@@ -34,6 +36,16 @@ def rgb_preview(image: Image, size: int) -> Pixels:
     """A preview of an image: (height, width, 3) RGB, 8 bits."""
     pixels = preview(image, size)
     return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
+
+
+def stretched(image: Image) -> Image:
+    """The image in 8 bits with its usual values, without outliers, from black to white."""
+    pixels = image.pixels
+    low, high = usual_range(np.ravel(pixels[::7, ::5])) or (0.0, 0.0)
+    slope = 255 / max(high - low, 1e-9)
+    scaled = cv2.addWeighted(pixels, slope, pixels, 0, -low * slope, dtype=cv2.CV_8U)
+    order = order_of(image.encoding)
+    return replace(image, data=scaled, encoding=encoding_of(scaled, order))
 
 
 def _shrink(pixels: Pixels, size: int) -> Pixels:

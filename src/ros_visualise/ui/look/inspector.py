@@ -7,7 +7,6 @@ import logging
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from urllib.parse import quote
 
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.plotting.colors import PALETTE, css
@@ -16,7 +15,6 @@ from ros_visualise.ui.live.monitor import LogLines, NodeMonitor
 from ros_visualise.ui.live.taps import Taps
 from ros_visualise.ui.live.trees import tree_of
 from ros_visualise.ui.look.curves import Curves
-from ros_visualise.ui.look.images import Images
 from ros_visualise.ui.server.answers import READ_ONLY, Answer, BrowserQuery, Refusal, as_json
 
 log = logging.getLogger(__name__)
@@ -26,7 +24,6 @@ viewBox='0 0 16 16'%3E%3Ccircle cx='8' cy='8' r='7' fill='%23228be6'/%3E\
 %3Ccircle cx='8' cy='8' r='3' fill='white'/%3E%3C/svg%3E">"""
 _FOLDER = Path(__file__).parent / "pages"
 PAGES = {
-    "image": "image",
     "plots": "show_chart",
     "messages": "data_object",
     "log": "article",
@@ -41,15 +38,12 @@ class Inspector:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._images = Images(runtime)
         self._messages = Taps(runtime, 1)
         self._curves = Curves(runtime)
         self._lines = LogLines()
         self._monitor = NodeMonitor(runtime, self._lines)
         logging.getLogger("ros_visualise").addHandler(self._lines)
         self._answers: Mapping[str, Callable[[BrowserQuery], Answer]] = {
-            "pixels": self._images.pixels,
-            "png": self._images.png,
             "message": self._message,
             "fields": self._curves.fields,
             "curves": self._curves.curves,
@@ -70,14 +64,12 @@ class Inspector:
     def refresh(self) -> None:
         """Take log and diagnostics; unsubscribe from topics without recent queries."""
         self._monitor.take()
-        self._images.rest()
         self._messages.rest()
         self._curves.rest()
 
     def close(self) -> None:
         """Unsubscribe from all topics."""
         logging.getLogger("ros_visualise").removeHandler(self._lines)
-        self._images.rest(all_of_them=True)
         self._messages.rest(all_of_them=True)
         self._curves.close()
         self._monitor.close()
@@ -101,7 +93,6 @@ class Inspector:
         topics = self._runtime.graph.topics
         return as_json(
             {
-                "images": self._images.topics,
                 "topics": {name: one.ros.name for name, one in topics.items()},
                 "plotted": self._curves.topics,
                 "plays": self._runtime.playback is not None and not is_viewer,
@@ -137,12 +128,6 @@ class Inspector:
             playback.toggle()
         state = playback.state
         return as_json({"position": state.position_s, "playing": state.playing})
-
-
-def link(page: str, **values: str) -> str:
-    """The address of a page, relative to every page of this server."""
-    more = "".join(f"&{name}={quote(value)}" for name, value in values.items())
-    return f"?look={page}{more}"
 
 
 def _page(name: str) -> Answer:

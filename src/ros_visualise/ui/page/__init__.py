@@ -97,7 +97,6 @@ class Page:
             self._server.offered.title = self._files.title
         self._content = PageContent(
             self._server.viser,
-            self._server.images,
             self._server.topics,
             runtime,
             self._files,

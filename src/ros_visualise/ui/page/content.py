@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from contextlib import suppress
 from functools import partial
 
 import viser
@@ -11,7 +10,6 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.topics import figures
 from ros_visualise.ui.look import Inspector
@@ -19,7 +17,6 @@ from ros_visualise.ui.page.controls import PresetChoice
 from ros_visualise.ui.page.embedding import viewers
 from ros_visualise.ui.page.files import Opener, PageFiles
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.layout import WindowSwitches
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.playback_range import PlaybackRange
@@ -27,7 +24,6 @@ from ros_visualise.ui.page.plots import FieldPlot, Plots
 from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
 from ros_visualise.ui.page.robot import Driving, RobotStatus
 from ros_visualise.ui.page.scene_panel import ScenePanel
-from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tools import ActionPanels
@@ -53,7 +49,6 @@ class PageContent:
     def __init__(
         self,
         server: viser.ViserServer,
-        images: ImageHub,
         figures: Newest,
         runtime: Runtime,
         files: PageFiles,
@@ -63,7 +58,7 @@ class PageContent:
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
         self._inspector, self._memory = inspector, memory
-        self._hub, self._figures = images, figures
+        self._figures = figures
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -79,7 +74,6 @@ class PageContent:
         self._robot_name = None if robot is None else robot.name
         self._windows: list[Window] = []
         self._windows = self._make_windows()
-        self._images = ImageThread(self._pictures(), self._is_watched, self._unthrottled)
         self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._unthrottled)
         self._add_main_panel(gui)
         self._follow_scene()
@@ -89,7 +83,6 @@ class PageContent:
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
         self._driver.start()
-        self._images.start()
         self._drawing.start()
 
     @property
@@ -114,7 +107,6 @@ class PageContent:
         for window in self._windows:
             window.close()
         self._tools.rest()
-        self._images.close(timeout_s)
         self._drawing.close(timeout_s)
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
@@ -138,10 +130,7 @@ class PageContent:
             self._server, self._scene_folder, self._runtime, self._scene, self._worker
         )
         self._windows_folder = gui.add_folder("Windows")
-        with self._windows_folder:
-            self._size = self._add_size(gui)
         self._switches = WindowSwitches(gui, self._windows_folder, self._worker)
-        add_channel(gui, self._worker, "pick", self._pick)
         with gui.add_folder("Recording"):
             self._recorder = RecordingPanel(gui, self._runtime, self._worker, self._files)
             SavePanel(gui, self._runtime, self._worker, self._files.folder, self._settings)
@@ -151,12 +140,6 @@ class PageContent:
             self._field_plot.follow(_kinds_of(self._graph))
             self._plots = Plots(gui, self._graph)
 
-    def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
-        hint = "Limit of the longer side of the images on the page, pixels"
-        size = gui.add_slider("Image size", 240, 1920, 40, SIZE, hint=hint)
-        size.on_update(self._worker.listener("size", partial(setattr, self._images, "size")))
-        return size
-
     def _make_windows(self) -> list[Window]:
         """A window for each node with something to show; unchanged ones are kept."""
         there = {window.name: window for window in self._windows}
@@ -165,19 +148,11 @@ class PageContent:
         ]
 
     def _make_window(self, node: Member, there: Window | None) -> Window:
-        if there is not None and there.shows(node, self._runtime):
+        if there is not None and there.shows(node):
             return there
         gui = self._server.gui
         act = None if node.name == self._robot_name else self._act
-        return Window(gui, self._runtime, node, self._worker, self._scene, self._hub, act)
-
-    def _pick(self, text: str, _: int) -> None:
-        """Handle a browser's click, ``NODE ACROSS DOWN``."""
-        with suppress(ValueError):  # such as one that is no number
-            name, across, down = text.split()
-            for window in self._windows:
-                if window.name == name:
-                    window.pick(float(across), float(down))
+        return Window(gui, self._runtime, node, self._worker, act)
 
     def _act(self, node: str, action: str) -> None:
         """Do an action on its node's thread, so that driving and other nodes need not wait."""
@@ -196,9 +171,6 @@ class PageContent:
         for name in self._actors.keys() - there:
             self._actors.pop(name).close(0)
 
-    def _pictures(self) -> list[Picture]:
-        return [window.picture for window in self._windows if window.picture is not None]
-
     def _follow_scene(self) -> None:
         """Draw the present graph; with images only, there is no scene."""
         topics = topics_of(self._graph)
@@ -209,13 +181,11 @@ class PageContent:
         self._scene_folder.visible = self._has_scene
         self._switches.follow(self._windows, self._has_scene, is_track(topics))
         self._windows_folder.visible = bool(self._windows)
-        self._size.visible = bool(self._pictures())
 
     def _follow(self) -> None:
         """Show the present graph."""
         self._graph, before = self._runtime.graph, self._windows
         self._windows = self._make_windows()
-        self._images.show(self._pictures())
         for window in before:
             if window not in self._windows:
                 window.remove()
@@ -245,7 +215,6 @@ class PageContent:
             self._tools.rest()
             return
         self._field_plot.refresh()
-        self._switches.refresh()
         for window in self._windows:
             window.refresh()
         self._tools.refresh()

@@ -18,7 +18,6 @@ _MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE, _WINDOW_BESIDE_TRACK = 330, 310, 390
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
 _MOST_WITH_TEXTS = 3  # columns, so that lines of texts and formulas have room
-_WIDE = 2.0  # width over height of images, from which they need a column that is wide
 
 
 class Room(NamedTuple):
@@ -28,12 +27,10 @@ class Room(NamedTuple):
         scene: the middle belongs to the scene, and windows form two columns; otherwise they fill
             the page in two rows.
         track: the scene shows only a track, and leaves more room to the windows.
-        wide: beside a scene, one column of double width replaces two.
     """
 
     scene: bool = False
     track: bool = False
-    wide: bool = False
 
 
 def rearrange(
@@ -58,10 +55,8 @@ def arrange(
     if room.scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
         columns = min(len(panels), 2)
-        has_images = any(window.picture for window in chosen)
-        each = _WINDOW_BESIDE_TRACK if room.track and has_images else _WINDOW_BESIDE_SCENE
-        width = (2 if room.wide else columns) * each
-        _place(panels, min(columns, 1) if room.wide else columns, width)
+        each = _WINDOW_BESIDE_TRACK if room.track else _WINDOW_BESIDE_SCENE
+        _place(panels, columns, columns * each)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         columns = (len(panels) + 1) // 2
@@ -87,7 +82,7 @@ def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> Non
 class WindowSwitches:
     """A switch for each window, in a folder.
 
-    New ones are on unless put aside; beside a scene, only those with images or texts, if any.
+    New ones are on unless put aside; beside a scene, only those with texts, if any.
     """
 
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
@@ -103,11 +98,11 @@ class WindowSwitches:
         names = [window.name for window in windows]
         for name in self._switches.keys() - set(names):
             self._switches.pop(name).remove()
-        anything = any(window.shows_anything for window in windows)
+        anything = any(window.has_texts for window in windows)
         with self._folder:
             for window in windows:
                 if window.name not in self._switches:
-                    is_on = window.shows_anything or not (scene and anything)
+                    is_on = window.has_texts or not (scene and anything)
                     switch = self._gui.add_checkbox(window.name, is_on and not window.aside)
                     switch.on_update(self._worker.listener("windows", lambda _: self.show()))
                     self._switches[window.name] = switch
@@ -115,15 +110,6 @@ class WindowSwitches:
     @property
     def chosen(self) -> list[Window]:
         return [window for window in self._windows if self._switches[window.name].value]
-
-    def refresh(self) -> None:
-        """Make room for wide images, as soon as the first ones arrive."""
-        aspects = [window.picture.aspect for window in self._windows if window.picture]
-        known = [aspect for aspect in aspects if aspect is not None]
-        wide = self._room.scene and bool(known) and min(known) > _WIDE
-        if wide != self._room.wide:
-            self._room = self._room._replace(wide=wide)
-            self.show()
 
     def begin(self) -> None:
         """Show the chosen windows of a new page."""

@@ -1,46 +1,13 @@
 """The page's style, where it differs from viser's."""
 
-_ROWS = 12
-"""Images leave room for up to so many parameters in their window."""
-_TILE = '[data-dock-root] div[style*="min-height: 50px"]'
-"""A docked window in viser's page; stacked ones share what is left beside their bases."""
-_ROOM = "\n".join(
-    f"{_TILE}:has(.rv-rows-{n}) {{ --rv-rows: {n}; flex-basis: {29 * n}px !important; }}"
-    for n in range(_ROWS + 1)
-)
-
 _SHEET = ".mantine-Paper-root:has(> div > .mantine-ScrollArea-root)"
 _BODY = '[style*="grid-template-rows: 1fr"]'
 """The sheet on a phone, and in it the elements of the main panel, beside the windows."""
 
 STYLE = f"""<style>
-/* An image fills its window's width; in a docked window it stays in view below the parameters. */
-.rv-image {{ padding: 0 .6em .45em; }}
-.rv-image canvas {{ display: block; width: 100%; object-fit: contain; }}
-{_ROOM}
 /* Scroll bars lie over what they scroll: thin ones beside it. */
 .mantine-ScrollArea-root {{ --scrollarea-scrollbar-size: 8px !important; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
-[data-dock-region] :is(.rv-image canvas, .rv-whole) {{
-  max-height: max(88px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
-/* Where there is a text, one sees its beginning. */
-[data-dock-region] .mantine-ScrollArea-root:has(.rv-text) :is(.rv-image canvas, .rv-whole) {{
-  max-height: max(88px, min(62cqh, 100cqh - 42px - 29px * var(--rv-rows, 2))); }}
-/* Scrolled down to the other parameters, it stays in view at half its size. */
-@supports (animation-timeline: scroll()) {{
-  [data-dock-region] div:has(> .rv-image) {{
-    position: sticky; top: 0; z-index: 3; pointer-events: none; }}
-  [data-dock-region] .rv-image canvas {{ transform-origin: top; animation: rv-shrink linear both;
-    animation-timeline: scroll(nearest block); animation-range: 0 150px; }}
-  @keyframes rv-shrink {{ to {{ transform: scale(.5); }} }}
-}}
-.rv-caption {{ display: flex; justify-content: space-between; gap: 1em; padding: 0 .8em .5em;
-  font-size: .75rem; opacity: .65; }}
-/* The link to the whole image is as large as the image, and lies over it. */
-.rv-caption {{ position: relative; }}
-.rv-whole {{ position: absolute; z-index: 2; bottom: calc(100% + .45em); left: 0; width: 100%;
-  cursor: zoom-in; }}
-.rv-whole[data-pick] {{ cursor: crosshair; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
@@ -85,7 +52,6 @@ STYLE = f"""<style>
     display: contents !important; }}
   {_BODY} + div > * {{ order: 1; }}
   {_BODY} > div > div > div > .mantine-Paper-root {{ order: 2; margin: .8em .8em 0; }}
-  :is(.rv-image canvas, .rv-whole) {{ max-height: calc(var(--rv-sheet) - 26em); }}
 }}
 </style>"""
 

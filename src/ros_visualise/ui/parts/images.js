@@ -1,50 +1,54 @@
-// Images that come live: each <div data-image="PANEL"> gets a canvas. A worker receives, decodes and
-// draws, so that neither waits for what else the page does.
-(() => {
-  const root = location.pathname.replace(/\/(viser)?$/, "");
-  const worker = new Worker(`${root}/parts/images_worker.js`);
-  const shown = new Map(); // number -> its element
-  let count = 0;
+// Images that come live, for all panels of a page: a worker receives, decodes and draws them.
+const ANSWER_MS = 20_000;
+const worker = new Worker(new URL("images_worker.js", import.meta.url));
+const panels = new Map(); // number -> its callback
+const asked = new Map(); // number -> how to answer
+let count = 0;
 
-  const sized = new ResizeObserver((entries) => {
-    for (const { target, contentRect } of entries) {
-      const size = Math.ceil(Math.max(contentRect.width, contentRect.height) * devicePixelRatio);
-      worker.postMessage({ number: Number(target.dataset.number), size });
-    }
-  });
+class Images extends EventTarget {
+  topics = null; // those of the graph: [{topic, clouds, boxes, picks}]; null until they are known
 
-  function attach(element) {
-    const canvas = document.createElement("canvas");
-    canvas.width = 16;
-    canvas.height = 9;
-    element.dataset.number = ++count;
-    element.replaceChildren(canvas);
-    shown.set(count, element);
+  // A canvas on which images are drawn; `drawn(key, facts)` is called for each.
+  attach(canvas, drawn) {
+    const panel = ++count;
     const offscreen = canvas.transferControlToOffscreen();
-    worker.postMessage({ number: count, panel: element.dataset.image, canvas: offscreen }, [offscreen]);
-    sized.observe(element);
+    panels.set(panel, drawn);
+    worker.postMessage({ panel, canvas: offscreen }, [offscreen]);
+    return {
+      show: (views) => worker.postMessage({ panel, views }),
+      draw: (layout) => worker.postMessage({ panel, layout }),
+      close() {
+        panels.delete(panel);
+        worker.postMessage({ panel, isGone: true });
+      },
+    };
   }
 
-  function look() {
-    for (const [number, element] of shown) {
-      if (element.isConnected) continue;
-      shown.delete(number);
-      sized.unobserve(element);
-      worker.postMessage({ number, isGone: true });
-    }
-    for (const element of document.querySelectorAll("[data-image]:not([data-number])")) attach(element);
+  // Values of the image of a view: "part", "line", "histogram", "png"; or "pick" a pixel.
+  ask(key, what, at = []) {
+    const number = ++count;
+    worker.postMessage({ send: { ask: number, key, what, at } });
+    return new Promise((resolve, reject) => {
+      asked.set(number, { resolve, reject });
+      setTimeout(() => asked.delete(number) && reject(new Error("no answer")), ANSWER_MS);
+    });
   }
+}
 
-  worker.onmessage = ({ data: { number, width, height, images } }) => {
-    const element = shown.get(number);
-    if (element) Object.assign(element.dataset, { width, height, images });
-  };
-  const address = `${location.origin.replace("http", "ws")}${root}/live/images`;
-  worker.postMessage({ address });
-  const begin = () => {
-    new MutationObserver(look).observe(document.body, { childList: true, subtree: true });
-    look();
-  };
-  if (document.body) begin();
-  else document.addEventListener("DOMContentLoaded", begin);
-})();
+export const images = new Images();
+
+worker.onmessage = ({ data }) => {
+  if (data.topics) {
+    images.topics = data.topics;
+    images.dispatchEvent(new Event("topics"));
+  } else if (data.isLost) {
+    for (const { reject } of asked.values()) reject(new Error("connection lost"));
+    asked.clear();
+  } else if ("answer" in data) {
+    const { resolve, reject } = asked.get(data.answer) ?? {};
+    asked.delete(data.answer);
+    if (data.problem) reject?.(new Error(data.problem));
+    else resolve?.(data);
+  } else panels.get(data.panel)?.(data.key, data.facts);
+};
+worker.postMessage({ address: `${location.origin.replace("http", "ws")}${rv.root}/live/images` });

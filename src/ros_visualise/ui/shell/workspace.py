@@ -37,7 +37,7 @@ class Workspace(Element, component="workspace.js"):
         self._read_only = read_only
         self._panels: dict[int, Panel] = {}
         self._props["kinds"] = dict(kinds)
-        self._props["pages"] = dict(list(PAGES.items())[1:])
+        self._props["pages"] = dict(PAGES)
         self._props["layout"], self._props["standard"] = layout, standard
         self.on("panels", self._hear)
 

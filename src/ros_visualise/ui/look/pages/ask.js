@@ -30,7 +30,7 @@ const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 function addPages() {
   const nav = document.querySelector("nav");
   const here = parameter("look");
-  for (const page of ["image", "plots", "messages", "log", "diagnostics"]) {
+  for (const page of ["plots", "messages", "log", "diagnostics"]) {
     const link = element("a", page[0].toUpperCase() + page.slice(1), page === here ? "here" : "");
     link.href = `?look=${page}`;
     nav.append(link);

@@ -13,7 +13,7 @@ from ros_visualise.core.regular_files import read_file
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "viewer.js", "hold.js", "pick.js", "address.js", "keys.js", "files.js")
+_SCRIPTS = ("send.js", "viewer.js", "hold.js", "address.js", "keys.js", "files.js")
 """In the order in which they run, before viser's own."""
 _HEAD = b"<head>"
 _VISER = Path(viser.__file__).parent / "client" / "build" / "index.html"
@@ -35,7 +35,6 @@ def client_page(is_foreign: bool, is_viewer: bool) -> bytes:
     lines = [f"{name} = true;\n" for name, holds in facts.items() if holds]
     texts[1:1] = lines  # rv is made by the first
     scripts = "".join(f"<script>\n{text}</script>" for text in texts)
-    scripts += '<script src="parts/images.js"></script>'
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     return gzip.compress(page)
 

@@ -11,8 +11,8 @@ from ros_visualise.geometry import se3
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
+from ros_visualise.ui.live.surroundings import Surroundings
 from ros_visualise.ui.scene.frames import Frames
-from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.vision.measurements import turbo
 from ros_visualise.vision.projection import project
 
@@ -24,35 +24,42 @@ _DOT = 500  # an image of so many pixels' width has dots one pixel larger
 class Overlay:
     """The newest cloud of a topic, over images of a calibrated camera.
 
-    ``topic`` is that of the clouds, or None; it may be changed from any thread.
+    Args:
+        topic: of the clouds; empty: none are drawn.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene) -> None:
-        self.topic: str | None = None
-        self._scene = scene
+    def __init__(self, runtime: Runtime, surroundings: Surroundings, topic: str) -> None:
+        self._topic, self._surroundings = topic, surroundings
         self._feed = Feed(runtime)
         self._cloud: PointCloud | None = None
 
     def refresh(self) -> bool:
         """Take the newest cloud; True if the picture changes."""
         before = self._cloud
-        if self._feed.follow(self.topic):
-            self._cloud = None
+        self._feed.follow(self._topic or None)
         self._cloud = self._feed.take() or self._cloud
         return self._cloud is not before
 
-    def rest(self) -> None:
+    def close(self) -> None:
+        """Unsubscribe."""
         self._feed.follow(None)
-        self._cloud = None
+
+    @property
+    def is_empty(self) -> bool:
+        """True if there is nothing to draw."""
+        return self._cloud is None
 
     def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
         """The picture ``shown`` of an image, 8-bit RGB of any size, with the points over it."""
-        frame = image.header.frame_id
-        info = choose_calibration(image, self._scene.calibrations.get(frame))
+        self._surroundings.refresh()
+        frame, frames = image.header.frame_id, self._surroundings.frames
+        if image.camera_info is not None:
+            self._surroundings.calibrations[frame] = image.camera_info
+        info = choose_calibration(image, self._surroundings.calibrations.get(frame))
         if self._cloud is None or info is None:
             return shown
         try:
-            T_camera_cloud = between(self._scene.frames, image, self._cloud)
+            T_camera_cloud = between(frames, image, self._cloud)
             return paint(shown, self._cloud, T_camera_cloud, info, is_rectified(topic, info))
         except (NoTransform, ValueError):
             return shown  # unknown as yet, or an unsupported distortion model
@@ -89,6 +96,8 @@ def between(frames: Frames, image: Image, cloud: PointCloud) -> Floats:
         NoTransform: it is unknown.
     """
     one, other = image.header, cloud.header
+    for header in (one, other):
+        frames.see(header.frame_id)
     T_fixed_camera = frames.locate(one.frame_id, one.stamp_ns)
     T_fixed_cloud = frames.locate(other.frame_id, other.stamp_ns)
     return se3.inverse(T_fixed_camera) @ T_fixed_cloud
