@@ -16,7 +16,6 @@ OWN = {
     "core/regular_files.py",  # the place itself
     "runtime/ros2/types.py",  # definitions of ROS 2
     "simulation/model.py",  # and what is in this package
-    "ui/look/inspector.py",
     "ui/page/scripts/__init__.py",
     "ui/parts/__init__.py",
 }

@@ -89,7 +89,6 @@ class Client:
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
         self.nodes: dict[str, dict[str, Any]] = {}
-        self.plots: dict[str, Any] = {}
         self.commands: list[str] = []  # what the protocol calls them
         self._labels: dict[str, str] = {}
         self.send(CAMERA)
@@ -156,8 +155,6 @@ class Client:
         elif "value" in props and message["uuid"] in self._labels:
             self.values[self._labels[message["uuid"]]] = props["value"]
         self.html += [props["content"]] if isinstance(props.get("content"), str) else []
-        if isinstance(props.get("data"), (list, tuple)):
-            self.plots[message["uuid"]] = props["data"]
 
     def _take_node(self, message: dict[str, Any]) -> None:
         name, kind = message.get("name"), message["type"]

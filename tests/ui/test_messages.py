@@ -12,6 +12,7 @@ from ros_visualise.data.reports import Level
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.ui.live.messages import MessageHub
+from ros_visualise.ui.live.taps import Taps
 from ros_visualise.ui.live.trees import fields_of
 
 X = "pose.pose.position.x"
@@ -90,6 +91,18 @@ def test_topics_are_subscribed_to_only_while_somebody_looks(told):
         wait_for(lambda: (told.asked["/odom"], told.asked["/image"]) == (0, 1))
     assert told.asked["/image"] == 0
     hub.close()
+
+
+def test_topics_are_tapped_for_some_seconds(told, clock):
+    taps = Taps(told, clock)
+    told.say(odom=odometry([1, 2, 3]))
+    assert taps.newest("/odom").header.frame_id == "odom"
+    clock.now_s = 4.0
+    taps.rest()
+    assert told.asked["/odom"] == 1
+    clock.now_s = 6.0
+    taps.rest()
+    assert told.asked["/odom"] == 0
 
 
 def test_a_damaged_message_is_reported(told, client):

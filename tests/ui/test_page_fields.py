@@ -1,67 +1,13 @@
-"""What is plotted of messages, the picture of the tree of frames, and what is said of both."""
+"""The picture of the tree of frames, and what is said of frames."""
 
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from scene_messages import S, odometry
+from scene_messages import S
 
-from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.recorded import Recorded
-from ros_visualise.ui.page.plots import FieldHistory, fields_of
 from ros_visualise.ui.page.scene_panel import note
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.scene.frames import Link
-
-
-def test_fields_are_called_as_in_the_ros_type():
-    fields = fields_of(odometry([1, 2, 3], 1.5))
-    assert fields["pose.pose.position.y"] == 2
-    assert fields["header.stamp"] == 1.5
-
-
-def test_messages_of_types_that_nobody_knows_have_fields():
-    definitions = Definitions("cdr")
-    definitions.define("my_msgs/msg/Battery", "float32 voltage\nuint8[3] cells\nstring name\n")
-    battery = definitions.types["my_msgs/msg/Battery"](12.5, np.array([1, 2, 3], np.uint8), "a")
-    data = definitions.write("my_msgs/msg/Battery", battery)
-    fields = fields_of(Recorded("my_msgs/msg/Battery", data, definitions, 7))
-    assert fields == {"voltage": 12.5, "cells[0]": 1, "cells[1]": 2, "cells[2]": 3}
-
-
-def test_a_history_holds_the_last_seconds():
-    history = FieldHistory(["a"])
-    for step in range(100):
-        history.add(10**18 + step * S, {"a": step, "b": 0}, 0)
-    seconds, values = history.columns(10)
-    assert seconds.tolist() == list(range(89, 100))
-    assert values.tolist() == seconds.tolist()
-
-
-def test_a_history_is_bounded_and_thinned():
-    history = FieldHistory(["a"])
-    for step in range(30_000):
-        history.add(step * S // 1000, {"a": step}, 0)
-    seconds, values = history.columns(1000)
-    assert 750 <= len(seconds) <= 1500
-    assert values[0] == 10_000
-
-
-def test_a_history_begins_anew_when_time_jumps_back_and_has_gaps_where_a_field_lacks():
-    history = FieldHistory(["a"])
-    history.add(5 * S, {"a": 1}, 0)
-    history.add(6 * S, {"a": 2}, 0)
-    history.add(5 * S, {"a": 7}, 0)
-    history.add(3 * S, {"a": 3}, 1)
-    history.add(4 * S, {}, 1)
-    seconds, values = history.columns(10)
-    assert seconds.tolist() == [0, 1]
-    assert values[0] == 3
-    assert np.isnan(values[1])
-
-
-def test_nothing_has_no_history():
-    assert [len(column) for column in FieldHistory(["a", "b"]).columns(10)] == [0, 0, 0]
-
 
 TREE = [
     Link("odom", "base_link", False, 5 * S, 50.0),

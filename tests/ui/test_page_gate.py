@@ -1,5 +1,6 @@
 """What a page lets in: requests and messages of clients that mean no good."""
 
+import json
 import math
 import random
 import subprocess
@@ -19,8 +20,8 @@ from websockets.sync.client import connect
 
 from ros_visualise.core import supervision
 from ros_visualise.ui import ViewOptions
-from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.content import PageContent
 from ros_visualise.ui.shell import VISER
 
 EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}/viser"></iframe><script>
@@ -36,7 +37,6 @@ from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.core import supervision
-from ros_visualise.ui.look import Inspector
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.shell import VISER
@@ -173,7 +173,7 @@ def test_a_proxy_comes_in_by_its_origin(port, runtime):
     page.close()
 
 
-@pytest.mark.parametrize("path", ["/", "/index.html", "/?look=plots", "/?ask=topics", "/no/such"])
+@pytest.mark.parametrize("path", ["/", "/index.html", "/?look=image", "/?ask=graph", "/no/such"])
 def test_without_the_token_nothing_is_answered(page, port, path):
     upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "X-Ros-Visualise": "1"}
@@ -225,10 +225,10 @@ def test_what_other_sites_ask_is_refused_before_any_work(page, port, runtime, mo
     image = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
     link = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
     ours = {"X-Ros-Visualise": "1"}
-    for path in ("/?ask=message&topic=/edges", "/?%61sk=message&topic=/edges", "/?ask=log"):
+    for path in ("/?ask=graph", "/?%61sk=graph", "/?ask=ticks"):
         for headers in (image, link, image | ours, {"Sec-Fetch-Site": "none"}, {}):
             assert get(port, path, **headers)[0] == 403
-    for path in ("/", "/?look=plots", "/no/such"):
+    for path in ("/", "/?look=image", "/no/such"):
         assert get(port, path, **image)[0] == 403
     assert get(port, "/", **link)[0] == 200
     assert not asked
@@ -240,14 +240,31 @@ def test_a_bug_in_an_answer_is_said_and_counted_and_ends_nothing(page, port, mon
 
     own = {"X-Ros-Visualise": "1"}
     with monkeypatch.context() as broken:
-        broken.setattr(Inspector, "answer", fail)
+        broken.setattr(PageContent, "graph_picture", property(fail))
         for _ in range(20):  # more than there are threads
-            status, _, text = get(port, "/?ask=topics", **own)
+            status, _, text = get(port, "/?ask=graph", **own)
             assert (status, "internal error" in text) == (500, True)
     ((failure, count),) = supervision.PROCESS.failures.items()
     assert (failure.kind, count) == ("ZeroDivisionError", 20)
     supervision.PROCESS.forget()
-    assert get(port, "/?ask=topics", **own)[0] == 200
+    assert get(port, "/?ask=graph", **own)[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("query", "status"), [("ask=nothing", 404), ("ask=%ff", 400), ("ask=" + "x" * 9000, 414)]
+)
+def test_unknown_queries_are_refused_with_a_reason(page, port, query, status):
+    found, _, text = get(port, f"/?{query}", **{"X-Ros-Visualise": "1"})
+    assert (found, bool(json.loads(text)["error"])) == (status, True)
+
+
+def test_who_asks_before_anything_is_shown_is_told_to_ask_again(port):
+    early = Page(ViewOptions(port=port))
+    try:
+        status, _, text = get(port, "/?ask=graph", **{"X-Ros-Visualise": "1"})
+        assert (status, "try again" in json.loads(text)["error"]) == (503, True)
+    finally:
+        early.close()
 
 
 @pytest.fixture

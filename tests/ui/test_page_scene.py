@@ -99,27 +99,6 @@ def test_the_tree_of_frames_is_pictured(client, runtime, port):
     wait_for(lambda: ">base_link<" in picture(port, "frames"))
 
 
-def test_a_field_is_plotted_once_its_topic_is_chosen(client, runtime):
-    assert runtime.asked["/odom"] <= 1
-    client.read_until(lambda: "Topic" in client.values)
-    client.set("Topic", "/odom")
-    client.read_until(lambda: runtime.asked["/odom"] == 2)
-    runtime.say(odom=odometry([0, 0, 0], 0.5))
-    client.read_until(lambda: client.values["Field 1"] == "pose.pose.position.x")
-    client.set("Field 2", "pose.pose.position.y")
-    plots = client.plots
-    client.read_until(lambda: any(len(plot) == 3 for plot in plots.values()))
-    for step in range(40):
-        runtime.say(odom=odometry([step, -step, 0], 1 + step / 10))
-    client.read_until(lambda: any(len(plot) == 3 and len(plot[0]) >= 40 for plot in plots.values()))
-    x, position_x, position_y = next(plot for plot in plots.values() if len(plot) == 3)
-    assert np.allclose(np.diff(x[-40:]), 0.1)
-    assert np.allclose(position_x[-40:], np.arange(40))
-    assert np.allclose(position_y, -np.array(position_x))
-    client.set("Topic", "–")
-    client.read_until(lambda: runtime.asked["/odom"] == 1)
-
-
 def test_points_are_drawn_over_images_on_demand(client, runtime, port):
     runtime.say(tf_static=tf(transform("base_link", "lidar", [0, 0, 0])))
     runtime.say(tf_static=tf(transform("base_link", "camera", [0, 0, 0])))

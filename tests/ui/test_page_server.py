@@ -196,16 +196,6 @@ def test_warnings_are_shown(client):
     client.read_until(lambda: any("camera &lt;b&gt;0" in html for html in client.html))
 
 
-def test_latencies_are_plotted_of_what_nodes_made_alone(client, runtime):
-    topics = len(runtime.graph.topics)
-    client.read_until(lambda: client.plots)
-    lines = sorted(len(plot) - 1 for plot in client.plots.values())  # but for the time
-    assert lines == [topics - 1, topics]
-    client.read_until(
-        lambda: any(len(plot) == topics and plot[1][-1] > 0 for plot in client.plots.values())
-    )
-
-
 class Changing(deque):
     """Who waits for the loop: as if it changed whenever another thread looks at it."""
 

@@ -14,6 +14,7 @@ from waiting import wait_for
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+import ros_visualise.ui.page
 import ros_visualise.ui.server.door
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.file_chooser import FileChooser
@@ -24,7 +25,7 @@ from ros_visualise.ui.server.uploads import UploadedFile
 from ros_visualise.ui.shell.application import NICEGUI
 
 OURS = {"X-Ros-Visualise": "1"}
-MESSAGE = "/?ask=message&topic=/edges"
+TICKS = "/?ask=ticks"
 LARGE = f"{NICEGUI}/{nicegui.__version__}/static/quasar.umd.js"
 LARGE_SIZE = 1_000_000
 _BUFFER = 4096
@@ -83,7 +84,7 @@ def test_who_takes_nothing_is_let_go(shown, port, monkeypatch, caplog):
     with closing(reader.socket):
         wait_for(lambda: "a browser accepted no data for 0.2 s" in caplog.text, "the end")
         assert 0 < reader.take() < LARGE_SIZE
-    wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "an answer")
+    wait_for(lambda: get(port, TICKS, **OURS)[0] == 200, "an answer")
 
 
 def test_sixty_who_take_nothing_hold_a_few_answers_and_nobody_up(shown, port):
@@ -94,32 +95,35 @@ def test_sixty_who_take_nothing_hold_a_few_answers_and_nobody_up(shown, port):
         statuses = [reader.status() for reader in readers]
         assert statuses.count(503) >= 60 - 16
         assert statuses.count(200) + statuses.count(503) == 60
-        for path in ("/?ask=topics", MESSAGE, "/?look=plots", "/"):
+        for path in ("/?ask=graph", TICKS, "/"):
             assert get(port, path, **OURS)[0] == 200
-        assert get(port, "/?ask=topics", VIEW_TOKEN, **OURS)[0] == 503
-    again = partial(get, port, "/?ask=topics", VIEW_TOKEN, **OURS)
+        assert get(port, "/?ask=graph", VIEW_TOKEN, **OURS)[0] == 503
+    again = partial(get, port, "/?ask=graph", VIEW_TOKEN, **OURS)
     wait_for(lambda: again()[0] == 200, "room for answers")
 
 
-def test_who_waits_for_messages_holds_no_other_question_up(shown, port, runtime):
-    """Sixteen questions for messages of a topic that has none take half a second each."""
-    with ExitStack() as stack:
-        path = "/?ask=message&topic=/edges_overlay"
-        for _ in range(60):
-            stack.enter_context(closing(Reader(port, path, VIEW_TOKEN).socket))
-        assert get(port, "/?ask=topics", **OURS)[0] == 200
+def test_who_waits_for_an_answer_holds_no_other_question_up(shown, port, monkeypatch):
+    held = threading.Event()
+    monkeypatch.setattr(ros_visualise.ui.page, "ticks", lambda *_: held.wait(60))
+    try:
+        with ExitStack() as stack:
+            for _ in range(60):
+                stack.enter_context(closing(Reader(port, TICKS, VIEW_TOKEN).socket))
+            assert get(port, "/?ask=graph", **OURS)[0] == 200
+    finally:
+        held.set()
 
 
 def test_the_end_waits_for_nobody(port, runtime):
     page = Page(ViewOptions(port=port))
     page.open(runtime)
-    wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "the first image")
+    wait_for(lambda: get(port, TICKS, **OURS)[0] == 200, "the first image")
     with ExitStack() as stack:
         for path in [LARGE] * 5 + ["/"] * 5:
             stack.enter_context(closing(Reader(port, path).socket))
         for _ in range(5):  # who ask for nothing
             stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-        get(port, MESSAGE, **OURS)
+        get(port, TICKS, **OURS)
         page.close()
         page._server.host.serving.result(5)
     gc.collect()  # what was forgotten would warn here, which is an error
@@ -145,10 +149,9 @@ def test_slow_uploads_hold_no_question_up_and_questions_no_upload(
                 address = f"ws://127.0.0.1:{port}/{TOKEN}/?upload={number}.mp4&size=1"
                 stack.enter_context(connect(address)).send(b"x")
             wait_for(lambda: len(list(tmp_path.glob("*.part"))) == 4, "the uploads")
-            wait_for(lambda: get(port, MESSAGE, **OURS)[0] == 200, "an answer")
+            wait_for(lambda: get(port, TICKS, **OURS)[0] == 200, "an answer")
             for _ in range(60):
-                path = "/?ask=message&topic=/edges_overlay"
-                stack.enter_context(closing(Reader(port, path, VIEW_TOKEN).socket))
+                stack.enter_context(closing(Reader(port, TICKS, VIEW_TOKEN).socket))
             held.set()
             names = [f"{number}.mp4" for number in range(4)]
             wait_for(lambda: sorted(p.name for p in tmp_path.iterdir()) == names, "the files")
@@ -163,7 +166,7 @@ def test_who_connects_and_asks_for_nothing_keeps_nobody_out(shown, port):
         for one in silent:
             stack.enter_context(one)
             one.settimeout(60)
-        assert get(port, "/?ask=topics", **OURS)[0] == 200
+        assert get(port, "/?ask=graph", **OURS)[0] == 200
         with suppress(ConnectionResetError):
             assert all(one.recv(1) == b"" for one in silent[:190])  # they were ended
 
@@ -174,7 +177,7 @@ def test_of_many_who_connect_at_once_few_stay(shown, port, monkeypatch):
         silent = []
         for _ in range(3):
             come_together(shown, partial(connect_to, port, held, silent, 90))
-            assert get(port, "/?ask=topics", **OURS)[0] == 200  # all of them were let in
+            assert get(port, "/?ask=graph", **OURS)[0] == 200  # all of them were let in
         for one in silent[:170]:
             assert one.recv(1) == b""
 

@@ -5,7 +5,6 @@ import re
 import pytest
 from page_client import IMAGES, TOKEN, VIEW_TOKEN, wait_in
 from test_page_browser import element, value_of
-from waiting import wait_for
 
 
 @pytest.fixture
@@ -65,16 +64,6 @@ def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, run
         with tab.expect_download(timeout=120_000) as saved:
             tab.get_by_role("button", name="Save PNG").first.click()
         assert saved.value.suggested_filename.startswith("controlled_stream_")
-        with tab.context.expect_page(timeout=120_000) as opened:
-            tab.get_by_role("link", name="Plots").click()
-        whole = opened.value
-        assert whole.url.startswith(address)
-        play = whole.locator("#play")
-        if address.endswith(VIEW_TOKEN):
-            play.wait_for(state="hidden", timeout=120_000)
-        else:
-            play.click()
-            wait_for(lambda: runtime.playback.state.playing, "the playback")
 
 
 def test_a_download_by_the_read_only_address(page, printed, visit, runtime, tmp_path):

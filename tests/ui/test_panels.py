@@ -7,7 +7,6 @@ import pytest
 from page_client import wait_in
 
 from ros_visualise.core import registry
-from ros_visualise.ui.look import PAGES
 from ros_visualise.ui.shell.panels import PANELS
 
 BESIDE = "{~row~:[{~panel~:~viser~},{~panel~:~topics~}],~at~:[0.72,0.28]}"
@@ -136,13 +135,6 @@ def test_the_end_of_the_program_is_said(browse, page):
     tab = browse("")
     page.close()
     tab.get_by_text("Connection lost").wait_for(timeout=60_000)
-
-
-def test_other_pages_are_a_click_away(browse):
-    tab = browse("")
-    for name in PAGES:
-        link = tab.get_by_role("link", name=name.capitalize())
-        assert link.get_attribute("href") == f"?look={name}"
 
 
 def test_the_search_opens_panels_and_goes_to_times(browse, runtime):

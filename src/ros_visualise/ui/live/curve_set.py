@@ -81,7 +81,7 @@ class CurveSet:
     def __init__(self, runtime: Runtime, max_bytes: int = _MAX_BYTES) -> None:
         self._most_bytes = max_bytes
         self._runtime = runtime
-        self._newest = Taps(runtime, 1)
+        self._newest = Taps(runtime)
         self.live = LiveCurves(runtime)
         self._stores: dict[Name, SampleStore] = {}  # the last requested last
         self._derived: dict[str, tuple[object, SampleStore]] = {}

@@ -37,7 +37,9 @@ def per_second(unit: str) -> str:
     """The unit of a derivative."""
     if not unit:
         return ""
-    return unit[:-2] + "/s²" if unit.endswith("/s") else unit + "/s"
+    if unit.endswith("/s²"):
+        return unit[:-1] + "³"
+    return unit + "²" if unit.endswith("/s") else unit + "/s"
 
 
 def times_second(unit: str) -> str:

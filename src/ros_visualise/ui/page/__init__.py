@@ -5,15 +5,13 @@ from __future__ import annotations
 import logging
 import socket
 import threading
-from functools import partial
 
-from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.live.marks import Marks
 from ros_visualise.ui.live.ticks import ticks
-from ros_visualise.ui.look import Answer, Inspector
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
 from ros_visualise.ui.page.files import PageFiles
@@ -21,13 +19,14 @@ from ros_visualise.ui.page.server import PageServer, url
 from ros_visualise.ui.page.settings import SettingsMemory
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
-from ros_visualise.ui.server.answers import BrowserQuery, Refusal, as_json
+from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_json
 from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
 _CLOSE_S, _LEAVE_S = 0.3, 5.0
-_ANSWERING = 8  # threads: some wait a second for an image
+_ANSWERING = 8  # threads: some read a recording
+_QUERIES = ("recorded", "graph", "frames", "ticks")
 
 
 class Page:
@@ -57,7 +56,6 @@ class Page:
         self.url = url(host, port, rules.token)
         self.view_url = url(host, port, rules.view_token) if options.token else ""
         self._addresses = _lines(host, port, rules)
-        self._inspector: Inspector | None = None  # queries may come as soon as there is a server
         self._server = PageServer(
             host, port, options.title, rules, options.flag, self._answer, self._files.receive
         )
@@ -90,7 +88,6 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._inspector = Inspector(runtime)
         self._server.clock.marks = self._marks()
         self._server.show(runtime)
         if self._files.title:
@@ -100,7 +97,6 @@ class Page:
             self._server.topics,
             runtime,
             self._files,
-            self._inspector,
             self._memory,
             self._urdf,
         )
@@ -117,26 +113,24 @@ class Page:
     def _leave(self) -> None:
         """Remove the present graph from the page, and remember the settings."""
         assert self._content is not None
-        assert self._inspector is not None
         self._server.show(None)
         self._content.close(_LEAVE_S)
-        self._inspector.close()
         self._server.empty()
 
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         asked = query.text("ask")
         if asked == "recorded":
             return await self._files.answer(query)
-        if asked in ("graph", "frames") and self._content is not None:
+        if "ask" not in query:
+            return None
+        if self._content is None or self._runtime is None:  # there is a server already
+            raise Refusal("not ready yet; try again in a moment", 503)
+        if asked in ("graph", "frames"):
             return as_json({"svg": getattr(self._content, f"{asked}_picture")})
-        if asked == "ticks" and self._runtime is not None:
+        if asked == "ticks":
             shown = self._runtime
             return as_json(await self._querys.do(lambda: ticks(shown.graph, shown.playback)))
-        if self._inspector is not None:
-            return await self._querys.do(partial(self._inspector.answer, query, is_viewer))
-        if "ask" in query or "look" in query:
-            raise Refusal("not ready yet; try again in a moment", 503)
-        return None
+        raise Refusal(f"unknown query{did_you_mean(asked, _QUERIES)}", 404)
 
     def spin(self, timeout_s: float) -> None:
         """Wait: the page has no work for the main thread."""
@@ -149,8 +143,6 @@ class Page:
         self._ended.set()
         if self._content is not None:
             self._content.close(_CLOSE_S)
-        if self._inspector is not None:
-            self._inspector.close()
         self._server.close()
         self._querys.close()
         self._files.close()

@@ -7,12 +7,11 @@ from functools import partial
 
 import viser
 
-from ros_visualise.graph import Graph, Member
+from ros_visualise.graph import Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.topics import figures
-from ros_visualise.ui.look import Inspector
 from ros_visualise.ui.page.controls import PresetChoice
 from ros_visualise.ui.page.embedding import viewers
 from ros_visualise.ui.page.files import Opener, PageFiles
@@ -20,7 +19,6 @@ from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.layout import WindowSwitches
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.playback_range import PlaybackRange
-from ros_visualise.ui.page.plots import FieldPlot, Plots
 from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
 from ros_visualise.ui.page.robot import Driving, RobotStatus
 from ros_visualise.ui.page.scene_panel import ScenePanel
@@ -52,12 +50,11 @@ class PageContent:
         figures: Newest,
         runtime: Runtime,
         files: PageFiles,
-        inspector: Inspector,
         memory: SettingsMemory,
         urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
-        self._inspector, self._memory = inspector, memory
+        self._memory = memory
         self._figures = figures
         self._graph = runtime.graph
         self._ticks = 0
@@ -134,11 +131,6 @@ class PageContent:
         with gui.add_folder("Recording"):
             self._recorder = RecordingPanel(gui, self._runtime, self._worker, self._files)
             SavePanel(gui, self._runtime, self._worker, self._files.folder, self._settings)
-        self._plots_folder = gui.add_folder("Plots", expand_by_default=False)
-        with self._plots_folder:
-            self._field_plot = FieldPlot(gui, self._runtime)
-            self._field_plot.follow(_kinds_of(self._graph))
-            self._plots = Plots(gui, self._graph)
 
     def _make_windows(self) -> list[Window]:
         """A window for each node with something to show; unchanged ones are kept."""
@@ -190,12 +182,8 @@ class PageContent:
             if window not in self._windows:
                 window.remove()
         self._tools.follow(self._graph)
-        self._field_plot.follow(_kinds_of(self._graph))
         self._recorder.follow(self._graph)
         self._driver.post("actors", self._end_actors)
-        self._plots.remove()
-        with self._plots_folder:
-            self._plots = Plots(self._server.gui, self._graph)
         had_scene = self._has_scene
         self._follow_scene()
         self._settings.take_in()
@@ -206,15 +194,12 @@ class PageContent:
         if self._runtime.graph is not self._graph:
             self._follow()
         self._notice.refresh()
-        self._inspector.refresh()
         self._recorder.refresh()
         if not self._is_watched():
-            self._field_plot.rest()
             for window in self._windows:
                 window.rest()
             self._tools.rest()
             return
-        self._field_plot.refresh()
         for window in self._windows:
             window.refresh()
         self._tools.refresh()
@@ -234,7 +219,6 @@ class PageContent:
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
             self._figures.put(figures(self._graph, report))
-            self._plots.add(report)
 
     def _is_watched(self) -> bool:
         return bool(self._server.get_clients()) or self._figures.is_watched
@@ -242,7 +226,3 @@ class PageContent:
     def _unthrottled(self) -> bool:
         playback = self._runtime.playback
         return playback is not None and playback.state.rate == 0
-
-
-def _kinds_of(graph: Graph) -> dict[str, type]:
-    return {name: topic.type for name, topic in graph.topics.items()}

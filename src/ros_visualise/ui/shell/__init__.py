@@ -18,7 +18,8 @@ from ros_visualise.ui.shell.workspace import LAYOUT, Workspace, read_layout
 VISER = "/viser"
 FOREIGN = "foreign"
 """Path of viser's page, and its query where another web site may have led to the page around it."""
-_STYLE = Path(__file__).parent / "page.css"
+_FOLDER = Path(__file__).parent
+_STYLES = [_FOLDER / "page.css", *sorted((_FOLDER / "panels").glob("*.css"))]
 
 
 class Shell:
@@ -31,7 +32,8 @@ class Shell:
         """Build the page for a browser, within its NiceGUI client."""
         visit: Visit = scope["state"]["visit"]
         ui.page_title(self._offered.title)
-        ui.add_css(_STYLE)
+        for style in _STYLES:
+            ui.add_css(style)
         ui.add_head_html(f'<script src="{scope["root_path"]}{PARTS}rv.js"></script>')
         if visit.is_foreign:
             ui.add_body_html(f'<i hidden id="rv-{FOREIGN}"></i>')

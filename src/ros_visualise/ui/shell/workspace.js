@@ -81,8 +81,6 @@ export default {
       <div class="rv-rail" role="toolbar" aria-label="Panels" :aria-orientation="isNarrow ? 'horizontal' : 'vertical'">
         <q-btn v-for="(kind, name) in kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.title"
           :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
-        <q-btn v-for="(icon, page) in pages" :key="page" flat dense :icon="icon" :href="'?look=' + page" target="_blank"
-          :aria-label="page[0].toUpperCase() + page.slice(1)" :title="page[0].toUpperCase() + page.slice(1)" />
         <span class="rv-space"></span>
         <q-btn flat dense icon="search" aria-label="Search" title="Search (Ctrl+K)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
@@ -97,7 +95,7 @@ export default {
         </q-btn>
       </div>
     </div>`,
-  props: { kinds: Object, pages: Object, layout: Object, standard: Object },
+  props: { kinds: Object, layout: Object, standard: Object },
   data() {
     const saved = JSON.parse(localStorage.getItem(SAVED) ?? "{}");
     return { root: null, maximal: null, target: null, width: 1280, height: 720, saved, name: "", undoable: false, redoable: false, isOwn: false };

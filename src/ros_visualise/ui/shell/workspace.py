@@ -11,7 +11,6 @@ from nicegui import events
 from nicegui.element import Element
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.ui.look import PAGES
 from ros_visualise.ui.shell.panels import PANELS, Panel
 
 LAYOUT = "layout"
@@ -37,7 +36,6 @@ class Workspace(Element, component="workspace.js"):
         self._read_only = read_only
         self._panels: dict[int, Panel] = {}
         self._props["kinds"] = dict(kinds)
-        self._props["pages"] = dict(PAGES)
         self._props["layout"], self._props["standard"] = layout, standard
         self.on("panels", self._hear)
 

@@ -1,0 +1,11 @@
+"""Diagnostics of the nodes of a graph."""
+
+from __future__ import annotations
+
+from ros_visualise.ui.shell.panels import Panel
+
+
+class Diagnostics(Panel, component="diagnostics.js"):
+    """A line for each status, the worst first."""
+
+    title, icon = "Diagnostics", "monitor_heart"

@@ -1,0 +1,56 @@
+// The log, the newest line last; lines of a level and worse, of a node, with these words.
+const LEVELS = ["DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"];
+const KEPT = 2000;
+const SHOWN = 500;
+
+export default {
+  template: `
+    <div class="rv-log">
+      <div class="rv-tools" role="toolbar" aria-label="Log">
+        <select v-model="level" aria-label="Level" title="Show this level and worse" @change="keep"><option v-for="one in levels.slice(0, 4)" :key="one">{{ one }}</option></select>
+        <select v-model="node" aria-label="Node" title="Show lines of this node" @change="keep"><option value="">All nodes</option><option v-for="one in nodes" :key="one">{{ one }}</option></select>
+        <input v-model="words" type="search" placeholder="Search" aria-label="Search" @change="keep">
+        <q-btn flat dense size="sm" icon="delete_sweep" aria-label="Clear" title="Clear" @click="lines = []" />
+      </div>
+      <div class="rv-rows" ref="rows" role="log" aria-label="Log" tabindex="0" @scroll="follows = $event.target.scrollHeight - $event.target.scrollTop - $event.target.clientHeight < 30">
+        <div v-for="line in shown" :key="line.number" class="rv-logged" :class="'rv-' + line.level.toLowerCase()">
+          <time :title="line.time + ' s'">{{ new Date(1000 * line.time).toLocaleTimeString() }}</time><small>{{ line.node }}</small><span>{{ line.text }}</span></div>
+        <p v-if="!shown.length">No lines</p>
+      </div>
+    </div>`,
+  props: { state: Object, readOnly: Boolean },
+  data() {
+    const { level, node, words } = this.state;
+    return { lines: [], levels: LEVELS, level: LEVELS.includes(level) ? level : "INFO", node: String(node ?? ""), words: String(words ?? ""), follows: true };
+  },
+  computed: {
+    nodes() { return [...new Set([...this.lines.map((line) => line.node), this.node])].filter(Boolean).sort(); },
+    shown() {
+      const words = this.words.toLowerCase();
+      const least = LEVELS.indexOf(this.level);
+      return this.lines.filter((line) => LEVELS.indexOf(line.level) >= least && (!this.node || line.node === this.node) && `${line.node} ${line.text}`.toLowerCase().includes(words)).slice(-SHOWN);
+    },
+  },
+  watch: {
+    async shown() {
+      if (!this.follows) return;
+      await this.$nextTick();
+      this.$refs.rows.scrollTop = this.$refs.rows.scrollHeight;
+    },
+  },
+  mounted() {
+    const open = () => {
+      this.lines = [];
+      this.live.send({ show: "log" });
+    };
+    this.live = rv.live("/live/monitor", { open, message: ({ lines }) => (this.lines = [...this.lines, ...lines].slice(-KEPT)) });
+  },
+  beforeUnmount() {
+    this.live.close();
+  },
+  methods: {
+    keep() {
+      rv.keep(this.$el, { level: this.level, node: this.node || undefined, words: this.words || undefined });
+    },
+  },
+};
