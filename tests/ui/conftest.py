@@ -4,16 +4,18 @@ import os
 import shutil
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import closing
 
 import pytest
 import viser
-from page_client import IMAGES, TOKEN, VIEW_TOKEN, Client
+from page_client import IMAGES, TOKEN, VIEW_TOKEN
+from space_client import Nodes
+from waiting import wait_for
 
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.server import PageServer
 from ros_visualise.ui.scene.scene import Scene
@@ -131,33 +133,46 @@ def server(port: int) -> Iterator[viser.ViserServer]:
 
 
 @pytest.fixture
-def scene(server: viser.ViserServer, clock: Clock) -> Scene:
-    """A scene on it."""
-    return Scene(server, clock)
-
-
-class Look:
-    """Waits until the browser's node of a topic is as it should be, and gives the node."""
-
-    def __init__(self, client: Client) -> None:
-        self.client = client
-
-    def __call__(self, name: str, check: Callable[[dict], object] = lambda node: True) -> dict:
-        name, nodes = f"/world/{name}".rstrip("/"), self.client.nodes
-
-        def is_so() -> bool:
-            try:
-                return bool(check(nodes[name]))
-            except KeyError:  # the node, or what is asked of it, was not sent yet
-                return False
-
-        self.client.read_until(is_so)
-        return nodes[name]
+def tree() -> SpaceTree:
+    """An empty 3D view."""
+    return SpaceTree()
 
 
 @pytest.fixture
-def look(port: int, server: viser.ViserServer) -> Iterator[Look]:
+def scene(tree: SpaceTree, clock: Clock) -> Scene:
+    """A scene in it."""
+    return Scene(tree, clock)
+
+
+class Look:
+    """The nodes as a browser has them that hears of all changes."""
+
+    def __init__(self, tree: SpaceTree) -> None:
+        self.nodes = Nodes()
+        self._reader = tree.reader()
+
+    def update(self) -> Nodes:
+        """Hear of what has changed."""
+        packet = self._reader.read()
+        if packet is not None:
+            self.nodes.take(packet)
+        return self.nodes
+
+    def __call__(self, name: str, check: Callable[[dict], object] = lambda node: True) -> dict:
+        """A node below the world, as soon as it is as it should be."""
+        name = f"/world/{name}".rstrip("/")
+
+        def is_so() -> bool:
+            try:
+                return bool(check(self.update()[name]))
+            except KeyError:  # the node, or what is asked of it, is not there yet
+                return False
+
+        wait_for(is_so)
+        return self.nodes[name]
+
+
+@pytest.fixture
+def look(tree: SpaceTree) -> Look:
     """A browser's view of the scene."""
-    client = Client(port)
-    with closing(client):
-        yield Look(client)
+    return Look(tree)

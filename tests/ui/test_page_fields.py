@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scene_messages import S
 
-from ros_visualise.ui.page.scene_panel import note
 from ros_visualise.ui.page.tree import tree_picture
+from ros_visualise.ui.scene.controls import notes
 from ros_visualise.ui.scene.frames import Link
 
 TREE = [
@@ -62,21 +62,19 @@ def test_frames_that_go_round_are_pictured():
 def test_without_transforms_it_is_said_what_is_drawn_and_what_is_not():
     frames = {"/scan": "laser", "/fix": "", "/odom": "<odom>"}
     problems = {"/odom": "no transform from <odom> to laser", "/scan": "of no size"}
-    first, second = note("laser", frames, problems, has_transforms=False)
+    first, second = notes("laser", frames, problems, has_transforms=False)
     assert first == (
-        "No transforms. Shown in <b>laser</b>: /scan, /fix."
-        " Not shown (no transform to their frames): /odom (&lt;odom&gt;)"
+        "No transforms. Shown in laser: /scan, /fix."
+        " Not shown (no transform to their frames): /odom (<odom>)"
     )
     assert second == "/scan: of no size"
-    assert note("laser", {"/scan": "laser"}, {}, False) == [
-        "No transforms. Shown in <b>laser</b>: /scan"
-    ]
+    assert notes("laser", {"/scan": "laser"}, {}, False) == ["No transforms. Shown in laser: /scan"]
 
 
 def test_with_transforms_it_is_said_what_has_none():
     problems = {"/odom": "no transform"}
-    assert note("map", {"/odom": "odom"}, problems, True) == [
-        "Shown in <b>map</b>",
+    assert notes("map", {"/odom": "odom"}, problems, True) == [
+        "Shown in map",
         "/odom: no transform",
     ]
-    assert note("", {}, {}, False) == []
+    assert notes("", {}, {}, False) == []

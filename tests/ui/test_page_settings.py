@@ -2,7 +2,6 @@
 
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 from page_client import Client, wait_in
 
@@ -68,34 +67,6 @@ def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
     assert {urlsplit(address).netloc for address in asked} == {f"127.0.0.1:{port}"}
     context.close()
     page.close()
-
-
-def test_each_browser_has_its_own_view(port, scene, server):
-    one, other = Client(port), Client(port)
-    one.read_until(lambda: len(server.get_clients()) == 2)
-    first, second = server.get_clients().values()
-    scene.look_from(first.client_id, np.array([1.0, 2, 3]), np.array([0.0, 0, 1]))
-    np.testing.assert_allclose(first.camera.position, [1, 2, 3])
-    np.testing.assert_allclose(first.camera.look_at, [0, 0, 1])
-    np.testing.assert_allclose(second.camera.position, [0, 0, 0])
-    for client in (one, other):
-        client.close()
-
-
-def test_a_view_that_was_moved_is_saved_and_comes_back(port, scene, server):
-    client = Client(port)
-    client.read_until(lambda: server.get_clients())
-    scene.view.shown = True
-    (browser,) = server.get_clients().values()
-    browser.camera.position, browser.camera.look_at = np.array([1.0, 2, 3]), np.array([4.0, 5, 6])
-    assert [place.tolist() for place in scene.view.moved] == [[1, 2, 3], [4, 5, 6]]
-    scene.look_from(None, np.array([7.0, 8, 9]), np.zeros(3))
-    scene.view.reset()
-    assert server.initial_camera.position.tolist() != [7, 8, 9], "as it is by itself"
-    scene.look_from(None, np.array([7.0, 8, 9]), np.zeros(3))
-    scene.view._show_all()
-    assert server.initial_camera.position.tolist() == [7, 8, 9]
-    client.close()
 
 
 def test_a_file_arranges_the_page(port, runtime, tmp_path):

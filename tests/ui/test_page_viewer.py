@@ -17,16 +17,7 @@ NAMED = {"Threshold", "● Record", "Save parameters", "Save layout", "FPS"}
 """Some of what can be changed."""
 CHANNELS = {
     "address": "filters/threshold=3",
-    "view": "1,2,3,4,5,6",
     "pick": "filters 0.5 0.5",
-}
-CLICK = {
-    "type": "ScenePointerMessage",
-    "event_type": "click",
-    "ray_origin": (0.0, 0.0, 0.0),
-    "ray_direction": (0.0, 0.0, 1.0),
-    "screen_pos": [(0.5, 0.5)],
-    "modifier": None,
 }
 
 
@@ -64,7 +55,6 @@ def everything(viewer):
         yield {"type": "GuiRemoveMessage", "uuid": uuid}
     for uuid in viewer.commands:
         yield {"type": "CommandTriggerMessage", "uuid": uuid}
-    yield CLICK
     yield {"type": "FileTransferStartUpload", "transfer_uuid": "x", "part_count": 1}
     yield {"type": "ShareUrlRequest"}
     yield {"type": "ResetSceneMessage"}
@@ -135,9 +125,3 @@ def test_a_viewer_never_learns_the_token(page, owner, viewer, port):
     assert TOKEN not in get(port, "/", VIEW_TOKEN)[2]
     assert TOKEN not in "".join(viewer.html)
     assert TOKEN not in json.dumps(viewer.values)
-
-
-def test_the_view_of_a_viewer_is_not_kept(page, owner, viewer):
-    onlookers = page._content._scene.view.onlookers()
-    assert len(onlookers) == 1
-    assert len(page._server.viser.get_clients().keys() - onlookers) == 1

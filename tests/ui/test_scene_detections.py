@@ -24,15 +24,14 @@ def found(*several, stamp_s=1.0):
 
 
 def positions(xyz):
-    return lambda node: np.allclose(np.reshape(node["batched_positions"], (-1, 3)), xyz)
+    return lambda node: len(node["rows"]) == len(xyz) and np.allclose(node["rows"][:, :3], xyz)
 
 
 def test_boxes_have_their_sizes_classes_and_scores(scene, look):
     draw(scene, found=found(thing([1, 0, 0]), thing([5, 0, 0], "cat")))
     node = look("topics/found/boxes", positions([[1, 0, 0], [5, 0, 0]]))
-    assert np.reshape(node["batched_scales"], (-1, 3))[0].tolist() == [1, 2, 3]
-    colors = np.reshape(node["batched_colors"], (-1, 3)).tolist()
-    assert colors == [list(color_of("dog")), list(color_of("cat"))]
+    assert node["rows"][0, 7:10].tolist() == [1, 2, 3]
+    assert np.allclose(255 * node["rows"][:, 10:13], [color_of("dog"), color_of("cat")])
     assert look("topics/found/label0")["text"] == "dog 0.50"
     assert np.allclose(look("topics/found/label1")["position"], [5, 0, 1.5])
 

@@ -8,7 +8,7 @@ from scene_runtime import Told
 
 from ros_visualise.data import Header, Marker, MarkerAction, MarkerArray, MarkerType, Odometry
 from ros_visualise.ui.scene.meshes import load_mesh
-from ros_visualise.ui.scene.solids import mesh_of, solids_of
+from ros_visualise.ui.scene.solids import solids_of
 from ros_visualise.ui.scene.thread import SceneThread
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
@@ -21,7 +21,7 @@ def marker(kind=MarkerType.CUBE, xyz=(0, 0, 0), frame="map", stamp_s=1.0, **rest
 
 def positions(xyz):
     """Whether copies of a solid are there."""
-    return lambda node: np.allclose(np.reshape(node["batched_positions"], (-1, 3)), xyz)
+    return lambda node: len(node["rows"]) == len(xyz) and np.allclose(node["rows"][:, :3], xyz)
 
 
 def test_solids_have_their_places_sizes_and_colors(scene, look):
@@ -32,9 +32,8 @@ def test_solids_have_their_places_sizes_and_colors(scene, look):
     )
     draw(scene, shapes=MarkerArray((one, several, marker(MarkerType.SPHERE, id=3))))
     node = look("topics/shapes/cube", positions([[1, 2, 3], [0, 0, 5], [1, 0, 5], [1, 1, 5]]))
-    assert np.reshape(node["batched_scales"], (-1, 3))[0].tolist() == [2, 4, 6]
-    colors = np.reshape(node["batched_colors"], (-1, 3))
-    assert colors.tolist() == [[255, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255]]
+    assert node["rows"][0, 7:10].tolist() == [2, 4, 6]
+    assert node["rows"][:, 10:13].tolist() == [[1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     look("topics/shapes/sphere", positions([[0, 0, 0]]))
 
 
@@ -43,7 +42,7 @@ def test_a_marker_that_cannot_be_seen_is_left_out_and_a_clear_one_is_clear(scene
     gone = np.array([1, 1, 1, 0], np.float32)
     draw(scene, shapes=MarkerArray((marker(color_rgba=clear), marker(id=1, color_rgba=gone))))
     node = look("topics/shapes/cube", positions([[0, 0, 0]]))
-    assert np.allclose(node["batched_opacities"], [0.25])
+    assert np.allclose(node["rows"][:, 13], [0.25])
 
 
 def test_arrows_go_along_x_or_from_point_to_point():
@@ -61,13 +60,6 @@ def test_arrows_go_along_x_or_from_point_to_point():
     assert [len(one.T) for one in solids_of(strip)] == [2, 2]
 
 
-@pytest.mark.parametrize("kind", ["cube", "sphere", "cylinder", "cone"])
-def test_solids_are_one_metre_wide_and_high(kind):
-    vertices, faces = mesh_of(kind)
-    assert np.allclose(np.ptp(vertices, axis=0), 1, atol=0.01)
-    assert faces.max() < len(vertices)
-
-
 def test_lines_have_the_colors_of_their_points(scene, look):
     strip = marker(
         MarkerType.LINE_STRIP,
@@ -77,14 +69,14 @@ def test_lines_have_the_colors_of_their_points(scene, look):
     )
     lines = marker(MarkerType.LINE_LIST, id=1, points_xyz=POINTS)  # the last has no partner
     draw(scene, shapes=MarkerArray((strip, lines)))
-    node = look("topics/shapes/1/shape", has("points", 2 * 2 * 3))
-    assert np.reshape(node["points"], (-1, 2, 3)).tolist() == [
+    node = look("topics/shapes/1/shape", has("points", 2))
+    assert node["points"].tolist() == [
         [[0, 0, 0], [1, 0, 0]],
         [[1, 0, 0], [1, 1, 0]],
     ]
-    assert np.reshape(node["colors"], (-1, 2, 3))[1].tolist() == [[0, 255, 0], [0, 0, 255]]
-    assert (node["thickness"], node["thickness_units"]) == (pytest.approx(0.05), "world")
-    look("topics/shapes/2/shape", has("points", 2 * 3))
+    assert node["colors"][1].tolist() == [[0, 255, 0], [0, 0, 255]]
+    assert (node["width"], node["in_metres"]) == (pytest.approx(0.05), True)
+    look("topics/shapes/2/shape", has("points", 1))
 
 
 def test_points_texts_and_triangles_are_drawn(scene, look):
@@ -100,10 +92,12 @@ def test_points_texts_and_triangles_are_drawn(scene, look):
             )
         ),
     )
-    assert look("topics/shapes/1/shape", has("points", 9))["point_size"] == pytest.approx(0.1)
+    assert look("topics/shapes/1/shape", has("points", 3))["size"] == pytest.approx(0.2)
     assert look("topics/shapes/2/shape")["text"] == "dock <1>"
     look("topics/shapes/2", is_at([0, 0, 9]))
-    assert look("topics/shapes/3/shape")["glb_data"][:4] == b"glTF"
+    mesh = look("topics/shapes/3/shape")
+    assert (mesh["vertices"].shape, mesh["faces"].tolist()) == ((3, 3), [[0, 1, 2]])
+    assert mesh["colors"].tolist() == (255 * RED_GREEN_BLUE).tolist()
 
 
 @pytest.fixture
@@ -129,8 +123,8 @@ def test_a_mesh_is_drawn_in_its_size_and_color(scene, look, package):
         ),
     )
     node = look("topics/shapes/1/shape")
-    assert np.ptp(np.reshape(node["vertices"], (-1, 3)), axis=0).tolist() == [2, 2, 3]
-    assert node["color"] == [255, 0, 0]
+    assert np.ptp(node["vertices"], axis=0).tolist() == [2, 2, 3]
+    assert node["colors"] == [255, 0, 0]
 
 
 @pytest.mark.parametrize(
@@ -160,7 +154,7 @@ def test_a_marker_that_only_moves_is_not_made_anew(scene, look):
     look("topics/shapes/1", is_at([1, 0, 0]))
     draw(scene, shapes=MarkerArray((marker(MarkerType.TEXT_VIEW_FACING, text="quay"),)))
     assert look("topics/shapes/2/shape")["text"] == "quay"
-    assert "/world/topics/shapes/1" not in look.client.nodes
+    assert "/world/topics/shapes/1" not in look.update()
 
 
 def test_a_marker_is_replaced_and_deleted_by_its_name(scene, look):

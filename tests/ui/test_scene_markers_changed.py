@@ -16,7 +16,7 @@ def marker(number, x=0.0, kind=MarkerType.CUBE, stamp_s=1.0, frame="map", **rest
 
 def positions(xyz):
     """Whether copies of a solid are there."""
-    return lambda node: np.allclose(np.reshape(node["batched_positions"], (-1, 3)), xyz)
+    return lambda node: len(node["rows"]) == len(xyz) and np.allclose(node["rows"][:, :3], xyz)
 
 
 def counted(monkeypatch, name):
@@ -47,7 +47,7 @@ def test_cubes_that_only_move_are_the_same_cubes(scene, look, monkeypatch):
 def test_cubes_have_one_node_for_all_of_them(scene, look):
     draw(scene, shapes=MarkerArray(tuple(marker(n) for n in range(20))))
     look("topics/shapes/cube", positions([[0, n, 0] for n in range(20)]))
-    assert sum(name.startswith("/world/topics/shapes/") for name in look.client.nodes) == 1
+    assert sum(name.startswith("/world/topics/shapes/") for name in look.update()) == 1
 
 
 def test_a_text_that_is_deleted_and_added_again_stays(scene, look):
@@ -59,7 +59,7 @@ def test_a_text_that_is_deleted_and_added_again_stays(scene, look):
         say(x)
     look("topics/shapes/1", is_at([4, 0, 0]))
     assert look("topics/shapes/1/shape")["text"] == "dock"
-    assert "/world/topics/shapes/2" not in look.client.nodes
+    assert "/world/topics/shapes/2" not in look.update()
 
 
 def test_a_cube_that_becomes_a_sphere_is_no_cube_any_more(scene, look):
@@ -80,7 +80,7 @@ def test_a_list_that_grows_is_drawn_whole(scene, look):
 
 
 def sorted_rows(node):
-    return sorted(np.reshape(node["batched_positions"], (-1, 3)).tolist())
+    return sorted(node["rows"][:, :3].tolist())
 
 
 def test_what_cannot_be_drawn_any_more_goes(scene, look):
@@ -90,7 +90,7 @@ def test_what_cannot_be_drawn_any_more_goes(scene, look):
     wrong = marker(1, np.nan, MarkerType.TEXT_VIEW_FACING, text="dock")
     draw(scene, shapes=MarkerArray((marker(0, np.nan), wrong)))
     look("topics/shapes/cube", positions([[0, 2, 0]]))
-    assert "/world/topics/shapes/1" not in look.client.nodes
+    assert "/world/topics/shapes/1" not in look.update()
     draw(scene, shapes=MarkerArray((marker(0, 3.0),)))
     look("topics/shapes/cube", lambda node: sorted_rows(node) == [[0, 2, 0], [3, 0, 0]])
 

@@ -203,12 +203,12 @@ def package(tmp_path):
 def drawn(look: Any, name: str) -> tuple[list[float], list[int]]:
     """The size of a mesh, and its colour."""
     node = look(name)
-    vertices = np.reshape(node["vertices"], (-1, 3)) * node.get("scale", 1)
-    return [round(float(size), 4) for size in np.ptp(vertices, axis=0)], list(node["color"])
+    sizes = np.ptp(node["vertices"], axis=0)
+    return [round(float(size), 4) for size in sizes], list(node["colors"])
 
 
-def test_a_robot_of_meshes_is_drawn_from_a_file(server, look, package):
-    scene = Scene(server, urdf=read_urdf(package))
+def test_a_robot_of_meshes_is_drawn_from_a_file(tree, look, package):
+    scene = Scene(tree, urdf=read_urdf(package))
     scene.follow({"/odom": Odometry, "/tf": Transforms, "/robot_description": Text})
     scene.refresh()
     assert scene.problems == {}

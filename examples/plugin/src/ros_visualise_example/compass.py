@@ -3,10 +3,11 @@
 from typing import Any
 
 import numpy as np
-import viser
 
 from ros_visualise.data import MagneticField
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Arrows
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 
@@ -15,9 +16,9 @@ class Compass(Drawing):
 
     draws = (MagneticField,)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._arrow = scene.add_arrows(f"{name}/field", np.zeros((1, 2, 3)), color)
+        self._arrow = scene.add(f"{name}/field", Arrows(color=color))
 
     def draw(self, message: Any, appearance: Appearance) -> None:
         field = np.asarray(message.field_xyz, np.float64)

@@ -16,7 +16,7 @@ from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
 from ros_visualise.ui.page.files import PageFiles
 from ros_visualise.ui.page.server import PageServer, url
-from ros_visualise.ui.page.settings import SettingsMemory
+from ros_visualise.ui.page.settings import SettingsMemory, by_name
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
 from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_json
@@ -49,7 +49,7 @@ class Page:
         rules = access_rules(host, options.origins, options.token)
         if rules.addresses and not options.token:
             log.warning("no token: anyone who can reach %s can use the page", host)
-        self._urdf = "" if options.urdf is None else read_urdf(options.urdf)
+        urdf = "" if options.urdf is None else read_urdf(options.urdf)
         self._files = PageFiles(options.record_dir, options.chooser)
         self._memory = SettingsMemory(options.arrangement)
         self._querys = Pool("page answers", _ANSWERING)
@@ -59,6 +59,8 @@ class Page:
         self._server = PageServer(
             host, port, options.title, rules, options.flag, self._answer, self._files.receive
         )
+        self._server.space.urdf = urdf
+        self._server.space.apply(by_name(options.arrangement))
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._content: PageContent | None = None
         self._runtime: Runtime | None = None
@@ -72,7 +74,7 @@ class Page:
     @property
     def awaited(self) -> bool:
         """True while no browser shows it."""
-        return not self._server.viser.get_clients()
+        return not (self._server.viser.get_clients() or self._server.space.is_watched)
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph, in place of the one before."""
@@ -95,10 +97,10 @@ class Page:
         self._content = PageContent(
             self._server.viser,
             self._server.topics,
+            self._server.space,
             runtime,
             self._files,
             self._memory,
-            self._urdf,
         )
 
     def _marks(self) -> Marks:

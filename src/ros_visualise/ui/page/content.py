@@ -11,9 +11,9 @@ from ros_visualise.graph import Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.live.newest import Newest
+from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.live.topics import figures
 from ros_visualise.ui.page.controls import PresetChoice
-from ros_visualise.ui.page.embedding import viewers
 from ros_visualise.ui.page.files import Opener, PageFiles
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.layout import WindowSwitches
@@ -21,17 +21,12 @@ from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.playback_range import PlaybackRange
 from ros_visualise.ui.page.recorder import RecordingPanel, SavePanel
 from ros_visualise.ui.page.robot import Driving, RobotStatus
-from ros_visualise.ui.page.scene_panel import ScenePanel
 from ros_visualise.ui.page.settings import PageSettings, SettingsMemory
-from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
+from ros_visualise.ui.page.style import IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tools import ActionPanels
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.scene.drawing import Appearance
-from ros_visualise.ui.scene.kinds import is_track, is_tree
-from ros_visualise.ui.scene.scene import Scene
-from ros_visualise.ui.scene.thread import SceneThread, topics_of
 from ros_visualise.ui.shown import robot_status
 
 _PERIOD_S, _DRIVE_PERIOD_S = 0.2, 0.05
@@ -48,10 +43,10 @@ class PageContent:
         self,
         server: viser.ViserServer,
         figures: Newest,
+        space: SpaceHub,
         runtime: Runtime,
         files: PageFiles,
         memory: SettingsMemory,
-        urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
         self._memory = memory
@@ -64,23 +59,20 @@ class PageContent:
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
         self._driver = Worker(self._notice.say, lambda: self._driving.refresh(), _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
-        self._scene = Scene(server, urdf=urdf)
-        self._scene.view.onlookers = partial(viewers, server)
-        self._scene.appearance = Appearance(names=is_tree(topics_of(self._graph)))
+        assert space.scene is not None
+        self._space, self._scene = space, space.scene
         robot = robot_status(self._graph)[0]
         self._robot_name = None if robot is None else robot.name
         self._windows: list[Window] = []
         self._windows = self._make_windows()
-        self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._unthrottled)
         self._add_main_panel(gui)
-        self._follow_scene()
+        self._follow_windows()
         self._switches.begin()
         self._settings.take_in()
         self._warnings = Warnings(self._notice.say)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
         self._driver.start()
-        self._drawing.start()
 
     @property
     def graph_picture(self) -> str:
@@ -104,11 +96,10 @@ class PageContent:
         for window in self._windows:
             window.close()
         self._tools.rest()
-        self._drawing.close(timeout_s)
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
-        self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._settings = PageSettings(gui, self._worker, self._scene, self._memory)
+        gui.add_html(IMAGES_ALONE)
+        self._settings = PageSettings(gui, self._worker, self._space, self._memory)
         playback = self._runtime.playback
         self._range: PlaybackRange | None = None
         if playback is not None and not self._graph.live:
@@ -122,10 +113,6 @@ class PageContent:
         robot = gui.add_folder("Robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
         self._driving = Driving(gui, robot, self._runtime, self._driver)
-        self._scene_folder = gui.add_folder("3D")
-        self._scene_panel = ScenePanel(
-            self._server, self._scene_folder, self._runtime, self._scene, self._worker
-        )
         self._windows_folder = gui.add_folder("Windows")
         self._switches = WindowSwitches(gui, self._windows_folder, self._worker)
         with gui.add_folder("Recording"):
@@ -163,15 +150,8 @@ class PageContent:
         for name in self._actors.keys() - there:
             self._actors.pop(name).close(0)
 
-    def _follow_scene(self) -> None:
-        """Draw the present graph; with images only, there is no scene."""
-        topics = topics_of(self._graph)
-        self._drawing.follow(self._graph)
-        self._scene_panel.follow(topics, self._graph.inputs)
-        self._has_scene = bool(topics)
-        self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
-        self._scene_folder.visible = self._has_scene
-        self._switches.follow(self._windows, self._has_scene, is_track(topics))
+    def _follow_windows(self) -> None:
+        self._switches.follow(self._windows, False)
         self._windows_folder.visible = bool(self._windows)
 
     def _follow(self) -> None:
@@ -184,10 +164,9 @@ class PageContent:
         self._tools.follow(self._graph)
         self._recorder.follow(self._graph)
         self._driver.post("actors", self._end_actors)
-        had_scene = self._has_scene
-        self._follow_scene()
+        self._follow_windows()
         self._settings.take_in()
-        if before != self._windows or had_scene != self._has_scene:
+        if before != self._windows:
             self._switches.show()
 
     def _refresh(self) -> None:
@@ -212,8 +191,6 @@ class PageContent:
         if self._ticks % 5 == 1:
             if self._opener is not None:
                 self._opener.refresh()
-            if self._has_scene:
-                self._scene_panel.refresh()
             self._show_report(self._runtime.report(_WINDOW_S))
 
     def _show_report(self, report: RunReport) -> None:

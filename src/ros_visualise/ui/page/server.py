@@ -15,6 +15,7 @@ from ros_visualise.ui.live.messages import MessageHub
 from ros_visualise.ui.live.monitor import MonitorHub
 from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.plots import PlotHub
+from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.live.topics import LIVE_TOPICS
 from ros_visualise.ui.page.embedding import embed
 from ros_visualise.ui.parts import PARTS, part
@@ -58,6 +59,7 @@ class PageServer:
         viser: the elements and the scene of the page.
         images: those of its panels.
         topics: the figures of its topics.
+        space: its 3D view.
         shell: what surrounds them.
         clock: that of the timeline.
         offered: what browsers know of the graph.
@@ -86,7 +88,9 @@ class PageServer:
         self.clock = PageClock()
         self.offered = OfferedHub(title)
         self.shell = Shell(self.offered)
+        self.space = SpaceHub(page_loop())
         hubs: list[Hub] = [
+            self.space,
             self.offered,
             self.images,
             self.topics,
@@ -105,8 +109,6 @@ class PageServer:
 
     def empty(self) -> None:
         """Remove everything from the page; browsers stay connected."""
-        self.viser.scene.remove_click_callback()
-        self.viser.scene.reset()
         self.viser.gui.reset()
 
     def close(self) -> None:

@@ -10,17 +10,15 @@ from html import escape
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
-import numpy as np
 import viser
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.data import Floats
 from ros_visualise.ui import Arrangement, Value
+from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.inbound import refusal
 from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.scene.scene import Scene
 
 _KINDS = (
     viser.GuiSliderHandle,
@@ -46,7 +44,6 @@ _RENAMED = {
 }
 """Names in addresses and layout files of the last release, and those of today in lower case."""
 _MOST_IN_ADDRESS = 4000  # characters; browsers may send little more in one text
-_VIEW, _FARTHEST_M = "view", 1e6
 
 
 class SettingsMemory:
@@ -80,15 +77,12 @@ class PageSettings:
     """
 
     def __init__(
-        self, gui: viser.GuiApi, worker: Worker, scene: Scene, memory: SettingsMemory
+        self, gui: viser.GuiApi, worker: Worker, space: SpaceHub, memory: SettingsMemory
     ) -> None:
-        self._gui, self._scene = gui, scene
+        self._gui, self._space = gui, space
         self._first, self._run = memory.first, memory.run
-        self._waiting = _by_name(memory.wanted)
-        if _VIEW in self._waiting:
-            scene.look_from(None, *_places(str(self._waiting.pop(_VIEW))))
+        self._waiting = by_name(memory.wanted)
         add_channel(gui, worker, "address", self._take_address)
-        add_channel(gui, worker, _VIEW, lambda view, who: scene.look_from(who, *_places(view)))
         self._element = gui.add_html("")
 
     def take_in(self) -> None:
@@ -116,27 +110,19 @@ class PageSettings:
 
     @property
     def saved(self) -> dict[str, Value]:
-        """The same, with the 3D view if it was moved."""
-        moved = self._scene.view.moved
-        if moved is None:
-            return self.arrangement
-        view = ",".join(f"{xyz:.2f}" for place in moved for xyz in place)
-        return self.arrangement | {_VIEW: view}
+        """The same, with those of the 3D view."""
+        return self.arrangement | self._space.arrangement
 
     def _send_address(self) -> None:
         address = urlencode(self.arrangement, safe="/ ,:", quote_via=quote).replace(" ", "%20")
         if len(address) > _MOST_IN_ADDRESS:  # whole values, as many as have room
             address = address[: address.rfind("&", 0, _MOST_IN_ADDRESS)]
-        anchor = ",".join(f"{xyz:.3f}" for xyz in self._scene.anchor)
-        content = (
-            f'<i hidden data-run="{self._run}" data-address="{escape(address)}"'
-            f' data-anchor="{anchor}"></i>'
-        )
+        content = f'<i hidden data-run="{self._run}" data-address="{escape(address)}"></i>'
         if content != self._element.content:
             self._element.content = content
 
     def _take_address(self, address: str, _: int) -> None:
-        self._waiting = _by_name(dict(parse_qsl(address, keep_blank_values=True)))
+        self._waiting = by_name(dict(parse_qsl(address, keep_blank_values=True)))
         self.refresh()
 
     def _set(self, element: Any, value: Value, place: str) -> None:
@@ -183,22 +169,7 @@ class PageSettings:
 _NOBODY = -1  # not a browser's number
 
 
-def _places(view: str) -> tuple[Floats, Floats]:
-    """Position and target of a view, (3,) metres each.
-
-    Raises:
-        UsageError: the text is not six numbers.
-    """
-    try:
-        numbers = [float(text) for text in view.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 6 or not all(abs(xyz) < _FARTHEST_M for xyz in numbers):
-        raise UsageError(f"{_VIEW}: give six numbers, in metres: x,y,z,x,y,z")
-    return np.array(numbers[:3]), np.array(numbers[3:])
-
-
-def _by_name(arrangement: Arrangement) -> dict[str, Value]:
+def by_name(arrangement: Arrangement) -> dict[str, Value]:
     """Place, as it is called today -> value."""
     return {
         "/".join(_RENAMED.get(part, part) for part in place.casefold().split("/")): value

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import se3
+from ros_visualise.ui.live.space.nodes import Axes, Label
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, node_name, to_wxyz
 
 _LENGTH, _RADIUS = 0.5, 0.014
-_TEXT = 0.7
 _LIFT = 0.06  # of a name above its axes, in lengths of the axes
 
 
@@ -28,25 +28,26 @@ class FrameAxes:
     Frames that are nearer to each other than their axes are long share one label.
     """
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: SpaceTree) -> None:
         self._scene = scene
-        self._axes: viser.BatchedAxesHandle | None = None
-        self._labels: dict[str, viser.LabelHandle] = {}
+        self._axes = scene.add(node_name("axes"), Axes(poses=np.zeros((0, 7)), radius=_RADIUS))
+        self._labels: dict[str, Label] = {}
         self._drawn: tuple[Mapping[str, Floats], Appearance] | None = None
 
-    def draw(self, places: Mapping[str, Floats], appearance: Appearance) -> None:
-        """Show frames: name -> T_fixed_frame."""
+    def draw(self, places: Mapping[str, Floats], appearance: Appearance) -> bool:
+        """Show frames: name -> T_fixed_frame; True if they have changed."""
         if (
             self._drawn is not None
             and _are_same(places, self._drawn[0])
             and appearance == self._drawn[1]
         ):
-            return
+            return False
         self._drawn = places, appearance
         self._draw_axes(places if appearance.axes else {}, appearance)
         self._draw_labels(
             clusters(places, _LENGTH * appearance.axes_size) if appearance.names else {}, appearance
         )
+        return True
 
     def _draw_labels(self, groups: Mapping[str, _Group], appearance: Appearance) -> None:
         for name in self._labels.keys() - groups.keys():
@@ -54,34 +55,16 @@ class FrameAxes:
         for name, (names, centre) in groups.items():
             text = "\n".join(names)
             if name not in self._labels:
-                self._labels[name] = self._scene.add_label(
-                    node_name("frames", name),
-                    text,
-                    font_screen_scale=_TEXT,
-                    anchor="bottom-center",
-                )
+                self._labels[name] = self._scene.add(node_name("frames", name), Label(text=text))
             self._labels[name].text = text
             self._labels[name].position = centre + np.array([0, 0, _LIFT * appearance.axes_size])
 
     def _draw_axes(self, places: Mapping[str, Floats], appearance: Appearance) -> None:
         T = np.array(list(places.values())).reshape(-1, 4, 4)
         positions, quats_xyzw = se3.to_pose(T)
-        wxyzs = to_wxyz(quats_xyzw).astype(np.float32)
-        if self._axes is not None and len(self._axes.batched_positions) != len(T):
-            self._axes.remove()
-            self._axes = None
-        if self._axes is None:
-            self._axes = self._scene.add_batched_axes(
-                node_name("axes"),
-                wxyzs,
-                positions,
-                np.full(len(T), appearance.axes_size, np.float32),
-                axes_length=_LENGTH,
-                axes_radius=_RADIUS,
-            )
-        self._axes.batched_wxyzs = wxyzs
-        self._axes.batched_positions = positions.astype(np.float32)
-        self._axes.batched_scales = np.full(len(T), appearance.axes_size, np.float32)
+        self._axes.poses = np.concatenate([positions, to_wxyz(quats_xyzw)], axis=1)
+        self._axes.length = _LENGTH * appearance.axes_size
+        self._axes.radius = _RADIUS * appearance.axes_size
 
 
 def clusters(places: Mapping[str, Floats], distance_m: float) -> dict[str, _Group]:

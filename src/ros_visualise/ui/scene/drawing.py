@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import SpaceNode
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.frames import Frames
 
 _LEAST_FOR_POINTS = 0.5
@@ -54,9 +55,9 @@ class Drawing:
     gathers: ClassVar[bool] = False
     stays: ClassVar[bool] = False
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         self._scene, self._name, self._color = scene, name, color
-        self._root = scene.add_frame(name, show_axes=False)
+        self._root = scene.add(name, SpaceNode())
         self.T_fixed_frame: Floats = np.eye(4)
 
     def draw(self, message: Any, appearance: Appearance) -> None:
@@ -108,14 +109,14 @@ class Drawing:
         self._root.remove()
 
 
-def move(node: viser.SceneNodeHandle, T: Floats) -> None:
+def move(node: SpaceNode, T: Floats) -> None:
     """Set the pose of a node in its parent's frame."""
     translation, quat_xyzw = se3.to_pose(T)
     node.position, node.wxyz = translation, to_wxyz(quat_xyzw)
 
 
 def to_wxyz(quat_xyzw: npt.ArrayLike) -> Floats:
-    """Quaternions (..., 4) in viser's order."""
+    """Quaternions (..., 4) as w, x, y, z."""
     return np.roll(np.asarray(quat_xyzw, np.float64), 1, axis=-1)
 
 

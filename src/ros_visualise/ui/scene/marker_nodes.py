@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
-import viser
 
 from ros_visualise.data import Floats, Marker, MarkerType, Pixels
+from ros_visualise.ui.live.space.nodes import Label, Lines, Mesh, Points
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.meshes import add_mesh, load_mesh
 from ros_visualise.ui.scene.solids import colors_of
 
@@ -21,7 +21,7 @@ _NO_COLOR = np.array([0.6, 0.6, 0.6, 1])
 _HAIR_PX = 1.0  # of a line whose width is 0
 
 
-def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+def add_node(scene: SpaceTree, name: str, marker: Marker) -> None:
     """Draw a marker that is not made of solids, in its own frame.
 
     Raises:
@@ -51,47 +51,35 @@ def segments_of(marker: Marker) -> tuple[Floats, Pixels]:
     return marker.points_xyz[ends], colors[ends]
 
 
-def _add_lines(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+def _add_lines(scene: SpaceTree, name: str, marker: Marker) -> None:
     points, colors = segments_of(marker)
     if not len(points):
         return
     width = float(marker.scale_xyz[0])
-    scene.add_line_segments(
-        name,
-        points.astype(np.float32),
-        colors,
-        thickness=width if width > 0 else _HAIR_PX,
-        thickness_units="world" if width > 0 else "screen",
-    )
+    is_wide = width > 0
+    lines = Lines(points=points.astype(np.float32), colors=colors, in_metres=is_wide)
+    lines.width = width if is_wide else _HAIR_PX
+    scene.add(name, lines)
 
 
-def _add_points(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+def _add_points(scene: SpaceTree, name: str, marker: Marker) -> None:
     if len(marker.points_xyz):
-        scene.add_point_cloud(
-            name,
-            marker.points_xyz.astype(np.float32),
-            _rgb(colors_of(marker, len(marker.points_xyz))),
-            point_size=float(marker.scale_xyz[0]) / 2,  # it is half as wide as the page draws it
-            point_shape="square",
-            precision="float32",
-            point_shading="flat",
-        )
+        points = Points(points=marker.points_xyz.astype(np.float32), square=True)
+        points.colors = _rgb(colors_of(marker, len(marker.points_xyz)))
+        points.size = float(marker.scale_xyz[0])
+        scene.add(name, points)
 
 
-def _add_text(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """A capital letter is as high as the third scale; the page has one colour for texts."""
+def _add_text(scene: SpaceTree, name: str, marker: Marker) -> None:
+    """A capital letter is as high as the third scale."""
     height = float(marker.scale_xyz[2])
     if marker.text and height > 0:
-        scene.add_label(
-            name,
-            marker.text,
-            font_size_mode="scene",
-            font_scene_height=height,
-            anchor="center-center",
-        )
+        red, green, blue = _rgb(marker.color_rgba[None])[0].tolist()
+        color = (red, green, blue) if marker.color_rgba.any() else None
+        scene.add(name, Label(text=marker.text, height=height, centred=True, color=color))
 
 
-def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+def _add_triangles(scene: SpaceTree, name: str, marker: Marker) -> None:
     """Coloured by corner or by triangle, by how many colours there are."""
     count = len(marker.points_xyz) // 3
     if not count:
@@ -100,17 +88,12 @@ def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
         rgba = marker.colors_rgba.repeat(3, axis=0)
     else:
         rgba = colors_of(marker, len(marker.points_xyz))[: 3 * count]
-    faces = np.arange(3 * count).reshape(-1, 3)
-    mesh = trimesh.Trimesh(
-        marker.points_xyz[: 3 * count] * marker.scale_xyz,
-        np.concatenate([faces, faces[:, ::-1]]),  # to be seen from both sides
-        vertex_colors=_bytes(rgba),
-        process=False,
-    )
-    scene.add_mesh_trimesh(name, mesh)
+    vertices = (marker.points_xyz[: 3 * count] * marker.scale_xyz).astype(np.float32)
+    faces = np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)
+    scene.add(name, Mesh(vertices=vertices, faces=faces, colors=_bytes(rgba)))
 
 
-def _add_mesh(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+def _add_mesh(scene: SpaceTree, name: str, marker: Marker) -> None:
     """A file, in its colours or the marker's; as rviz has it, one of black and clear is gray."""
     rgba = marker.color_rgba if marker.color_rgba.any() else _NO_COLOR
     parts, own_colors = load_mesh(marker.mesh_resource), marker.mesh_use_embedded_materials
@@ -126,7 +109,7 @@ def _bytes(rgba: npt.NDArray[np.floating]) -> Pixels:
     return found
 
 
-_DRAWN: dict[MarkerType, Callable[[viser.SceneApi, str, Marker], None]] = {
+_DRAWN: dict[MarkerType, Callable[[SpaceTree, str, Marker], None]] = {
     MarkerType.LINE_STRIP: _add_lines,
     MarkerType.LINE_LIST: _add_lines,
     MarkerType.POINTS: _add_points,

@@ -20,10 +20,11 @@ from zipfile import is_zipfile
 import numpy as np
 import numpy.typing as npt
 import trimesh
-import viser
 
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Mesh
+from ros_visualise.ui.live.space.tree import SpaceTree
 
 SUFFIXES = (".stl", ".obj", ".dae")
 _LARGEST = 32 << 20
@@ -67,7 +68,7 @@ def load_mesh(resource: str) -> tuple[MeshPart, ...]:
 
 
 def add_mesh(
-    scene: viser.SceneApi,
+    scene: SpaceTree,
     name: str,
     parts: tuple[MeshPart, ...],
     scale_xyz: npt.ArrayLike,
@@ -80,17 +81,12 @@ def add_mesh(
         rgba: its colour, 0 to 1, for files without colours.
         own_colors: use those of the file.
     """
-    red, green, blue, alpha = (float(value) for value in np.clip(rgba, 0, 1))
+    red, green, blue = (round(255 * float(value)) for value in np.clip(rgba, 0, 1)[:3])
     for number, part in enumerate(parts):
-        scene.add_mesh_simple(
-            f"{name}/{number}" if number else name,
-            part.vertices * np.asarray(scale_xyz, np.float32),
-            part.faces,
-            color=part.rgb if own_colors and part.rgb else (red, green, blue),
-            opacity=alpha if alpha < 1 else None,
-            side="double",
-            flat_shading=True,
-        )
+        mesh = Mesh(vertices=part.vertices * np.asarray(scale_xyz, np.float32), faces=part.faces)
+        mesh.colors = part.rgb if own_colors and part.rgb else (red, green, blue)
+        mesh.opacity = float(np.clip(rgba, 0, 1)[3])
+        scene.add(f"{name}/{number}" if number else name, mesh)
 
 
 def parse_xml(data: str | bytes) -> Xml.Element:

@@ -10,17 +10,16 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
-import viser
-
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, JointState, Text, Transforms
 from ros_visualise.data.poses import is_static
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.axes import FrameAxes
 from ros_visualise.ui.scene.drawing import Appearance
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import DRAWINGS
-from ros_visualise.ui.scene.picking import Pins, Ray, pick
+from ros_visualise.ui.scene.picking import Ray, pick
 from ros_visualise.ui.scene.topics import URDF_FILE, DataTime, SceneTopic, SceneTopics
 from ros_visualise.ui.scene.view import SceneView
 
@@ -39,22 +38,21 @@ class Scene:
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        tree: SpaceTree,
         clock: Callable[[], float] = time.monotonic,
         urdf: str = "",
     ) -> None:
         self.frames = Frames()
         self.calibrations: dict[str, CameraInfo] = {}
-        self._server, self._clock, self._urdf = server, clock, urdf
-        self._topics = SceneTopics(server.scene)
+        self._tree, self._clock, self._urdf = tree, clock, urdf
+        self._topics = SceneTopics(tree)
         self._appearance = Appearance()
         self._size_m, self._known = 1.0, 0  # of the robot, and of how many frames
         self.time = DataTime(clock)
         self._fixed = ""
         self._lock = threading.RLock()
-        self.view = SceneView(server, clock)
-        self._axes = FrameAxes(server.scene)
-        self._pins = Pins(server.scene)
+        self.view = SceneView(tree, clock)
+        self._axes = FrameAxes(tree)
         self._places: dict[str, Floats] = {}
         self._forgot_s = 0.0
         self._reported: set[str] = set()  # topics with a reported problem
@@ -111,7 +109,7 @@ class Scene:
                 entry.forget()
 
     def refresh(self) -> None:
-        with self._lock, self._server.atomic():
+        with self._lock, self._tree.atomic():
             if self._clock() - self._forgot_s > _AWAITED_S:
                 self.frames.awaited = ""
             if self.frames.fixed != self._fixed:
@@ -122,19 +120,14 @@ class Scene:
                 self._update(topic, entry)
             self._places = self.frames.places()
             self._measure()
-            self._axes.draw(self._places, self._appearance.for_robot(self._size_m))
+            if self._axes.draw(self._places, self._appearance.for_robot(self._size_m)):
+                self.view.offer(self._places)
             self.view.update(self._robot(), partial(self._topics.extent, self._places))
 
     def pick(self, ray: Ray) -> Floats | None:
-        """The clicked point (3,) in the fixed frame; None for the sky. ``ray`` is a browser's."""
+        """The clicked point (3,) in the fixed frame; None for the sky."""
         with self._lock:
-            here = Ray(ray.origin - self.view.offset, ray.direction)
-            return pick(here, self._topics.points())
-
-    def pin(self, places_xyz: list[Floats], text: str) -> None:
-        """Replace the pins: places in the fixed frame, with a text."""
-        with self._lock:
-            self._pins.show(places_xyz, text, self._size_m)
+            return pick(ray, self._topics.points())
 
     @property
     def robot_xyz(self) -> Floats | None:
@@ -167,26 +160,22 @@ class Scene:
             self._topics[topic].coloring = coloring
             self._topics[topic].again()
 
+    def coloring(self, topic: str) -> Enum | None:
+        """A topic's colour scheme; None where it has no choice of them."""
+        with self._lock:
+            entry = self._topics[topic]
+            colorings = DRAWINGS[entry.kind].colorings
+            return None if colorings is None else entry.coloring or next(iter(colorings))
+
     def set_fixed(self, frame: str | None) -> None:
         """Choose the fixed frame; None: automatically."""
         with self._lock:
             self.frames.chosen = frame
 
-    def reset_view(self) -> None:
-        """Move all cameras behind the robot, or so that they see everything."""
+    def reset_view(self, for_all: bool = True) -> None:
+        """Compute the view anew; see `SceneView.reset`."""
         with self._lock:
-            self.view.reset()
-
-    @property
-    def anchor(self) -> Floats:
-        """The point that stays in view, (3,) metres in the coordinates of the cameras."""
-        with self._lock:
-            return self.view.anchor
-
-    def look_from(self, client: int | None, position: Floats, look_at: Floats) -> None:
-        """Move the camera of one browser, or of all new ones; see `SceneView`."""
-        with self._lock:
-            self.view.look_from(client, position, look_at)
+            self.view.reset(for_all)
 
     @property
     def problems(self) -> dict[str, str]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
-import viser
 
 from ros_visualise.data import Floats, Marker, MarkerType
 from ros_visualise.data.markers import Colors
 from ros_visualise.geometry import se3
+from ros_visualise.ui.live.space.nodes import Solids
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import to_wxyz
 
-_SIDES = 24
 _SHAFT, _HEAD = 0.77, 0.23  # of an arrow's length, as rviz draws them
 _HEAD_WIDTH = 2.0  # in widths of the shaft
 _LEAST_M = 1e-6
@@ -32,7 +30,7 @@ _PLACE, _TURN, _SIZE, _RGB, _ALPHA = slice(0, 3), slice(3, 7), slice(7, 10), sli
 _COLUMNS = 14
 
 
-class Solids(NamedTuple):
+class MarkerSolids(NamedTuple):
     """Copies of one solid, of 1 m in each direction, in the frame of their marker.
 
     ``T`` (N, 4, 4); ``scales`` (N, 3) along the axes of the solid; ``rgba`` (N, 4).
@@ -44,24 +42,7 @@ class Solids(NamedTuple):
     rgba: Colors
 
 
-@cache
-def mesh_of(kind: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
-    """Vertices (V, 3) and faces (F, 3) of a solid: its middle is the origin, its axis is z.
-
-    The bottom of a cone is at the origin.
-    """
-    if kind == "cube":
-        mesh = trimesh.creation.box()
-    elif kind == "sphere":
-        mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
-    elif kind == "cylinder":
-        mesh = trimesh.creation.cylinder(radius=0.5, height=1.0, sections=_SIDES)
-    else:
-        mesh = trimesh.creation.cone(radius=0.5, height=1.0, sections=_SIDES)
-    return np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32)
-
-
-def solids_of(marker: Marker) -> list[Solids]:
+def solids_of(marker: Marker) -> list[MarkerSolids]:
     """The solids of a marker; empty for lines, points, texts, triangles and meshes."""
     if marker.type in _SINGLE:
         middle = np.zeros((1, 3))
@@ -82,14 +63,14 @@ def colors_of(marker: Marker, count: int) -> Colors:
     return np.broadcast_to(marker.color_rgba, (count, 4))
 
 
-def _copies(kind: str, positions_xyz: Floats, marker: Marker) -> Solids:
+def _copies(kind: str, positions_xyz: Floats, marker: Marker) -> MarkerSolids:
     count = len(positions_xyz)
     T = np.tile(np.eye(4), (count, 1, 1))
     T[:, :3, 3] = positions_xyz
-    return Solids(kind, T, np.tile(marker.scale_xyz, (count, 1)), colors_of(marker, count))
+    return MarkerSolids(kind, T, np.tile(marker.scale_xyz, (count, 1)), colors_of(marker, count))
 
 
-def _arrow_of_pose(marker: Marker) -> list[Solids]:
+def _arrow_of_pose(marker: Marker) -> list[MarkerSolids]:
     """Along the x axis: ``scale_xyz`` are its length, width and height."""
     length, width, height = marker.scale_xyz
     middle, neck = np.array([[_SHAFT * length / 2, 0, 0]]), np.array([[_SHAFT * length, 0, 0]])
@@ -98,12 +79,12 @@ def _arrow_of_pose(marker: Marker) -> list[Solids]:
     head = np.array([[_HEAD_WIDTH * width, _HEAD_WIDTH * height, _HEAD * length]])
     rgba = marker.color_rgba[None]
     return [
-        Solids("cylinder", _upright_along(along, middle), shaft, rgba),
-        Solids("cone", _upright_along(along, neck), head, rgba),
+        MarkerSolids("cylinder", _upright_along(along, middle), shaft, rgba),
+        MarkerSolids("cone", _upright_along(along, neck), head, rgba),
     ]
 
 
-def _arrows_of_points(marker: Marker) -> list[Solids]:
+def _arrows_of_points(marker: Marker) -> list[MarkerSolids]:
     """From each point to the next.
 
     ``scale_xyz`` are the widths of shaft and head, and the head's length, where it is not 0.
@@ -119,13 +100,13 @@ def _arrows_of_points(marker: Marker) -> list[Solids]:
     shafts = lengths - heads
     rgba = np.broadcast_to(marker.color_rgba, (len(lengths), 4))
     return [
-        Solids(
+        MarkerSolids(
             "cylinder",
             _upright_along(along, starts + along * shafts[:, None] / 2),
             _scales(width, shafts),
             rgba,
         ),
-        Solids(
+        MarkerSolids(
             "cone",
             _upright_along(along, starts + along * shafts[:, None]),
             _scales(head_width, heads),
@@ -156,21 +137,11 @@ class SolidBatch:
     Args:
         scene: where to draw.
         name: of the node.
-        vertices: (V, 3) of the solid.
-        faces: (F, 3) of the solid.
+        shape: cube, sphere, cylinder or cone.
     """
 
-    def __init__(
-        self,
-        scene: viser.SceneApi,
-        name: str,
-        vertices: npt.NDArray[np.float32],
-        faces: npt.NDArray[np.uint32],
-    ) -> None:
-        self._scene, self._name = scene, name
-        self._vertices, self._faces = vertices, faces
-        self._handle: viser.BatchedMeshHandle | None = None
-        self._shape: tuple[int, bool] = (0, False)
+    def __init__(self, scene: SpaceTree, name: str, shape: str) -> None:
+        self._scene, self._name, self._solids = scene, name, Solids(shape=shape)
         self._new: dict[Hashable, Placed] = {}
         self._parts: dict[Hashable, _Rows] = {}  # each a view of the rows of all
         self._rows: _Rows = np.zeros((0, _COLUMNS), np.float32)
@@ -195,7 +166,9 @@ class SolidBatch:
         self._new.clear()
         if self._is_other:
             self._gather()
-        self._draw()
+        self._solids.rows = self._rows
+        if len(self._rows) and self._solids.tree is None:
+            self._scene.add(self._name, self._solids)
 
     def _set(self, key: Hashable, rows: _Rows) -> None:
         there = self._parts.get(key)
@@ -212,36 +185,6 @@ class SolidBatch:
         for key, end in zip(self._parts, ends, strict=True):
             self._parts[key] = self._rows[end - len(self._parts[key]) : end]
         self._is_other = False
-
-    def _draw(self) -> None:
-        """Change the node in place, or replace it where viser cannot."""
-        rows = self._rows
-        is_clear = bool((rows[:, _ALPHA] < 1).any())
-        if (len(rows), is_clear) != self._shape and self._handle is not None:
-            self._handle.remove()
-            self._handle = None
-        self._shape = len(rows), is_clear
-        if not len(rows):
-            return
-        colors = np.round(rows[:, _RGB] * 255).astype(np.uint8)
-        if self._handle is None:
-            self._handle = self._scene.add_batched_meshes_simple(
-                self._name,
-                self._vertices,
-                self._faces,
-                rows[:, _TURN].copy(),
-                rows[:, _PLACE].copy(),
-                batched_scales=rows[:, _SIZE].copy(),
-                batched_colors=colors,
-                batched_opacities=rows[:, _ALPHA].copy() if is_clear else None,
-                lod="off",
-            )
-            return
-        node = self._handle
-        node.batched_wxyzs, node.batched_positions = rows[:, _TURN], rows[:, _PLACE]
-        node.batched_scales, node.batched_colors = rows[:, _SIZE], colors
-        if is_clear:
-            node.batched_opacities = rows[:, _ALPHA]
 
 
 def _rows_of(parts: Sequence[Placed]) -> list[_Rows]:

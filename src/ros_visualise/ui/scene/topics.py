@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import (
@@ -26,6 +25,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import PALETTE, Color
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, node_name
 from ros_visualise.ui.scene.drawings.markers import MarkersDrawing
 from ros_visualise.ui.scene.drawings.poses import PoseDrawing
@@ -97,7 +97,7 @@ class SceneTopic:
 class SceneTopics:
     """The topics of a scene by name."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: SpaceTree) -> None:
         self._scene = scene
         self._entries: dict[str, SceneTopic] = {}
 

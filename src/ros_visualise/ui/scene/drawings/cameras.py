@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-import viser
 
-from ros_visualise.data import CameraInfo, Image
+from ros_visualise.data import CameraInfo, Image, Pixels
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Frustum
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.preview import rgb_preview
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
@@ -24,9 +26,9 @@ class CameraDrawing(Drawing):
 
     draws = (CameraInfo, Image)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._frustum: viser.CameraFrustumHandle | None = None
+        self._frustum: Frustum | None = None
 
     def draw(self, message: Any, appearance: Appearance) -> None:
         info = message if isinstance(message, CameraInfo) else message.camera_info
@@ -35,25 +37,20 @@ class CameraDrawing(Drawing):
             return
         fov, aspect = view
         if self._frustum is None:
-            self._frustum = self._scene.add_camera_frustum(
-                f"{self._name}/camera",
-                fov,
-                aspect,
-                color=self._color,
-                thickness=1.5,
-                thickness_units="screen",
-                format="jpeg",
-                jpeg_quality=_JPEG_QUALITY,
-                cast_shadow=False,
-                receive_shadow=False,
-            )
+            self._frustum = self._scene.add(f"{self._name}/camera", Frustum(color=self._color))
         self._frustum.fov, self._frustum.aspect = fov, aspect
-        self._frustum.scale = _LENGTH * appearance.axes_size
+        self._frustum.length = _LENGTH * appearance.axes_size
         if isinstance(message, Image):
-            self._frustum.image = rgb_preview(message, _IMAGE_SIZE)
+            self._frustum.image = jpeg(rgb_preview(message, _IMAGE_SIZE))
 
     def extent(self) -> npt.NDArray[np.floating]:
         return np.zeros((0, 3))
+
+
+def jpeg(rgb: Pixels) -> bytes:
+    """An image, encoded."""
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
 
 
 def view_of(info: CameraInfo) -> tuple[float, float] | None:

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detections3D
 from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color, color_of
+from ros_visualise.ui.live.space.nodes import Label
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
-from ros_visualise.ui.scene.solids import SolidBatch, mesh_of
+from ros_visualise.ui.scene.solids import SolidBatch
 
 _ALPHA = 0.4
-_TEXT = 0.7
 _MOST_LABELS = 50
 _BOXES = "boxes"
 
@@ -26,10 +26,10 @@ class DetectedBoxes(Drawing):
 
     draws = (Detections3D,)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._boxes = SolidBatch(scene, f"{name}/boxes", *mesh_of("cube"))
-        self._labels: list[viser.LabelHandle] = []
+        self._boxes = SolidBatch(scene, f"{name}/boxes", "cube")
+        self._labels: list[Label] = []
         self._places: npt.NDArray[np.floating] = np.zeros((0, 3))
 
     def draw(self, message: Any, appearance: Appearance) -> None:
@@ -65,12 +65,7 @@ class DetectedBoxes(Drawing):
         """Replace the labels: texts at places."""
         for number, (text, position) in enumerate(texts[:_MOST_LABELS]):
             if number == len(self._labels):
-                name = f"{self._name}/label{number}"
-                self._labels.append(
-                    self._scene.add_label(
-                        name, text, font_screen_scale=_TEXT, anchor="bottom-center"
-                    )
-                )
+                self._labels.append(self._scene.add(f"{self._name}/label{number}", Label()))
             label = self._labels[number]
             label.text, label.position = text, position
             label.visible = bool(text)

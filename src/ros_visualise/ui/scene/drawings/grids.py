@@ -8,12 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import OccupancyGrid, Pixels
 from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import ImagePlane
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 
 _SHARP_PX, _MAX_PX = 800, 2048
@@ -39,11 +40,11 @@ class GridDrawing(Drawing):
     colorings = Scheme
     stays = True
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self.coloring: Scheme = Scheme.AUTO
         self._own_scheme = Scheme.COSTS if "costmap" in name else Scheme.MAP
-        self._image: viser.ImageHandle | None = None
+        self._image: ImagePlane | None = None
         self._cells = np.zeros((0, 0), np.int8)
         self._scheme = Scheme.AUTO
         self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
@@ -61,7 +62,7 @@ class GridDrawing(Drawing):
             return
         image = self._paint(message.cells, scheme)
         size = np.array(message.cells.shape[::-1]) * message.resolution
-        image.render_width, image.render_height = map(float, size)
+        image.width, image.height = map(float, size)
         centre = np.append(size / 2, -depth_of(float(size.max()), scheme))
         move(image, T_frame_origin @ se3.from_parts(np.eye(3), centre))
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]) * np.append(size, 0)
@@ -70,7 +71,7 @@ class GridDrawing(Drawing):
     def extent(self) -> npt.NDArray[np.floating]:
         return self._corners
 
-    def _paint(self, cells: npt.NDArray[np.int8], scheme: Scheme) -> viser.ImageHandle:
+    def _paint(self, cells: npt.NDArray[np.int8], scheme: Scheme) -> ImagePlane:
         if (
             self._image is not None
             and scheme is self._scheme
@@ -80,17 +81,8 @@ class GridDrawing(Drawing):
         self._cells, self._scheme = cells, scheme
         picture = picture_of(cells, scheme)
         if self._image is None:
-            self._image = self._scene.add_image(
-                f"{self._name}/cells",
-                picture,
-                1.0,
-                1.0,
-                format="png",
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-        else:
-            self._image.image = picture
+            self._image = self._scene.add(f"{self._name}/cells", ImagePlane())
+        self._image.image = cv2.imencode(".png", picture[::-1, :, ::-1])[1].tobytes()
         return self._image
 
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.data import Floats, Path, PolygonStamped
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Lines
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 _MAX_VERTICES = 5000
-_WIDTH_PX = 2.5
 _SPACING_M = 0.05
 _NS = 1_000_000_000
 _MAX_SPEED_MPS = 400.0  # faster is a jump
@@ -23,15 +23,13 @@ _MAX_SPEED_MPS = 400.0  # faster is a jump
 class Line:
     """One line through points, changed in place."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
-        self._handle = scene.add_line_segments(
-            name, np.zeros((0, 2, 3)), color, thickness=_WIDTH_PX, thickness_units="screen"
-        )
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
+        self._lines = scene.add(name, Lines(colors=color))
 
     def show(self, vertices: npt.NDArray[np.floating]) -> None:
         """Replace its points (N, 3); many are thinned evenly."""
         kept = thinned(vertices)
-        self._handle.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
+        self._lines.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
 
 
 class PathDrawing(Drawing):
@@ -39,7 +37,7 @@ class PathDrawing(Drawing):
 
     draws = (Path, PolygonStamped)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._line = Line(scene, f"{name}/line", color)
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))

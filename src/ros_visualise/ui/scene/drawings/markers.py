@@ -9,16 +9,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
 from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import SpaceNode
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.marker_nodes import add_node, looks_like
-from ros_visualise.ui.scene.solids import SolidBatch, Solids, mesh_of, solids_of
+from ros_visualise.ui.scene.solids import MarkerSolids, SolidBatch, solids_of
 
 _MOST = 5000  # markers of a topic; of more the oldest go
 _TRIES = 5  # for the transform at a marker's own stamp, before the newest has to do
@@ -39,8 +40,8 @@ class _Kept:
     until_ns: float
     tries: int = 0
     T_fixed_frame: Floats | None = None
-    node: viser.FrameHandle | None = None
-    solids: list[Solids] | None = None
+    node: SpaceNode | None = None
+    solids: list[MarkerSolids] | None = None
     T_fixed_marker: Floats | None = None
 
     @property
@@ -57,14 +58,12 @@ class MarkersDrawing(Drawing):
     stays = True
     gathers: ClassVar[bool] = True
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._kept: dict[_Key, _Kept] = {}
         self._gone: dict[_Key, _Kept] = {}  # removed by a message that may add them again
         self._changed: dict[_Key, _Kept] = {}  # to be drawn
-        self._batches = {
-            kind: SolidBatch(scene, f"{name}/{kind}", *mesh_of(kind)) for kind in _KINDS
-        }
+        self._batches = {kind: SolidBatch(scene, f"{name}/{kind}", kind) for kind in _KINDS}
         self._count = 0
         self._fixed = ""
         self._problems: dict[_Key, str] = {}
@@ -178,7 +177,7 @@ class MarkersDrawing(Drawing):
         if one.node is None:
             self._count += 1
             name = f"{self._name}/{self._count}"
-            node = self._scene.add_frame(name, show_axes=False)
+            node = self._scene.add(name, SpaceNode())
             try:
                 add_node(self._scene, f"{name}/shape", one.marker)
             except ValueError:

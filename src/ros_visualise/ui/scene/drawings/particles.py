@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.data import PoseArray
 from ros_visualise.geometry import rotations
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Lines
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 from ros_visualise.ui.scene.drawings.lines import thinned
 
@@ -26,11 +27,9 @@ class ParticlesDrawing(Drawing):
 
     draws = (PoseArray,)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._lines = scene.add_line_segments(
-            f"{name}/arrows", _NO_LINES, color, thickness=_WIDTH_PX, thickness_units="screen"
-        )
+        self._lines = scene.add(f"{name}/arrows", Lines(colors=color, width=_WIDTH_PX))
         self._positions: npt.NDArray[np.floating] = np.zeros((0, 3))
 
     def draw(self, message: Any, appearance: Appearance) -> None:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import LaserScan, Pixels, PointCloud
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Points
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.coloring import Coloring, by_value, colors_of, heights_of
 from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
-Precision = Literal["float16", "float32"]
-Points = npt.NDArray[np.float32]
+Xyz = npt.NDArray[np.float32]
 _HALF_RANGE_M = 128.0
 """Up to here a float of 16 bits is within 3 cm, and half the size of one of 32."""
 _EXTENT_POINTS = 500
@@ -25,11 +25,11 @@ _EXTENT_POINTS = 500
 class _Dots(Drawing):
     """Points that all change from one message to the next."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self.coloring: Coloring = Coloring.AUTO
-        self._points: Points = np.zeros((0, 3), np.float32)
-        self._handle: viser.PointCloudHandle | None = None
+        self._points: Xyz = np.zeros((0, 3), np.float32)
+        self._dots = scene.add(f"{name}/points", Points())
 
     def extent(self) -> npt.NDArray[np.floating]:
         return self._points[:: max(len(self._points) // _EXTENT_POINTS, 1)]
@@ -40,31 +40,14 @@ class _Dots(Drawing):
     def reset(self) -> None:
         self._show(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8))
 
-    def _show(self, points: Points, colors: Pixels, size: float = 0.0) -> None:
+    def _show(self, points: Xyz, colors: Pixels, size: float = 0.0) -> None:
         self._points = points
-        if not len(points):  # which browsers refuse
-            if self._handle is not None:
-                self._handle.visible = False
-            return
-        precision: Precision = "float16" if np.abs(points).max() < _HALF_RANGE_M else "float32"
-        if colors.ndim == 1:
-            colors = np.broadcast_to(colors, points.shape)
-        if self._handle is None:
-            self._handle = self._scene.add_point_cloud(
-                f"{self._name}/points",
-                points,
-                colors,
-                point_size=size,
-                precision="float32",
-                point_shading="flat",
-                point_shape="rounded",
-            )
-        if self._handle.precision != precision:
-            self._handle.precision = precision
-        self._handle.points, self._handle.colors = points.astype(precision), colors
-        self._handle.visible = True
-        if size:
-            self._handle.point_size = size
+        is_near = np.abs(points).max(initial=0) < _HALF_RANGE_M
+        with self._scene.atomic():
+            self._dots.points = points.astype(np.float16 if is_near else np.float32)
+            self._dots.colors = colors if colors.ndim > 1 else tuple(colors.tolist())
+            if size:
+                self._dots.size = size
 
 
 class CloudDrawing(_Dots):
@@ -96,7 +79,7 @@ class ScanDrawing(_Dots):
         self._show(points, colors, 1.5 * appearance.point_size)
 
 
-def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Points]:
+def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Xyz]:
     """Valid points of a cloud, in its layout (N,), and as (N, 3) metres."""
     points, xyz = cloud.points.ravel(), cloud.xyz
     finite = np.isfinite(xyz).all(axis=1)
@@ -108,7 +91,7 @@ def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Po
     return points, xyz
 
 
-def ends_of(scan: LaserScan) -> tuple[Points, npt.NDArray[np.bool_]]:
+def ends_of(scan: LaserScan) -> tuple[Xyz, npt.NDArray[np.bool_]]:
     """Ends (N, 3) of the valid rays of a scan, metres in its frame, and which rays are (REP 117).
 
     Raises:

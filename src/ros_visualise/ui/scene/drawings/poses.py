@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
@@ -18,11 +17,14 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Axes, Solids, solid_row
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 
 Posed = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped
 _SIGMAS = 2.0
+_AXES = 0.5, 0.012
 _MIN_SIGMA_M = 1e-3
 
 
@@ -31,28 +33,26 @@ class PoseDrawing(Drawing):
 
     draws = (Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self.T_frame_body: Floats = np.eye(4)
-        self._axes = scene.add_frame(f"{name}/axes", axes_length=0.5, axes_radius=0.012)
-        self._axes.origin_color = color
+        self._axes = scene.add(f"{name}/axes", Axes(origin=color))
         self._line = Line(scene, f"{name}/trail", color)
         self._trail = Trail()
-        self._ellipsoid = scene.add_icosphere(
-            f"{name}/covariance", 1.0, color=color, subdivisions=2, opacity=0.3, visible=False
-        )
+        self._ellipsoid = scene.add(f"{name}/covariance", Solids(shape="sphere", visible=False))
 
     def draw(self, message: Any, appearance: Appearance) -> None:
         self.T_frame_body = pose_of(message)
-        self._axes.scale = appearance.axes_size
+        self._axes.length, self._axes.radius = np.array(_AXES) * appearance.axes_size
         move(self._axes, self.T_frame_body)
         self._trail.add(message.header.stamp_ns, self.T_frame_body[:3, 3])
         self._line.show(self._trail.vertices)
         covariance = covariance_of(message) if appearance.covariances else None
         self._ellipsoid.visible = covariance is not None
         if covariance is not None:
-            self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(covariance)
+            half_axes, self._ellipsoid.wxyz = ellipsoid(covariance)
             self._ellipsoid.position = self.T_frame_body[:3, 3]
+            self._ellipsoid.rows = solid_row(2 * np.array(half_axes), self._color, 0.3)
 
     def extent(self) -> npt.NDArray[np.floating]:
         return thinned(self._trail.vertices)

@@ -6,17 +6,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Text
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Solids, SpaceNode, solid_row
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.meshes import add_mesh, load_mesh
 from ros_visualise.ui.scene.urdf import RobotModel, Shape, read_model
 
 _MOST_TRIANGLES = 3_000_000
+_SOLIDS = {"box": "cube", "cylinder": "cylinder", "sphere": "sphere"}
 
 
 class RobotDrawing(Drawing):
@@ -31,11 +33,11 @@ class RobotDrawing(Drawing):
     stays = True
     gathers: ClassVar[bool] = True
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._text, self._problem = "", ""
         self._model = RobotModel((), (), {})
-        self._links: dict[str, viser.FrameHandle] = {}
+        self._links: dict[str, SpaceNode] = {}
         self._places: dict[str, Floats] = {}
         self._triangles = 0
 
@@ -109,22 +111,26 @@ class RobotDrawing(Drawing):
     def _add(self, number: int, shape: Shape) -> None:
         link = f"{self._name}/{shape.link.replace('/', '.')}"
         if shape.link not in self._links:
-            self._links[shape.link] = self._scene.add_frame(link, show_axes=False, visible=False)
+            self._links[shape.link] = self._scene.add(link, SpaceNode(visible=False))
         name, scene = f"{link}/{number}", self._scene
         red, green, blue = (round(255 * c) for c in shape.rgba[:3])
         color = red, green, blue
-        handle: viser.SceneNodeHandle
-        if shape.kind == "box":
-            handle = scene.add_box(name, color, np.array(shape.size))
-        elif shape.kind == "cylinder":
-            handle = scene.add_cylinder(name, shape.size[0], shape.size[1], color=color)
-        elif shape.kind == "sphere":
-            handle = scene.add_icosphere(name, shape.size[0], color)
+        if shape.kind != "mesh":
+            row = solid_row(_size_of(shape), color, shape.rgba[3])
+            handle: SpaceNode = scene.add(name, Solids(shape=_SOLIDS[shape.kind], rows=row))
         else:
             parts = load_mesh(shape.mesh)
             self._triangles += sum(len(part.faces) for part in parts)
             if self._triangles > _MOST_TRIANGLES:
                 raise ValueError(f"more than {_MOST_TRIANGLES} triangles in all")
-            handle = scene.add_frame(name, show_axes=False)
+            handle = scene.add(name, SpaceNode())
             add_mesh(scene, f"{name}/mesh", parts, shape.size, shape.rgba, own_colors=True)
         move(handle, shape.T_link_shape)
+
+
+def _size_of(shape: Shape) -> tuple[float, ...]:
+    """Lengths of a solid along its axes, metres."""
+    if shape.kind == "box":
+        return shape.size
+    width = 2 * shape.size[0]
+    return width, width, shape.size[1] if shape.kind == "cylinder" else width

@@ -7,19 +7,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import viser
 
 from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.live.space.nodes import Arrows, Axes, Solids, solid_row
+from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.drawing import Appearance, Drawing, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 from ros_visualise.ui.scene.frames import Frames
 
 _GRAVITY_MPS2 = 9.81
-_LENGTH = 0.6
+_LENGTH, _WIDTH, _DOT = 0.6, 0.04, 0.2
+_AXES = _LENGTH, 0.015
 
 
 class FixDrawing(Drawing):
@@ -32,7 +34,7 @@ class FixDrawing(Drawing):
 
     gathers: ClassVar[bool] = True
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
         self._datum: Floats | None = None
@@ -40,7 +42,7 @@ class FixDrawing(Drawing):
         self._trail = Trail()
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
         self._line = Line(scene, f"{name}/trail", color)
-        self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
+        self._dot = scene.add(f"{name}/fix", Solids(shape="sphere", visible=False))
 
     def gather(self, message: Any, now_ns: int) -> None:
         """Continue the trail from the very first fix."""
@@ -56,7 +58,8 @@ class FixDrawing(Drawing):
         self.T_frame_body[:3, 3] = datum + position
         self._vertices = datum + self._trail.vertices
         self._line.show(self._vertices)
-        self._dot.position, self._dot.scale = datum + position, appearance.axes_size
+        size = [_DOT * appearance.axes_size] * 3
+        self._dot.position, self._dot.rows = datum + position, solid_row(size, self._color)
         self._dot.visible = True
 
     def frame_of(self, message: Any, frames: Frames) -> str:
@@ -98,16 +101,15 @@ class ImuDrawing(Drawing):
 
     draws = (Imu,)
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._axes = scene.add_frame(f"{name}/attitude", axes_length=_LENGTH, axes_radius=0.015)
-        self._axes.origin_color = color
-        self._arrow = scene.add_arrows(f"{name}/acceleration", np.zeros((1, 2, 3)), color)
+        self._axes = scene.add(f"{name}/attitude", Axes(origin=color))
+        self._arrow = scene.add(f"{name}/acceleration", Arrows(color=color))
 
     def draw(self, message: Any, appearance: Appearance) -> None:
         assert isinstance(message, Imu)
         self._axes.visible = message.orientation_covariance[0, 0] != -1
-        self._axes.scale = appearance.axes_size
+        self._axes.length, self._axes.radius = np.array(_AXES) * appearance.axes_size
         if self._axes.visible:
             self._axes.wxyz = to_wxyz(self._attitude(message))
         self._arrow.visible = bool(
@@ -115,6 +117,7 @@ class ImuDrawing(Drawing):
         )
         if self._arrow.visible:
             tip = message.linear_xyz / _GRAVITY_MPS2 * _LENGTH * appearance.axes_size
+            self._arrow.width = _WIDTH * appearance.axes_size
             self._arrow.points = np.stack([np.zeros(3), tip])[None].astype(np.float32)
 
     def _attitude(self, message: Imu) -> npt.NDArray[np.float64]:
