@@ -2,30 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from math import ceil, sqrt
+from typing import Any
 
 from ros_visualise.graph import Graph
+from ros_visualise.ui.scene.kinds import is_track
 from ros_visualise.ui.scene.thread import topics_of
-from ros_visualise.ui.shown import first_shown
+from ros_visualise.ui.shell.panels import PANELS
+from ros_visualise.ui.shown import first_shown, robot_status
 
-Written = Mapping[str, object]
-"""A panel as `read_layout` has it."""
-_MOST_IMAGES, _MOST_BESIDE_SCENE = 4, 3
+Place = dict[str, Any]
+"""A panel, or a row, column or tabs of them; see `ros_visualise.ui.shell.workspace.read_layout`."""
+_MOST_IMAGES, _MOST_BESIDE = 6, 3
+_LEFT = 0.24
 
 
-def standard_layout(graph: Graph | None) -> object:
-    """The layout for addresses without one: 3D and the nodes' first images, beside the rest."""
-    rest = {"panel": "viser"}
-    if graph is None:
-        return rest
-    scenes: list[list[Written]] = [[{"panel": "space"}]] if topics_of(graph) else []
-    shown = [first_shown(graph, node) for node in graph.members if not node.aside]
-    topics = [topic for topic in dict.fromkeys(shown) if topic]
-    topics = topics[: _MOST_BESIDE_SCENE if scenes else _MOST_IMAGES]
-    images: list[Written] = [{"panel": "image", "state": {"topic": topic}} for topic in topics]
-    half = len(images) if scenes or len(images) < 3 else (len(images) + 1) // 2
-    columns = [column for column in (*scenes, images[:half], images[half:]) if column]
-    if not columns:
-        return rest
-    placed = [one[0] if len(one) == 1 else {"column": one} for one in columns]
-    return {"row": [rest, *placed], "at": [0.4, *[0.6 / len(placed)] * len(placed)]}
+def standard_layout(graph: Graph | None) -> Place:
+    """The layout for addresses without one: parameters at the left, then 3D, then images.
+
+    Without 3D, images have the room; without both, as in a log of numbers, a plot has it.
+    """
+    if "nodes" not in PANELS.names():
+        rest = {"panel": "viser"}
+        if graph is None or not graph.members:
+            return rest
+    if graph is None or not graph.members:
+        return _tabs(["files", "nodes", "topics"])
+    kinds = {name: topic.type for name, topic in graph.topics.items()}
+    left = ["robot", "nodes", "files"] if robot_status(graph)[0] else ["nodes", "files"]
+    has_scene = bool(topics_of(graph))
+    shown = images_to_show(graph)
+    images = _column(shown[:_MOST_BESIDE]) if has_scene else _grid(shown[:_MOST_IMAGES])
+    parts: list[tuple[Place, float]] = [(_tabs(left, shown=left.index("nodes")), _LEFT)]
+    if "nodes" not in PANELS.names():
+        parts = [(rest, 0.4)]
+    if has_scene:
+        is_small = images is not None and is_track(kinds)
+        parts.append(({"panel": "space"}, 0.3 if is_small else 0.48))
+    if images is not None:
+        parts.append((images, 1 - sum(share for _, share in parts)))
+    if len(parts) == 1:
+        parts += [({"panel": "plots"}, 0.48), (_tabs(["topics", "messages"]), 0.28)]
+    shares = [share for _, share in parts]
+    at = [round(share / sum(shares), 3) for share in shares]
+    return {"row": [place for place, _ in parts], "at": at}
+
+
+def images_to_show(graph: Graph) -> list[str]:
+    """One topic of each node with images, but for nodes that are aside."""
+    found = [first_shown(graph, one) for one in graph.members if not one.aside]
+    return [topic for topic in dict.fromkeys(found) if topic is not None]
+
+
+def _grid(topics: Sequence[str]) -> Place | None:
+    """Panels of images in columns; None without any."""
+    tall = max(ceil(sqrt(len(topics))), 1)
+    columns = [_column(topics[i : i + tall]) for i in range(0, len(topics), tall)]
+    return {"row": columns} if len(columns) > 1 else next(iter(columns), None)
+
+
+def _column(topics: Sequence[str]) -> Place | None:
+    """Panels of images below one another; None without any."""
+    panels: list[Place] = [{"panel": "image", "state": {"topic": topic}} for topic in topics]
+    return {"column": panels} if len(panels) > 1 else next(iter(panels), None)
+
+
+def _tabs(names: Sequence[str], shown: int = 0) -> Place:
+    return {"tabs": [{"panel": name} for name in names], "shown": shown}

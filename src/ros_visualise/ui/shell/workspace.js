@@ -39,6 +39,8 @@ function* tabsOf(place) {
   else yield place;
 }
 
+const isView = ({ panels, shown }) => ["image", "space"].includes(panels[shown].kind);
+
 // A place without empty tabs, and without splits of a single one.
 function tidy(place) {
   if (!isSplit(place)) return place.panels.length ? place : null;
@@ -122,12 +124,27 @@ export default {
         });
       };
       if (maximal) put(maximal, 0, 0, this.width, this.height);
-      else if (this.isNarrow) all.forEach((place, i) => put(place, 0, i * this.tall, this.width, this.tall - EDGE));
+      else if (this.isNarrow) {
+        let from = 0;
+        for (const place of this.stacked) {
+          put(place, 0, from, this.width, this.tall(place));
+          from += this.tall(place) + EDGE;
+        }
+      }
       else if (this.root) put(this.root, 0, 0, this.width, this.height);
       return found;
     },
-    tall() { return Math.max(this.height * (this.root && [...tabsOf(this.root)].length > 1 ? 0.6 : 1), 240); },
-    total() { return this.isNarrow && !this.maximal ? this.tall * [...tabsOf(this.root)].length : 0; },
+    // Below one another: what is looked at, then its parameters, then the rest.
+    stacked() {
+      const all = [...tabsOf(this.root)];
+      const views = all.filter((place) => isView(place));
+      const nodes = all.filter((place) => !isView(place) && place.panels.some(({ kind }) => kind === "nodes"));
+      const rest = all.filter((place) => !isView(place) && !nodes.includes(place));
+      return [...views.slice(0, 1), ...nodes, ...views.slice(1), ...rest];
+    },
+    total() {
+      return this.isNarrow && !this.maximal ? this.stacked.reduce((sum, place) => sum + this.tall(place) + EDGE, 0) : 0;
+    },
     heads() {
       return this.rects.filter(({ place }) => place).map(({ place, x, y, w }) => ({ place, style: { left: `${x}px`, top: `${y}px`, width: `${w}px` } }));
     },
@@ -184,6 +201,10 @@ export default {
       } catch {
         return null;
       }
+    },
+    tall(place) {
+      if (this.stacked.length === 1) return Math.max(this.height, 240);
+      return isView(place) ? 0.75 * this.width + HEAD : Math.max(0.6 * this.height, 240);
     },
     written() {
       return this.root ? JSON.stringify(write(this.root)) : "{}";
