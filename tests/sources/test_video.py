@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 from made_videos import MS, numbered, write_sound, write_video
@@ -410,3 +411,67 @@ def test_close_ends_reading(tmp_path: Path) -> None:
     next(frames)
     video.close()
     assert len(list(frames)) <= 1
+
+
+def test_frames_are_found_beside_long_pauses_where_others_are_omitted(tmp_path: Path) -> None:
+    times = [n * 40 + 2000 * (n // 5) for n in range(30)]
+    options = {"g": "30", "bf": "3", "b_strategy": "0", "sc_threshold": "0"}
+    path = tmp_path / "v.mp4"
+    write_video(
+        path, numbered(30), codec="libx264", pix_fmt="yuv420p", times_ms=times, options=options
+    )
+    through = [(time_ns, image.pixels) for time_ns, image in Video(path).read(0)]
+    used = Video(path)
+    for number in (4, 9, 14, 13, 19, 24, 23, 29, 28, 2):
+        for later_ns in (0, 10 * MS, 1500 * MS):
+            sought_ns = through[number][0] + later_ns
+            expected = [shown for shown in through if shown[0] <= sought_ns][-1]
+            for video in (used, Video(path)):
+                time_ns, image = next(video.read(sought_ns))
+                assert time_ns == expected[0]
+                assert np.array_equal(image.pixels, expected[1])
+
+
+def test_reading_that_is_outdated_ends_and_another_begins(tmp_path: Path) -> None:
+    path = write_video(
+        tmp_path / "v.mp4", numbered(30), codec="libx264", pix_fmt="yuv420p", options={"g": "30"}
+    )
+    video = Video(path)
+    video.is_outdated = lambda: True
+    assert list(video.read(800 * MS)) == []
+    assert not video.faults
+    video.is_outdated = lambda: False
+    assert next(video.read(800 * MS))[0] == 800 * MS
+
+
+def test_key_images_are_found_by_themselves_and_scaled_for_previews(tmp_path: Path) -> None:
+    options = {"g": "10", "bf": "2"}
+    path = write_video(
+        tmp_path / "v.mp4", numbered(30), codec="libx264", pix_fmt="yuv420p", options=options
+    )
+    video = Video(path)
+    keys = video.key_images
+    assert keys is not None
+    with av.open(str(path)) as container:
+        packets = [packet for packet in container.demux(video=0) if packet.is_keyframe]
+        times = [round(packet.pts * packet.time_base * 1000) for packet in packets]
+    assert len(times) >= 3
+    for sought_ms in (390, times[1], 1100, 0, 10**9):
+        found = keys.at(sought_ms * MS)
+        assert found is not None
+        assert found[0] == MS * max(time_ms for time_ms in times if time_ms <= sought_ms)
+        exact = next(video.read(found[0]))[1]
+        assert np.abs(found[1].pixels.astype(int) - exact.pixels).mean() < 3
+    wide = write_video(
+        tmp_path / "w.mp4", numbered(1, 2560, 128), codec="libx264", pix_fmt="yuv420p"
+    )
+    keys = Video(wide).key_images
+    assert keys is not None
+    found = keys.at(0)
+    assert found is not None
+    assert (found[1].width, found[1].height) == (1280, 64)
+    wide.unlink()
+    keys = Video(path).key_images
+    path.unlink()
+    assert keys is not None
+    assert keys.at(0) is None

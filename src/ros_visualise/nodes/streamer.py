@@ -55,6 +55,9 @@ class Streamer:
         self._film = Film(self._video, series)
         self._calibration.fit((self._video.info.width, self._video.info.height))
         playback.check_start(self._video.duration_ns)
+        self._video.is_outdated = lambda: playback.is_outdated
+        keys = self._video.key_images
+        playback.key_image = None if keys is None else keys.at
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The images and the telemetry, each when its time has come."""

@@ -90,7 +90,12 @@ def limit_frames(stream: VideoStream) -> None:
 
 
 class Decoder:
-    """Decodes as much as possible, and counts the rest."""
+    """Decodes as much as possible, and counts the rest.
+
+    Attributes:
+        needed: before this time, in ticks of the stream, frames on which no others depend may be
+            omitted; None: none.
+    """
 
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
         self._container, self._stream = container, stream
@@ -98,10 +103,13 @@ class Decoder:
         self.expected = self.decoded = 0  # frames of the packets that were decoded
         self.end: int | None = None  # where the last packet ends, in ticks of the stream
         self.broken = False  # reading failed before the end
+        self.needed: int | None = None
+        self._omitted: int | None = None  # last stamp, in ticks, of what may have been omitted
 
     def frames(self) -> Iterator[VideoFrame]:
         """All frames, in order of presentation."""
         for packet in self._packets():
+            self._omit(packet)
             try:
                 decoded = self._stream.decode(packet)
             except FFmpegError:
@@ -110,6 +118,10 @@ class Decoder:
             self.expected += packet is not None and not packet.is_discard
             self.decoded += len(decoded)
             yield from decoded
+
+    def has_omitted_after(self, stamp: int | None) -> bool:
+        """True if a frame after this stamp may have been omitted."""
+        return self._omitted is not None and (stamp is None or stamp < self._omitted)
 
     def count(self) -> int:
         """The number of frames, without decoding them."""
@@ -125,6 +137,14 @@ class Decoder:
         except (FFmpegError, OSError):
             self.broken = True
         yield None
+
+    def _omit(self, packet: Packet[VideoStream] | None) -> None:
+        stamp = None if packet is None else packet.pts
+        may_be = self.needed is not None and stamp is not None and stamp < self.needed
+        if may_be and stamp is not None:
+            self._omitted = max(stamp, self._omitted or stamp)
+        if may_be or self._omitted is not None:
+            self._stream.codec_context.skip_frame = "NONREF" if may_be else "DEFAULT"
 
     def _reach(self, packet: Packet[VideoStream]) -> None:
         if packet.pts is not None:

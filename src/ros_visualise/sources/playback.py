@@ -6,7 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.rate import Clock, WallClock
@@ -17,6 +17,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 _ROUNDING_NS = 1_000
+_PATIENCE_NS = 300_000_000  # after the last message, what is read is shown though it is outdated
 
 
 class Playable(Protocol[T_co]):
@@ -45,6 +46,15 @@ class PlaybackState(NamedTuple):
     part_s: tuple[float, float | None]
 
 
+class Sought(NamedTuple):
+    """A seek: its number, the number of messages and the position before it, and its target."""
+
+    number: int
+    played: int
+    before_ns: int
+    target_ns: int
+
+
 class Playback:
     """Decides when each message of a source is published; call it from any thread.
 
@@ -65,6 +75,8 @@ class Playback:
         epoch: number of seeks and restarts so far, known before the first message after one.
         laps: number of loops so far; the stamps go on.
         live_stamps: messages are stamped with the clock's time.
+        key_image: returns the time and the image of the key image before a time, ns; the source
+            sets it; None: it is not a film.
         step_topics: topics of the source that can be stepped through, if it has several.
         step_topic: a step shows the next message of this topic; empty: of any.
 
@@ -101,6 +113,9 @@ class Playback:
         self._position_ns = round(start_s * 1e9)
         self.step_topics: tuple[str, ...] = ()
         self.step_topic = ""
+        self.key_image: Callable[[int], tuple[int, Any] | None] | None = None
+        self._sought = Sought(0, 0, 0, 0)
+        self._passed_ns = 0  # when the last message passed
 
     @property
     def state(self) -> PlaybackState:
@@ -116,6 +131,26 @@ class Playback:
                 self._loop,
                 self._part.span_s,
             )
+
+    @property
+    def is_outdated(self) -> bool:
+        """True if what is being read is not wanted any more.
+
+        False if nothing has passed for a while, so that a person who drags a slider sees images.
+        """
+        if not self._requests.lead_away:
+            return False
+        return self._clock.monotonic_ns() - self._passed_ns < _PATIENCE_NS
+
+    def await_seek(self, after: int, timeout_s: float) -> Sought | None:
+        """The newest seek, if it comes after that number of them; None if none comes in time."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._sought.number > after or self.closed, timeout_s)
+            return self._sought if self._sought.number > after else None
+
+    def is_awaited(self, seek: Sought) -> bool:
+        """True for the newest seek, until the first message after it has passed."""
+        return self._sought is seek and self._quota.frames == seek.played
 
     @property
     def has_played(self) -> bool:
@@ -170,7 +205,10 @@ class Playback:
         """Go to a time since the start; if it is paused, the message of that time is shown."""
         with self._changing():
             end_ns = math.inf if self._length_ns is None else self._length_ns
-            self._requests.seek(int(max(0, min(round(time_s * 1e9), end_ns))))
+            target_ns = int(max(0, min(round(time_s * 1e9), end_ns)))
+            self._requests.seek(target_ns)
+            number, played = self._sought.number + 1, self._quota.frames
+            self._sought = Sought(number, played, self._position_ns, target_ns)
 
     def set_rate(self, rate: float) -> None:
         """Change the speed at once; raises ParameterError unless it is from 0 to 100."""
@@ -289,6 +327,7 @@ class Playback:
                 self._period_ns = gap_ns
             self._quota.use(gap_ns, is_frame)
             self._position_ns = time_ns
+            self._passed_ns = self._clock.monotonic_ns()
             return True
 
     def _wait_until_due(self, place_ns: int, time_ns: int) -> bool:
@@ -310,7 +349,7 @@ class Playback:
     def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
         """The time to read from next; None to end."""
         with self._changed:
-            if at_end:
+            if at_end and not self._requests.lead_away:  # else it may only be outdated
                 if self._part.next_ns is None:
                     self._correct_length()
                 self._wait_at_end()

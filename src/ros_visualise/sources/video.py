@@ -6,7 +6,8 @@ import itertools
 import math
 import os
 import struct
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -25,12 +26,15 @@ from ros_visualise.core.regular_files import open_file
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
+from ros_visualise.sources.key_images import KeyImages
 from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
 from ros_visualise.sources.video_pixels import FrameConverter, Size, upright_size
 
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
 _SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
+_AHEAD_NS = 2_000_000_000  # further than this, it is sought even where no key frames are known
+_NEEDED = 2  # frames before the one that is sought, none of which are omitted
 _SILENT = 0.1  # of the packets, at most: some codecs have a few that show nothing
 _MOST_SILENT = 2  # where there are few
 _SHORT_NS = 500_000_000  # a file that ends this much before its promised end was cut
@@ -69,6 +73,7 @@ class Video:
 
     Attributes:
         faults: what was missing or damaged, known at the end.
+        is_outdated: returns True when the present reading may end early.
 
     Raises:
         OpenError: it cannot be played; the message says why and what to do.
@@ -78,7 +83,12 @@ class Video:
         self._path = Path(path)
         self._converter = FrameConverter(size)
         self.faults: list[str] = []
+        self.is_outdated: Callable[[], bool] = lambda: False
         self._closed = False
+        self._target_ns = 0
+        self._decoder: Decoder
+        self._last: deque[tuple[int, VideoFrame]] = deque(maxlen=2)  # that were read
+        self._reading: Iterator[tuple[int, VideoFrame]] = iter(())
         self._open()
         first = next(Decoder(self._container, self._stream).frames(), None)
         if first is None:
@@ -97,10 +107,11 @@ class Video:
         Reading again ends what was read before.
         """
         shown: tuple[int, VideoFrame] | None = None
-        for time_ns, frame in self._frames_around(start_ns):
-            if shown is not None and time_ns > start_ns:
+        for timed in self._frames_around(start_ns):
+            self._last.append(timed)
+            if shown is not None and timed[0] > start_ns:
                 yield shown[0], self._converter.image(shown[1])
-            shown = time_ns, frame
+            shown = timed
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
 
@@ -108,6 +119,13 @@ class Video:
     def format(self) -> str:
         """Name of the file's format, FFmpeg's short one."""
         return str(self._container.format.name).partition(",")[0]
+
+    @property
+    def key_images(self) -> KeyImages | None:
+        """Its key images; None if its frames have no times."""
+        if self._origin is None:
+            return None
+        return KeyImages(self._path, self._origin, (self.info.width, self.info.height))
 
     def count(self) -> int:
         """The number of its images, counted without decoding them."""
@@ -128,30 +146,77 @@ class Video:
 
     def _frames_around(self, start_ns: int) -> Iterator[tuple[int, VideoFrame]]:
         """Timed frames from the one shown at that time, or from one before it, on."""
+        self._target_ns = start_ns
+        if self._is_ahead(start_ns):
+            self._omit_before_target()
+            return itertools.chain(list(self._last), self._reading)
+        self._last.clear()
+        self._reading = self._frames_from(start_ns)
+        return self._reading
+
+    def _is_ahead(self, start_ns: int) -> bool:
+        """True if reading on gets there sooner than from the key frame before it."""
+        if not self._last or not 0 <= start_ns - self._last[0][0] < _AHEAD_NS:
+            return False
+        key, reached = self._key_before(start_ns), self._last[-1][1].pts
+        return reached is not None and (key is None or key <= reached)
+
+    def _key_before(self, time_ns: int) -> int | None:
+        """Stamp of the key frame at or before a time; None if the file does not list them."""
+        entries, ticks = self._stream.index_entries, self._ticks(time_ns)
+        found = -1 if ticks is None else entries.search_timestamp(ticks)
+        return entries[found].timestamp if found >= 0 else None
+
+    def _frames_from(self, start_ns: int) -> Iterator[tuple[int, VideoFrame]]:
+        """Timed frames, found by seeking."""
         for earlier_ns in _SEEK_EARLIER_NS:
             if self._seek(max(0, start_ns - earlier_ns)):
-                frames = self._frames(start_ns, sought=True)
+                frames = self._frames(sought=True)
                 first = next(frames, None)
                 if first is not None and first[0] <= start_ns:
                     return itertools.chain([first], frames)
         self._open()
-        return self._frames(0, sought=False)
+        return self._frames(sought=False)
 
-    def _frames(self, start_ns: int, sought: bool) -> Iterator[tuple[int, VideoFrame]]:
-        """Timed frames from where the file was sought to; none if its frames have no times."""
-        decoder = Decoder(self._container, self._stream)
-        times = _Times(self._stream.time_base, self._origin, self.info.fps)
-        for frame in decoder.frames():
-            if self._closed or (sought and frame.pts is None):
-                return
-            yield times.of(frame), frame
-        self._check_end(decoder, times.end_ns, from_start=start_ns == 0)
-
-    def _seek(self, time_ns: int) -> bool:
+    def _ticks(self, time_ns: int) -> int | None:
+        """A time as the file's stamps count it, if they do."""
         time_base = self._stream.time_base
         if self._origin is None or time_base is None:
+            return None
+        return self._origin + math.floor(time_ns / (time_base * 10**9))
+
+    def _frames(self, sought: bool, omits: bool = True) -> Iterator[tuple[int, VideoFrame]]:
+        """Timed frames from where the file was sought to; none if its frames have no times.
+
+        If it ``omits`` some, those are before the target.
+        """
+        self._decoder = decoder = Decoder(self._container, self._stream)
+        times = _Times(self._stream.time_base, self._origin, self.info.fps)
+        from_start = self._target_ns == 0 or not sought
+        if sought and omits:
+            self._omit_before_target()
+        last: int | None = None
+        for frame in decoder.frames():
+            if self._closed or self.is_outdated() or (sought and frame.pts is None):
+                self._last.clear()
+                return
+            time_ns = times.of(frame)
+            if time_ns > self._target_ns and decoder.has_omitted_after(last):
+                break
+            last = frame.pts
+            yield time_ns, frame
+        if decoder.has_omitted_after(last) and self._seek(self._target_ns):
+            yield from self._frames(sought, omits=False)
+        else:
+            self._check_end(decoder, times.end_ns, from_start)
+
+    def _omit_before_target(self) -> None:
+        self._decoder.needed = self._ticks(self._target_ns - round(_NEEDED * 1e9 / self.info.fps))
+
+    def _seek(self, time_ns: int) -> bool:
+        ticks = self._ticks(time_ns)
+        if ticks is None:
             return False
-        ticks = self._origin + math.floor(time_ns / (time_base * 10**9))
         try:
             self._container.seek(ticks, stream=self._stream)
         except (FFmpegError, OSError):

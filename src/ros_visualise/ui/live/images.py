@@ -21,6 +21,7 @@ from ros_visualise.ui.live import closeup
 from ros_visualise.ui.live.closeup import Closeup
 from ros_visualise.ui.live.exchange import exchange
 from ros_visualise.ui.live.image_channel import ImageChannel, ImageView, Picture
+from ros_visualise.ui.live.previews import Previews, shows_source
 from ros_visualise.ui.live.surroundings import Surroundings
 from ros_visualise.ui.server.answers import READ_ONLY, Refusal
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
@@ -57,6 +58,7 @@ class ImageHub:
         self._runtime: Runtime | None = None
         self._graph: Graph | None = None
         self._surroundings: Surroundings | None = None
+        self._previews: Previews | None = None
         self._channels: dict[ImageView, _Channel] = {}
         self._browsers: set[_Browser] = set()
         self._looking: asyncio.TimerHandle | None = None
@@ -141,6 +143,8 @@ class ImageHub:
         if runtime is not self._runtime and self._surroundings is not None:
             self._surroundings.close()
         is_same = runtime is self._runtime
+        if not is_same:
+            self._make_previews(runtime)
         self._runtime, self._surroundings = runtime, surroundings
         self._graph = None if runtime is None else runtime.graph
         self.topics = json.dumps({"topics": _offers(self._graph) if self._graph else []})
@@ -150,6 +154,24 @@ class ImageHub:
                 self.leave(one)
         for browser in self._browsers:
             browser.follow()
+
+    def _make_previews(self, runtime: Runtime | None) -> None:
+        if self._previews is not None:
+            self._previews.close()
+        self._previews = None
+        if runtime is not None and runtime.playback is not None:
+            show, loop = self._preview, self._loop
+
+            def deliver(image: Image) -> None:
+                loop.call_soon_threadsafe(partial(show, image))
+
+            self._previews = Previews(runtime.playback, deliver, lambda: bool(self._channels))
+
+    def _preview(self, image: Image) -> None:
+        topics = set() if self._graph is None else shows_source(self._graph)
+        for view, channel in self._channels.items():
+            if view.topic in topics and not view.minus:
+                channel.maker.preview(image)
 
     def _has(self, view: ImageView) -> bool:
         assert self._graph is not None

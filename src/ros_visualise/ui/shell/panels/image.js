@@ -198,10 +198,12 @@ export default {
       if (number < 0) return;
       if (facts.problem) return void (this.problem = facts.problem);
       const before = this.known.get(key);
+      if (facts.preview && before) Object.assign(facts, { width: before.width, height: before.height }); // it is smaller
       this.known.set(key, facts);
       this.problem = "";
       this.hasImage = true;
-      this.$el.dataset.images = Number(this.$el.dataset.images ?? 0) + 1;
+      const { images = 0 } = this.$el.dataset; // for whoever watches from outside
+      Object.assign(this.$el.dataset, { stamp: facts.stamp, preview: Boolean(facts.preview), images: Number(images) + 1 });
       if (before?.width !== facts.width || before?.height !== facts.height) {
         this.stage.sizes[number] = [facts.width, facts.height];
         this.show();
