@@ -21,7 +21,7 @@ class Previews:
 
     Args:
         show: takes each preview.
-        is_wanted: returns True while somebody would see it.
+        is_wanted: returns True while a browser shows images.
     """
 
     def __init__(

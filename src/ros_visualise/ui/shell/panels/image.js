@@ -202,7 +202,7 @@ export default {
       this.known.set(key, facts);
       this.problem = "";
       this.hasImage = true;
-      const { images = 0 } = this.$el.dataset; // for whoever watches from outside
+      const { images = 0 } = this.$el.dataset; // for tests and benchmarks
       Object.assign(this.$el.dataset, { stamp: facts.stamp, preview: Boolean(facts.preview), images: Number(images) + 1 });
       if (before?.width !== facts.width || before?.height !== facts.height) {
         this.stage.sizes[number] = [facts.width, facts.height];
