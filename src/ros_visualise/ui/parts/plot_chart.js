@@ -29,7 +29,7 @@ export function readable(window) {
 }
 
 // Pale colours are darkened on a light page.
-function inked(color, isDark) {
+export function inked(color, isDark) {
   if (isDark) return color;
   const parts = color.match(/\w\w/g).map((part) => Math.round(parseInt(part, 16) * 0.72));
   return `rgb(${parts})`;
@@ -88,7 +88,7 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
     animation: false,
     lineStyle: { color: ink, type: "dashed" },
     label: { color: ink, fontSize: 10, formatter: ({ name }) => name, position: "insideEndTop" },
-    data: marks.map(({ at, name }) => ({ xAxis: at, name })),
+    data: marks.map(([at, name]) => ({ xAxis: at, name })),
   };
   return {
     animation: false,

@@ -3,6 +3,7 @@
 const FOLDED = 12; // entries from which on what is inside others is folded
 const COLUMNS = 6;
 
+const brief = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value);
 const isLeaf = (value) => value === null || typeof value !== "object";
 
 // The stamp in ns as a time of day, or in seconds where it is none.
@@ -57,7 +58,7 @@ export default {
         const entries = list ? list.map((one, i) => [`[${i}]`, one]) : Object.entries(value);
         const total = Array.isArray(value) ? value.length : value.length ?? entries.length;
         const isOpen = this.opened[path] ?? (!isPlain && (depth === 0 || entries.length <= FOLDED));
-        const note = !list ? "" : isPlain && !isOpen ? `[${list.slice(0, 9).join(", ")}${total > 9 ? `, … of ${total}` : ""}]` : `${total} items`;
+        const note = !list ? "" : isPlain && !isOpen ? `[${list.slice(0, 9).map(brief).join(", ")}${total > 9 ? `, … of ${total}` : ""}]` : `${total} items`;
         found.push({ path, name, depth, note, inside: true, isOpen });
         if (!isOpen) return;
         for (const [key, one] of entries) walk(one, list ? path + key : `${path}.${key}`, key, depth + 1);

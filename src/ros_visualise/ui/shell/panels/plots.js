@@ -59,14 +59,6 @@ export default {
         <q-btn flat dense icon="functions" aria-label="Add an expression" title="Add a curve computed from others" @click="edit(null)" />
         <q-btn flat dense icon="horizontal_split" aria-label="Add a pane" title="Add a pane" @click="change(() => panes.push(paneOf()))" />
         <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole time (double click)" @click="fit" />
-        <q-btn flat dense icon="flag" aria-label="Markers" title="Markers">
-          <q-menu><q-list dense style="min-width: 14em">
-            <q-item v-close-popup clickable @click="mark"><q-item-section>Mark {{ clock(now) }}</q-item-section></q-item>
-            <q-item v-for="(one, i) in marks" :key="one.at"><q-item-section>
-              <q-input dense borderless :model-value="one.name" :label="clock(one.at)" @change="(name) => change(() => (one.name = name))" /></q-item-section>
-              <q-item-section side><q-btn flat dense size="sm" icon="close" :aria-label="'Remove marker ' + one.name" @click="change(() => marks.splice(i, 1))" /></q-item-section></q-item>
-          </q-list></q-menu>
-        </q-btn>
         <q-btn flat dense icon="download" aria-label="Save" title="Save what is shown">
           <q-menu auto-close><q-list dense>
             <q-item v-for="(act, kind) in savers" :key="kind" clickable @click="act"><q-item-section>{{ kind }}</q-item-section></q-item>
@@ -86,7 +78,7 @@ export default {
       <div v-for="(pane, i) in panes" :key="pane.id" class="rv-pane" @dragover.prevent @drop.prevent.stop="drop($event, pane)">
         <div class="rv-legend">
           <span v-for="name in pane.curves" :key="name" class="rv-curve" draggable="true" :title="errors[pane.id + name] || name" @dragstart="drag($event, name)">
-            <i :style="{ background: color(name) }"></i><span :class="{ 'rv-fault': errors[pane.id + name] }">{{ name }}</span>
+            <i :style="{ background: ink(name) }"></i><span :class="{ 'rv-fault': errors[pane.id + name] }">{{ name }}</span>
             <b>{{ shown(name) }}</b>
             <button :aria-label="'Curve ' + name" title="Derive, move, remove">⋮
               <q-menu auto-close><q-list dense>
@@ -112,12 +104,11 @@ export default {
     </div>`,
   props: { state: Object, readOnly: Boolean, colors: Array, functions: Array },
   data() {
-    const { panes, curves, last, marks } = this.state;
+    const { panes, curves, last } = this.state;
     const all = (Array.isArray(panes) ? panes.slice(0, 12) : []).map(paneOf);
-    const good = (Array.isArray(marks) ? marks.slice(0, 99) : []).filter((one) => Number.isFinite(one?.at) && isText(one.name));
     return {
-      panes: all.length ? all : [paneOf({ curves })], marks: good, last: LASTS.includes(last) ? last : 0, lasts: LASTS,
-      topics: {}, fields: {}, values: {}, errors: {}, share: 1, fault: "", isLive: false, now: 0,
+      panes: all.length ? all : [paneOf({ curves })], last: LASTS.includes(last) ? last : 0, lasts: LASTS,
+      topics: {}, fields: {}, values: {}, errors: {}, share: 1, fault: "", isLive: false, isDark: true, now: 0, tools: null,
       isAdding: false, sought: "", isEditing: false, text: "",
       savers: { CSV: () => this.saveCsv(), PNG: () => this.savePicture("png"), SVG: () => this.savePicture("svg") },
     };
@@ -159,6 +150,9 @@ export default {
       if (!this.inks.has(name)) this.inks.set(name, this.colors[this.inks.size % this.colors.length]);
       return this.inks.get(name);
     },
+    ink(name) {
+      return this.tools?.inked(this.color(name), this.isDark) ?? "";
+    },
     shown(name) {
       const value = this.values[name];
       return value == null ? "" : Number(value.toPrecision(7)).toString();
@@ -173,11 +167,10 @@ export default {
       this.sync();
     },
     kept() {
-      return { panes: this.panes.map(written), marks: this.marks.length ? this.marks : undefined };
+      return { panes: this.panes.map(written) };
     },
     become(text) {
-      const { panes, marks = [] } = JSON.parse(text);
-      Object.assign(this, { panes: panes.map(paneOf), marks });
+      this.panes = JSON.parse(text).panes.map(paneOf);
       this.keep();
       this.sync();
     },
@@ -247,11 +240,11 @@ export default {
       });
     },
     drawNow() {
-      const isDark = document.body.classList.contains("body--dark");
+      const isDark = (this.isDark = document.body.classList.contains("body--dark"));
       const extent = this.extent();
       const all = this.panes.map((pane) => {
         const curves = pane.curves.map((name) => ({ unit: "", width: 2, rows: new Float64Array(), ...this.found.get(pane.id + name), name, color: this.color(name) }));
-        return { pane, curves, extent, window: this.window ?? extent, marks: this.marks, x: pane.kind === "xy" ? pane.against : "Hz", isDark };
+        return { pane, curves, extent, window: this.window ?? extent, marks: rv.clock.state.marks ?? [], x: pane.kind === "xy" ? pane.against : "Hz", isDark };
       });
       const axes = Math.max(1, ...all.map(({ pane, curves }) => this.tools.axesOf(pane, curves).length));
       for (const one of all) this.charts.get(one.pane.id)?.draw({ ...one, axes });
@@ -265,9 +258,13 @@ export default {
       if (!spans.length || !(to > from)) return [spans.length ? from : 0, (spans.length ? from : 0) + 1];
       return [this.isLive && this.last ? to - this.last : from, to];
     },
-    // The cursor and the present time, in all panes.
+    // The cursor and the present time, in all panes; and marks of the timeline.
     follow() {
-      const { position, live, duration } = rv.clock.state;
+      const { position, live, duration, marks = [] } = rv.clock.state;
+      if (this.marked !== String(marks)) {
+        this.marked = String(marks);
+        this.draw();
+      }
       const isLive = live === true || (position === undefined && duration === undefined);
       if (isLive !== this.isLive) {
         this.isLive = isLive;
@@ -362,9 +359,6 @@ export default {
       if (made === "=") return;
       if (name) this.change(() => (pane.curves = [...new Set(pane.curves.map((one) => (one === name ? made : one)))]));
       else this.add(made, this.panes.findLast(({ kind }) => kind === "time"));
-    },
-    mark() {
-      this.change(() => this.marks.push({ at: this.now, name: String(this.marks.length + 1) }));
     },
     drag(event, name) {
       event.dataTransfer.setData("text/rv-topic", name.startsWith("=") ? name : name.replace(/:(?=[^:]*$)/, "."));

@@ -20,7 +20,8 @@ export default {
             :aria-sort="sort === column.at ? (down ? 'descending' : 'ascending') : 'none'" @click="order(column.at)">{{ column.name }}</button>
         </div>
         <div :style="{ height: found.length * ${LINE} + 'px', position: 'relative' }">
-          <div v-for="[row, number] in inView" :key="row[0]" class="rv-line" role="row" :style="{ top: number * ${LINE} + 'px' }">
+          <div v-for="[row, number] in inView" :key="row[0]" class="rv-line" role="row" draggable="true"
+            @dragstart="$event.dataTransfer.setData('text/rv-topic', row[0])" :style="{ top: number * ${LINE} + 'px' }">
             <span role="cell" :title="row[0] + '  ' + row[1]">{{ row[0] }} <small>{{ row[1] }}</small></span>
             <template v-if="row.length > 2">
               <span role="cell" :title="shown(row[3]) + ' per second'">{{ shown(row[2]) }}</span>
