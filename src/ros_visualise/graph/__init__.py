@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
@@ -157,8 +158,8 @@ class Graph:
             if topic not in self.topics
         }
 
-    @property
-    def topics(self) -> dict[str, TopicSpec]:
+    @cached_property
+    def topics(self) -> Mapping[str, TopicSpec]:
         """Every topic by name, in the order of the nodes."""
         return {name: topic for one in self.members for name, topic in one.topics.items()}
 

@@ -12,6 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus
@@ -41,6 +42,7 @@ class MonitorHub:
         self._monitor: NodeMonitor | None = None
         self._rounds: PeriodicThread | None = None
         self._is_live = False
+        self._shown: dict[object, str] = {}  # what each browser shows
         logging.getLogger(_LOGGER).addHandler(self.lines)
 
     def show(self, runtime: Runtime | None) -> None:
@@ -52,7 +54,7 @@ class MonitorHub:
             self._is_live = runtime.playback is None
             self._monitor = monitor = NodeMonitor(runtime, self.lines)
             self._rounds = PeriodicThread(
-                "monitor", monitor.take, monitor.close, _ROUND_S, lambda: False
+                "monitor", partial(self._take, monitor), monitor.close, _ROUND_S, lambda: False
             )
             self._rounds.start()
 
@@ -61,22 +63,28 @@ class MonitorHub:
         self.show(None)
         logging.getLogger(_LOGGER).removeHandler(self.lines)
 
+    def _take(self, monitor: NodeMonitor) -> None:
+        monitor.take("diagnostics" in list(self._shown.values()))
+
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves."""
-        asked: list[str] = []
+        browser = object()
         news = asyncio.Event()
 
         def hear(text: str) -> None:
-            asked[:] = [text]
+            self._shown[browser] = _shown(text)
             news.set()
 
-        await exchange(receive, send, self._send_all(send, asked, news), hear)
+        try:
+            await exchange(receive, send, self._send_all(send, browser, news), hear)
+        finally:
+            self._shown.pop(browser, None)
 
-    async def _send_all(self, send: Send, asked: list[str], news: asyncio.Event) -> None:
+    async def _send_all(self, send: Send, browser: object, news: asyncio.Event) -> None:
         shown, number, last = "", 0, ""
         while True:
-            if asked:
-                shown, number, last = _shown(asked.pop()), 0, ""
+            if self._shown.get(browser, "") != shown:
+                shown, number, last = self._shown[browser], 0, ""
             message: Mapping[str, Any] = {}
             if shown == "log" and (lines := self.lines.after(number)):
                 number, message = lines[-1]["number"], {"lines": lines}
@@ -144,8 +152,8 @@ class NodeMonitor:
         self._own, self._own_s = StatusMaker(), float("-inf")
         self._lock = threading.Lock()
 
-    def take(self) -> None:
-        """Take new messages; to be called a few times a second."""
+    def take(self, own: bool) -> None:
+        """Take new messages, and with ``own`` those of this process's nodes; to be called often."""
         topics = self._topics()
         for topic in self._subscriptions.keys() - topics:
             self._subscriptions.pop(topic).close()
@@ -154,7 +162,7 @@ class NodeMonitor:
         for subscription in self._subscriptions.values():
             while (message := subscription.take(0)) is not None:
                 self._hear(message)
-        if not self._runtime.name and self._clock() - self._own_s >= _PERIOD_S:
+        if own and not self._runtime.name and self._clock() - self._own_s >= _PERIOD_S:
             self._own_s = self._clock()
             self._keep(self._statuses())
 

@@ -2,7 +2,8 @@
 // pixels; ECharts draws them. What is shown and how is in the page's address.
 import { defineAsyncComponent, markRaw } from "vue";
 
-const PAUSE_MS = 50; // between requests for what is shown, and for values at the cursor
+const PAUSE_MS = 50; // between requests for what is shown
+const VALUES_MS = 100; // and for values at the cursor
 const LASTS = [10, 30, 60, 300];
 const ELEMENTS = 32; // of an array that is dropped
 const NUMBERS = /(orientation|rotation|quaternion|(^|[.:])q)\.[xyzw]$/;
@@ -33,14 +34,14 @@ function written({ kind, curves, own, against, x, y }) {
 }
 
 // A function that is called at most every so often, with the last call kept.
-function paced(act) {
+function paced(act, pause) {
   let timer = null;
   let isWaiting = false;
   return () => {
     isWaiting = true;
     if (timer) return;
     const run = () => {
-      timer = isWaiting ? setTimeout(run, PAUSE_MS) : null;
+      timer = isWaiting ? setTimeout(run, pause) : null;
       if (isWaiting) act();
       isWaiting = false;
     };
@@ -119,8 +120,8 @@ export default {
   },
   created() {
     Object.assign(this, { elements: markRaw({}), charts: markRaw(new Map()), found: markRaw(new Map()), paneOf, asked: [], number: 0, csv: [], wanted: [] });
-    this.request = paced(() => this.send());
-    this.askValues = paced(() => this.live?.send({ at: this.now, curves: this.names }));
+    this.request = paced(() => this.send(), PAUSE_MS);
+    this.askValues = paced(() => this.live?.send({ at: this.now, curves: this.names }), VALUES_MS);
     this.clock = (seconds) => this.tools?.clock(seconds) ?? "";
   },
   async mounted() {
