@@ -31,8 +31,10 @@ from ros_visualise.estimation.pose_search import SearchPrior
 from ros_visualise.estimation.robot import core
 from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
+from ros_visualise.estimation.updating import together
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
+from ros_visualise.landmarks.steadiness import words
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
@@ -225,16 +227,19 @@ class Filter:
         belief.state = belief.chart.enter(belief.state, tags)
         pairs = belief.chart.decided(tags)
         before, errors = belief.cameras[view.camera], self.settings.camera
-        after = before.after(view, pairs, belief.state, errors)
+        if not pairs or not errors.turn_rad or before.is_final:
+            return
+        next_rad, turn = errors.at_level(before.next).turn_rad, turn_of(view.camera)
+        after = before.after(*together(view, pairs, belief.state, turn, next_rad**2))
         cameras = [*belief.cameras]
         cameras[view.camera] = after
         belief.cameras = tuple(cameras)
         if after.level > before.level:
             now = errors.at_level(after.level)
-            belief.state.inflate(turn_of(view.camera), np.eye(3) * now.turn_rad**2)
+            belief.state.inflate(turn, np.eye(3) * now.turn_rad**2)
             belief.note(
-                f"camera {view.camera + 1} turns by more than camera_turn says: taking "
-                f"{np.degrees(now.turn_rad):.2g} degrees within {now.turn_s:.2g} s"
+                f"camera {view.camera + 1} turns by more than camera_turn says: "
+                + words(now.turn_rad, now.turn_s)
             )
 
     @staticmethod

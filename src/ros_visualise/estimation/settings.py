@@ -17,9 +17,9 @@ from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
 from ros_visualise.estimation.sensors import SENSORS, Prior
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import GROUND
+from ros_visualise.landmarks.steadiness import loosened
 
 _CLOCK_WALK = 1e-4  # s per sqrt(s)
-_STEADY_S = 20.0  # time constant of an attitude stated to be constant, where it is not
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,10 @@ class CameraErrors:
     turn_s: float = 20.0
     focal: float = 0.0
 
-    def at_level(self, level: int) -> CameraErrors:
-        """The same for a camera less steady than stated, see `estimation.steadiness`."""
-        if not level:
-            return self
-        changes_s = (self.turn_s or _STEADY_S) / 10**level
-        return replace(self, turn_rad=self.turn_rad * 3**level, turn_s=changes_s)
+    def at_level(self, level: float) -> CameraErrors:
+        """The same for a camera less steady than stated, see `landmarks.steadiness`."""
+        turn_rad, turn_s = loosened(self.turn_rad, self.turn_s, level)
+        return replace(self, turn_rad=turn_rad, turn_s=turn_s)
 
     @property
     def variances(self) -> Floats:
@@ -108,7 +106,7 @@ class NavigatorSettings:
         if self.rules.mode is not MapMode.BUILD:
             yield GRAVITY, np.full(2, (GRAVITY_MS2 * self.level_rad) ** 2)
 
-    def aging(self, seconds: float, levels: Sequence[int]) -> tuple[Floats, Floats]:
+    def aging(self, seconds: float, levels: Sequence[float]) -> tuple[Floats, Floats]:
         """Factors (n,) on the sensors' states, and variances (n,) added, over some time.
 
         ``levels`` are those of the cameras, see `CameraErrors.at_level`.

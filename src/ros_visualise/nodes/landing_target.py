@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,15 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
-from ros_visualise.landmarks.landing.tracking import TargetMotion, TargetTracker
+from ros_visualise.landmarks.landing.tracking import (
+    STEADY,
+    TargetMotion,
+    TargetTracker,
+)
 from ros_visualise.landmarks.localization.estimate import POSE, LandmarkEstimate
+from ros_visualise.landmarks.localization.robot_error import ErrorModel
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
+from ros_visualise.landmarks.steadiness import words
 from ros_visualise.nodes import node
 
 log = logging.getLogger(__name__)
@@ -91,10 +97,18 @@ class LandingTargetParams:
     )
     attitude_sigma: float = param(
         0.5,
-        "standard deviation of the camera's attitude, degrees",
+        "standard deviation of the camera's attitude, degrees; more where images show it; 0: exact",
         min=0,
         max=45,
         slider=(0, 5),
+        group="uncertainty",
+    )
+    attitude_time: float = param(
+        20.0,
+        "time constant of the attitude's error, seconds",
+        min=0.01,
+        max=1e9,
+        slider=(1, 600),
         group="uncertainty",
     )
     ground_height: float = param(
@@ -209,10 +223,12 @@ class LandingTarget:
         for hypotheses in ours:
             readings = [sighting_of(one, T_fixed_camera) for one in hypotheses]
             known = [one for one in readings if one is not None]
-            replaced = self._tracker.replaced
-            self._tracker.observe(stamp_ns, known, _motion(params), ground)
+            replaced, level = self._tracker.replaced, self._tracker.steadiness.level
+            self._tracker.observe(stamp_ns, known, _motion(params), ground, _camera(params))
             if self._tracker.replaced > replaced:
                 log.warning("landing_target: %s was elsewhere; estimate replaced", params.target)
+            if self._tracker.steadiness.level > level:
+                self._warn_of_camera(params)
 
     def _estimate(
         self, stamp_ns: int, params: LandingTargetParams, frames: FrameTree
@@ -224,14 +240,20 @@ class LandingTarget:
         T_fixed_body = frames.lookup(params.fixed_frame, params.frame, stamp_ns)
         self._published_ns = stamp_ns
         self._answers += 1
-        sigma = math.radians(params.attitude_sigma)
-        pose = relative_to(T_fixed_body, estimate, sigma, params.autopilot)
+        pose = relative_to(T_fixed_body, estimate, params.autopilot)
         header = Header(stamp_ns, params.pose_frame)
         return {
             "landing_target": PoseWithCovarianceStamped(*pose, header),
             "landing_target_pose": PoseStamped(*pose[:2], header),
             "landing_target_odom": _odometry(estimate, Header(stamp_ns, params.fixed_frame)),
         }
+
+    def _warn_of_camera(self, params: LandingTargetParams) -> None:
+        now = _camera(params).at_level(self._tracker.steadiness.level)
+        assumed = words(now.attitude_rad, now.attitude_s)
+        log.warning(
+            "landing_target: the camera turns by more than attitude_sigma says: %s", assumed
+        )
 
     def _drop_if_lost(self, stamp_ns: int, params: LandingTargetParams) -> None:
         tracker = self._tracker
@@ -245,6 +267,10 @@ class LandingTarget:
 
 def _motion(p: LandingTargetParams) -> TargetMotion:
     return TargetMotion(p.speed, p.acceleration, drift=p.drift, patience_s=p.patience)
+
+
+def _camera(p: LandingTargetParams) -> ErrorModel:
+    return replace(STEADY, attitude_rad=math.radians(p.attitude_sigma), attitude_s=p.attitude_time)
 
 
 def _odometry(estimate: LandmarkEstimate, header: Header) -> Odometry:

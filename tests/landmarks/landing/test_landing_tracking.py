@@ -11,6 +11,7 @@ from ros_visualise.geometry.rotations import from_matrix, from_rpy, to_matrix
 from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
 from ros_visualise.landmarks.landing.tracking import TargetMotion, TargetTracker
 from ros_visualise.landmarks.localization.estimate import known as target_at
+from ros_visualise.landmarks.localization.robot_error import ErrorModel
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 
 S = 1_000_000_000
@@ -218,11 +219,11 @@ def test_in_the_bodys_axes_it_is_where_it_is():
     T[:3, :3], T[:3, 3] = to_matrix(from_rpy([0, 0, math.pi / 2])), [10, 20, 5]
     known = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4, 1, 1, 1])
     target = target_at(np.array([11.0, 22, 0]), T[:3, :3], known)
-    place, quat, covariance = relative_to(T, target, 0.0, Autopilot.NONE)
+    place, quat, covariance = relative_to(T, target, Autopilot.NONE)
     assert place == pytest.approx([2, -1, -5])
     assert quat == pytest.approx([0, 0, 0, 1])
     assert np.diag(covariance) == pytest.approx([0.04, 0.01, 0.09, 2e-4, 1e-4, 3e-4])
-    place, quat, turned = relative_to(T, target, 0.0, Autopilot.ARDUPILOT)
+    place, quat, turned = relative_to(T, target, Autopilot.ARDUPILOT)
     assert place == pytest.approx([2, 1, 5])
     assert quat == pytest.approx([0, 0, 0, 1])
     flip = np.kron(np.eye(2), np.diag([1, -1, -1]))
@@ -235,34 +236,36 @@ def test_px4_takes_where_it_is_from_its_own_origin_north_east_down():
     T[:3, :3], T[:3, 3] = to_matrix(from_rpy([0.1, 0.2, 2.0])), [10, 20, 5]
     sure = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4, 1, 1, 1])
     facing_east = target_at(np.array([11.0, 22, 0.5]), np.eye(3), sure)
-    place, quat, covariance = relative_to(T, facing_east, 0.0, Autopilot.PX4)
+    place, quat, covariance = relative_to(T, facing_east, Autopilot.PX4)
     assert place == pytest.approx([22, 11, -0.5])
     assert quat == pytest.approx(from_rpy([0, 0, math.pi / 2]))  # 90 degrees clockwise from north
     assert np.diag(covariance) == pytest.approx([0.04, 0.01, 0.09, 2e-4, 1e-4, 3e-4])
     north = replace(facing_east, R_fixed_landmark=to_matrix(from_rpy([0, 0, math.pi / 2])))
-    assert relative_to(T, north, 0.0, Autopilot.PX4).quat_xyzw == pytest.approx(LEVEL)
-
-
-def test_the_cameras_attitude_counts_for_px4_by_the_distance_from_the_body():
-    T = np.eye(4)
-    T[:3, 3] = [1000, 0, 8]
-    sure = target_at(np.array([1000.0, 0, 0]), np.eye(3), np.zeros((9, 9)))
-    covariance = relative_to(T, sure, 0.01, Autopilot.PX4).covariance
-    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.08, 0.08, 0, 0.01, 0.01, 0.01])
+    assert relative_to(T, north, Autopilot.PX4).quat_xyzw == pytest.approx(LEVEL)
 
 
 def test_a_target_turned_to_the_left_has_a_yaw_that_is_negative_about_an_axis_that_points_down():
     target = target_at(np.zeros(3), to_matrix(from_rpy([0, 0, 0.3])), np.eye(9))
-    quat = relative_to(np.eye(4), target, 0.0, Autopilot.ARDUPILOT).quat_xyzw
+    quat = relative_to(np.eye(4), target, Autopilot.ARDUPILOT).quat_xyzw
     assert quat == pytest.approx(from_rpy([0, 0, -0.3]))
 
 
-def test_an_error_of_the_cameras_attitude_counts_by_the_distance():
-    sure = target_at(np.array([0.0, 0, -8]), np.eye(3), np.zeros((9, 9)))
-    covariance = relative_to(np.eye(4), sure, 0.01, Autopilot.NONE).covariance
-    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.08, 0.08, 0, 0.01, 0.01, 0.01])
+@pytest.mark.parametrize("autopilot", Autopilot)
+def test_an_error_of_the_cameras_attitude_counts_by_the_distance_however_often_it_is_seen(
+    autopilot,
+):
+    camera, error = camera_at(1000, 0, 8), ErrorModel(0.0, 0.01, attitude_s=1e6)
+    tracker, T = TargetTracker(), np.eye(4)
+    T[:3, 3] = camera[:3, 3]
+    for step in range(100):
+        found = pose((1000, 0, 0), camera, 1e-3)
+        tracker.observe(step * S // 10, [found], STANDING, None, error)
+    covariance = relative_to(T, known(tracker, 9.9), autopilot).covariance
+    assert np.sqrt(np.diag(covariance))[:3] == pytest.approx([0.08, 0.08, 0], abs=1e-3)
+    assert np.sqrt(np.diag(covariance))[3:] == pytest.approx([0.01] * 3, rel=0.2)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
-    below = replace(sure, position_xyz=np.array([0.0, 0, -0.1]))
-    assert relative_to(np.eye(4), below, 0.01, Autopilot.NONE).covariance[0, 0] == pytest.approx(
-        1e-6
-    )
+    near = camera_at(1000, 0, 0.1)
+    for step in range(100, 110):
+        found = pose((1000, 0, 0), near, 1e-3)
+        tracker.observe(step * S // 10, [found], STANDING, None, error)
+    assert np.sqrt(known(tracker, 10.9).covariance[0, 0]) < 0.01

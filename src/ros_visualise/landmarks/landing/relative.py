@@ -16,7 +16,6 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.geometry.se3 import cross
 from ros_visualise.landmarks.localization.estimate import POSE, LandmarkEstimate
 
 
@@ -46,7 +45,7 @@ _NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def relative_to(
-    T_fixed_body: Floats, estimate: LandmarkEstimate, attitude_sigma: float, autopilot: Autopilot
+    T_fixed_body: Floats, estimate: LandmarkEstimate, autopilot: Autopilot
 ) -> RelativePose:
     """The target's pose as an autopilot takes it.
 
@@ -57,8 +56,6 @@ def relative_to(
     Args:
         T_fixed_body: (4, 4); for PX4, x of the fixed frame points east and y north (REP 103).
         estimate: the target in the fixed frame.
-        attitude_sigma: standard deviation of the camera's attitude about each axis, radians. It is
-            common to all images and therefore not part of the estimate.
         autopilot: which takes it.
     """
     away = estimate.position_xyz - T_fixed_body[:3, 3]
@@ -67,8 +64,6 @@ def relative_to(
     turned = _NED_ENU if is_local else own @ T_fixed_body[:3, :3].T
     position = turned @ (estimate.position_xyz if is_local else away)
     both = np.kron(np.eye(2), turned)
-    tilted = np.vstack([-cross(turned @ away), np.eye(3)])
     covariance = both @ estimate.covariance[POSE, POSE] @ both.T
-    covariance = covariance + attitude_sigma**2 * tilted @ tilted.T
     turn = rotations.from_matrix(turned @ estimate.R_fixed_landmark @ own)
     return RelativePose(position, turn, covariance)

@@ -59,6 +59,13 @@ class LandmarkEstimate:
         joint[ROBOT, OWN] = joint[OWN, ROBOT].T
         return replace(self, joint=joint)
 
+    def inflated(self, covariance: Floats) -> LandmarkEstimate:
+        """The same with one more error (6, 6) of its pose, which is common to all views of it."""
+        joint, weight = self.joint.copy(), self.weight.copy()
+        joint[POSE, POSE] += covariance
+        weight[POSE, POSE] += covariance
+        return replace(self, joint=joint, weight=weight)
+
     def moved(self, step: Floats) -> LandmarkEstimate:
         """The same, corrected by errors (9,)."""
         R = se3.exp(step[POSE])[0] @ self.R_fixed_landmark

@@ -12,12 +12,13 @@ Control Systems 3, 1966.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import about_itself
+from ros_visualise.landmarks.steadiness import loosened
 
 _LEAST = 1e-12  # variance, m^2 or rad^2, of odometry that reports zero
 
@@ -34,6 +35,11 @@ class ErrorModel:
     attitude_rad: float = math.radians(1)
     position_s: float = 60.0
     attitude_s: float = 60.0
+
+    def at_level(self, level: float) -> ErrorModel:
+        """The same for a camera less steady than stated, see `landmarks.steadiness`."""
+        attitude_rad, attitude_s = loosened(self.attitude_rad, self.attitude_s, level)
+        return replace(self, attitude_rad=attitude_rad, attitude_s=attitude_s)
 
 
 class RobotError:
