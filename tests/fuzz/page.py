@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 import msgspec
 from ui.page_client import CAMERA, TOKEN, Client
+from ui.space_client import SpaceClient
 from websockets.exceptions import WebSocketException
 
 from ros_visualise.graph.pipelines import image_pipeline
@@ -25,10 +26,14 @@ _MESSAGES = {
     "camera": CAMERA,
     "value": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": 10}},
     "texts": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": ["a", "b"]}},
-    "click": {"type": "ScenePointerMessage", "event_type": "click", "screen_pos": [[0.5, 0.5]]},
     "command": {"type": "CommandTriggerMessage", "uuid": _ELEMENT},
     "upload": {"type": "FileTransferStartUpload", "transfer_uuid": _ELEMENT, "size_bytes": 9},
 }
+_SPACE = (
+    '{"pick": {"ray": [0, 0, 9, 0, 0, -1], "id": 1, "goal": "/goal"}}',
+    '{"set": {"3d/appearance/axes size": 2}}',
+    '{"view": [1, 2, 3, 4, 5, 6]}',
+)
 _QUESTIONS = (
     "ask=ticks",
     "ask=graph",
@@ -40,6 +45,7 @@ _QUESTIONS = (
 def whole_messages(folder: Path) -> list[Path]:
     """A file for each message and question."""
     files = {f"{name}.msg": msgspec.msgpack.encode(one) for name, one in _MESSAGES.items()}
+    files |= {f"{n}.space": one.encode() for n, one in enumerate(_SPACE)}
     files |= {f"{n}.question": one.encode() for n, one in enumerate(_QUESTIONS)}
     for name, data in files.items():
         (folder / name).write_bytes(data)
@@ -57,6 +63,12 @@ def send(path: Path) -> list[str]:
                 element = client.elements[0].encode()
                 client.socket.send(path.read_bytes().replace(_ELEMENT.encode(), element))
                 client.socket.ping().wait(20)
+    elif path.suffix == ".space":
+        with contextlib.suppress(WebSocketException, OSError):
+            client = SpaceClient(shown.port, TOKEN)
+            with contextlib.closing(client):
+                client.send(path.read_bytes().decode(errors="replace"))
+                client.read_until(lambda: client.packets)
     else:
         shown.ask(quote(path.read_bytes(), safe="=&/"))
     faults = [] if shown.ask("ask=graph") == 200 else ["it no longer answers"]

@@ -135,7 +135,7 @@ def test_settings_are_shared_and_wrong_ones_are_answered(browse, hub, runtime):
 
 def test_saved_settings_are_applied_and_survive_another_graph(browse, hub):
     saved = {"3d/appearance/axes size": 2.0, "3d/legend//points": False, "view": "1,2,3,4,5,6"}
-    hub.apply(saved | {"3d/fixed frame": "nowhere"})
+    hub.apply(saved | {"3d/fixed frame": "nowhere", "3d/appearance/point size": "0.06"})
     hub.show(Told(**ROBOT))
     client = browse()
     client.read_until(lambda: client.state and client.state["changed"])

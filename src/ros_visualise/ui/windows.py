@@ -31,7 +31,7 @@ _WHOLE = (1, 1)
 _COLUMN = 400  # width of such a window, in pixels
 _TICK_MS = 15
 _HINT = "Q or Esc: quit"
-_PLAYING_HINT = f"ScenePanel: pause   arrows, comma, full stop: step\n{_HINT}"
+_PLAYING_HINT = f"space: pause   arrows, comma, full stop: step\n{_HINT}"
 
 _KEYS = {
     **{ord(" "): "pause", ord(","): "back", ord("."): "step"},

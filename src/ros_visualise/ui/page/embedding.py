@@ -247,12 +247,6 @@ def embed(loop: asyncio.AbstractEventLoop, title: str) -> tuple[viser.ViserServe
     return server, embedded
 
 
-def viewers(server: viser.ViserServer) -> set[int]:
-    """The numbers of the read-only browsers."""
-    there = list(server._websock_server._live_connections.items())
-    return {number for number, one in there if isinstance(one, _Connection) and one.is_viewer}
-
-
 async def _call(callback: Callable[[Any], Any], client: WebsockClientConnection) -> None:
     done = callback(client)
     if asyncio.iscoroutine(done):

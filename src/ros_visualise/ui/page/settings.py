@@ -123,6 +123,9 @@ class PageSettings:
 
     def _take_address(self, address: str, _: int) -> None:
         self._waiting = by_name(dict(parse_qsl(address, keep_blank_values=True)))
+        of_scene = {p: v for p, v in self._waiting.items() if p.startswith("3d/") or p == "view"}
+        if of_scene:
+            self._space.apply(of_scene)
         self.refresh()
 
     def _set(self, element: Any, value: Value, place: str) -> None:

@@ -66,12 +66,3 @@ IMAGES_ALONE = """<style>
 #webgl-software-rendering { display: none; }
 </style>"""
 """Beside `STYLE`, where nothing is drawn in 3D."""
-
-BESIDE_SCENE = """<style>
-:root { --rv-sheet: 68dvh; }
-/* On a phone the scene is what is above the sheet. */
-@media (max-width: 36em) {
-  [data-dock-root] > div:has(> canvas) { bottom: var(--rv-sheet) !important; }
-}
-</style>"""
-"""Beside `STYLE`, where the middle belongs to the scene."""

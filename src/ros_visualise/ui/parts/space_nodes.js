@@ -32,6 +32,20 @@ function shader(vertexShader, fragmentShader, uniforms = {}, more = {}) {
 // Light comes from the camera; what is seen from the side is darker.
 const LIT = `vec3 lit(vec3 color, vec3 normal) { return color * (0.35 + 0.65 * abs(normalize(normal).z)); }`;
 
+// Numbers of instances: one array, whose parts are attributes {name: [width, offset]}.
+function interleave(geometry, there, array, stride, parts, isByte) {
+  if (there?.array.length === array.length) {
+    there.array.set(array);
+    there.needsUpdate = true;
+    return there;
+  }
+  geometry.dispose(); // with the arrays before
+  const buffer = new THREE.InstancedInterleavedBuffer(array.slice(), stride).setUsage(THREE.DynamicDrawUsage);
+  for (const [name, [width, at]] of Object.entries(parts))
+    geometry.setAttribute(name, new THREE.InterleavedBufferAttribute(buffer, width, at, isByte));
+  return buffer;
+}
+
 // Values are taken as typed arrays; attributes keep room, so that few of them are made anew.
 function fill(geometry, name, array, width, isByte) {
   const Kind = array instanceof Uint16Array ? THREE.Float16BufferAttribute : THREE.BufferAttribute;
@@ -117,17 +131,13 @@ class Lines {
   set(values) {
     const { uniforms } = this.material;
     const { geometry } = this.object;
-    const pair = (array, names, isByte) => {
-      const buffer = new THREE.InstancedInterleavedBuffer(array.slice(), 6);
-      names.forEach((name, i) => geometry.setAttribute(name, new THREE.InterleavedBufferAttribute(buffer, 3, 3 * i, isByte)));
-      geometry.dispose();
-    };
     const { points, colors } = values;
     if (points) {
-      pair(points, ["start", "end"], false);
+      this.ends = interleave(geometry, this.ends, points, 6, { start: [3, 0], end: [3, 3] }, false);
       geometry.instanceCount = points.length / 6;
     }
-    if (colors instanceof Uint8Array) pair(colors, ["startColor", "endColor"], true);
+    if (colors instanceof Uint8Array)
+      this.paints = interleave(geometry, this.paints, colors, 6, { startColor: [3, 0], endColor: [3, 3] }, true);
     else if (colors) uniforms.plain.value = rgb(colors);
     if (colors) uniforms.isPlain.value = !(colors instanceof Uint8Array);
     const { width, in_metres: inMetres } = Object.assign(this.values, values);
@@ -164,17 +174,8 @@ class Copies {
     if (shape) this.shape(shape);
     if (!rows) return;
     const { geometry } = this.object;
-    if (this.buffer?.array.length === rows.length) {
-      this.buffer.array.set(rows);
-      this.buffer.needsUpdate = true;
-    } else {
-      geometry.dispose();
-      this.buffer = new THREE.InstancedInterleavedBuffer(rows.slice(), ROW);
-      this.buffer.setUsage(THREE.DynamicDrawUsage);
-      const parts = { place: [3, 0], turn: [4, 3], extent: [3, 7], rgba: [4, 10] };
-      for (const [name, [width, at]] of Object.entries(parts))
-        geometry.setAttribute(name, new THREE.InterleavedBufferAttribute(this.buffer, width, at));
-    }
+    const parts = { place: [3, 0], turn: [4, 3], extent: [3, 7], rgba: [4, 10] };
+    this.buffer = interleave(geometry, this.buffer, rows, ROW, parts, false);
     geometry.instanceCount = this.count = rows.length / ROW;
     let isClear = false;
     for (let at = ROW - 1; at < rows.length && !isClear; at += ROW) isClear = rows[at] < 1;
@@ -432,9 +433,9 @@ export function make(kind, view) {
 }
 
 export function dispose(part) {
-  for (const one of part.parts ?? [part]) {
-    one.material?.map?.dispose();
-    one.material?.dispose();
-    if (!(one instanceof Label)) one.object.geometry?.dispose(); // all sprites share one
+  for (const { material, object } of part.parts ?? [part]) {
+    material?.map?.dispose();
+    material?.dispose();
+    object.traverse((one) => one.isSprite || one.geometry?.dispose()); // all sprites share one
   }
 }

@@ -1,5 +1,6 @@
-// Keeps the page's settings in its address, behind the #, from data-address. A page that is opened with such an address, or whose program was restarted, sends it to the program, unless
-// another web site opened the page (rv.isForeign). The address is that of the page around this one.
+// Keeps the page's settings in its address, behind the #, from data-address. A page that is opened
+// with such an address, or whose program was restarted, sends it to the program, unless another web
+// site opened the page (rv.isForeign). The address is that of the page around this one.
 (() => {
   const { location, history } = parent;
   const PERIOD_MS = 500;
