@@ -4,47 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
-import struct
-from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from ros_visualise.core import supervision
-from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import Image, PointCloud
 from ros_visualise.graph import Graph, Member, Node
 from ros_visualise.lessons.magnifier import PixelParams, pixel_at
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.live import closeup
-from ros_visualise.ui.live.closeup import Closeup
 from ros_visualise.ui.live.exchange import exchange
+from ros_visualise.ui.live.image_browser import ImageBrowser, Shown
 from ros_visualise.ui.live.image_channel import ImageChannel, ImageView, Picture
 from ros_visualise.ui.live.previews import Previews, shows_source
 from ros_visualise.ui.live.surroundings import Surroundings
-from ros_visualise.ui.server.answers import READ_ONLY, Refusal
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.pool import Pool
 from ros_visualise.ui.shown import detections_of, first_shown
 
-_CREDIT = 2
-"""Images of a view that are on their way to a browser at once."""
-_MOST_SHOWN, _MOST_CHANNELS = 24, 48
-_MOST_PIXELS = 1 << 17
-_LETTERS = 300
-_MOST_ASKED = 16
+_MOST_CHANNELS = 48
 _THREADS = 2
 _LOOK_S = 0.2
-_FARTHEST = 1e7
 _REST, _REST_UNTHROTTLED = 2.0, 8.0
 """Seconds of pause for each second of computing while nodes compute too: they come first."""
-_ANSWERS: Mapping[str, Callable[[Image, list[float]], Closeup]] = {
-    "part": closeup.part,
-    "line": closeup.line,
-    "histogram": lambda image, _: closeup.histogram(image),
-    "png": lambda image, _: closeup.png(image),
-}
 
 
 class ImageHub:
@@ -60,7 +41,7 @@ class ImageHub:
         self._surroundings: Surroundings | None = None
         self._previews: Previews | None = None
         self._channels: dict[ImageView, _Channel] = {}
-        self._browsers: set[_Browser] = set()
+        self._browsers: set[ImageBrowser] = set()
         self._looking: asyncio.TimerHandle | None = None
         self.topics = json.dumps({"topics": []})
 
@@ -77,7 +58,7 @@ class ImageHub:
         for values of the image it has, or to choose a pixel of it.
         """
         visit: Visit = scope["state"]["visit"]
-        browser = _Browser(self, send, visit)
+        browser = ImageBrowser(self, send, visit)
         self._browsers.add(browser)
         if self._looking is None:
             self._look()
@@ -92,7 +73,7 @@ class ImageHub:
         self.show(None)
         self.pool.close()
 
-    def join(self, shown: _Shown) -> None:
+    def join(self, shown: Shown) -> None:
         """Give a browser the channel of a view, if the graph has its topics."""
         view = shown.view
         if view not in self._channels and self._runtime and self._has(view):
@@ -103,9 +84,10 @@ class ImageHub:
         if shown.channel is not None:
             shown.channel.note(shown)
 
-    def leave(self, shown: _Shown) -> None:
+    def leave(self, shown: Shown) -> None:
         """Take a browser from a channel; without any, it ends."""
-        channel, shown.channel = shown.channel, None
+        channel = None if shown.channel is None else self._channels.get(shown.view)
+        shown.channel = None
         if channel is not None and channel.forget(shown):
             self._channels.pop(shown.view).maker.close()
 
@@ -137,6 +119,8 @@ class ImageHub:
             if self._surroundings is not None:
                 self._surroundings.follow(self._runtime.graph)
             self._follow(self._runtime, self._surroundings)
+        for browser in self._browsers:
+            browser.follow()  # there may be room for a channel by now
         self._looking = self._loop.call_later(_LOOK_S, self._look)
 
     def _follow(self, runtime: Runtime | None, surroundings: Surroundings | None) -> None:
@@ -188,7 +172,7 @@ class _Channel:
 
     def __init__(self, hub: ImageHub, view: ImageView) -> None:
         self.picture: Picture | None = None
-        self._shown: set[_Shown] = set()
+        self._shown: set[Shown] = set()
         self.maker = hub.start(view, self._put)
 
     def _put(self, picture: Picture) -> None:
@@ -196,12 +180,12 @@ class _Channel:
         for shown in self._shown:
             shown.browser.wake()
 
-    def note(self, shown: _Shown) -> None:
+    def note(self, shown: Shown) -> None:
         """Note what a browser shows and can take."""
         self._shown.add(shown)
         self._tell()
 
-    def forget(self, shown: _Shown) -> bool:
+    def forget(self, shown: Shown) -> bool:
         """Forget a browser; true if it was the last one."""
         self._shown.discard(shown)
         self._tell()
@@ -214,173 +198,6 @@ class _Channel:
         maker.is_ready = any(one.credit > 0 for one in wanting)
         if (maker.size, maker.is_ready) != before:
             maker.changed.set()
-
-
-class _Shown:
-    """A view in one browser: its size, the last image sent, and how many more it can take."""
-
-    def __init__(self, browser: _Browser, key: str, view: ImageView) -> None:
-        self.browser, self.key, self.view = browser, key, view
-        self.channel: _Channel | None = None
-        self.size, self.number, self.credit = 0, 0, _CREDIT
-        self.held = False
-        self.image: Image | None = None
-
-
-class _Browser:
-    def __init__(self, hub: ImageHub, send: Send, visit: Visit) -> None:
-        self.shown: dict[str, _Shown] = {}
-        self._hub, self._send, self._visit = hub, send, visit
-        self._asked: deque[Mapping[str, Any]] = deque(maxlen=_MOST_ASKED)
-        self._news, self._questions = asyncio.Event(), asyncio.Event()
-        self._topics = ""
-
-    def wake(self) -> None:
-        self._news.set()
-
-    def hear(self, text: str) -> None:
-        """Handle a message; anything else than those that our pages send is ignored."""
-        try:
-            message = json.loads(text)
-        except (ValueError, RecursionError):
-            return
-        if not isinstance(message, dict):
-            return
-        if isinstance(message.get("show"), dict):
-            self._show(message["show"])
-        elif (shown := self.shown.get(str(message.get("got")))) is not None:
-            shown.credit = min(shown.credit + 1, _CREDIT)
-            if shown.channel is not None:
-                shown.channel.note(shown)
-            self.wake()
-        elif "ask" in message:
-            self._asked.append(message)
-            self._questions.set()
-
-    def leave(self) -> None:
-        self._show({})
-
-    def follow(self) -> None:
-        """Show the images of another graph."""
-        for shown in self.shown.values():
-            if shown.channel is None:
-                shown.number, shown.credit, shown.image = 0, _CREDIT, None
-                self._hub.join(shown)
-        self.wake()
-
-    def _show(self, wanted: Mapping[str, Any]) -> None:
-        views = {key: (_view(one), one) for key, one in list(wanted.items())[:_MOST_SHOWN]}
-        for key, shown in list(self.shown.items()):
-            if key not in views or views[key][0] != shown.view:
-                self._hub.leave(self.shown.pop(key))
-        for key, (view, asked) in views.items():
-            if view is None or len(key) > _LETTERS:
-                continue
-            shown = self.shown.setdefault(key, _Shown(self, key, view))
-            shown.size, shown.held = asked["size"], asked.get("held") is True
-            self._hub.join(shown)
-        self.wake()
-
-    async def send_all(self) -> None:
-        """Send images and answers."""
-        answering = asyncio.ensure_future(self._answer_all())
-        try:
-            while True:
-                if self._topics != self._hub.topics:
-                    self._topics = self._hub.topics
-                    await self._send({"type": "websocket.send", "text": self._topics})
-                await self._send_newest()
-                await self._news.wait()
-                self._news.clear()
-        finally:
-            answering.cancel()
-            await asyncio.gather(answering, return_exceptions=True)
-
-    async def _send_newest(self) -> None:
-        for shown in list(self.shown.values()):
-            channel = shown.channel
-            picture = channel and channel.picture
-            if not (channel and picture) or shown.credit <= 0 or shown.held:
-                continue
-            if shown.number == picture.number:
-                continue
-            shown.number, shown.credit = picture.number, shown.credit - 1
-            shown.image = picture.image or shown.image
-            channel.note(shown)
-            await self._give({"key": shown.key, **picture.facts}, picture.jpeg)
-
-    async def _answer_all(self) -> None:
-        """Answer questions, one at a time: a browser that asks much slows only itself."""
-        while True:
-            await self._questions.wait()
-            self._questions.clear()
-            while self._asked:
-                await self._answer(self._asked.popleft())
-
-    async def _answer(self, message: Mapping[str, Any]) -> None:
-        number, body = message.get("ask"), b""
-        facts: Mapping[str, Any]
-        try:
-            facts, body = await self._find(message)
-        except (RosVisualiseError, Refusal) as error:
-            facts, body = {"problem": str(error)}, b""
-        except (KeyError, TypeError, ValueError, OverflowError):
-            facts = {"problem": "malformed request"}
-        except supervision.ERRORS as error:
-            supervision.note("image values", error)
-            return
-        if type(number) is int:
-            await self._give({"answer": number, **facts}, body)
-
-    async def _find(self, message: Mapping[str, Any]) -> Closeup:
-        """The answer to a question; that to a pick is empty."""
-        shown = self.shown.get(str(message.get("key")))
-        if shown is None or shown.image is None:
-            raise RosVisualiseError("no image yet")
-        at = _numbers(message.get("at", []))
-        if message.get("what") != "pick":
-            answer = _ANSWERS[str(message.get("what"))]
-            return await self._hub.pool.do(partial(answer, shown.image, at))
-        if self._visit.is_viewer:
-            raise Refusal(READ_ONLY, 403)
-        await self._hub.pool.do(partial(self._hub.pick, shown.view.topic, shown.image, *at))
-        return Closeup({})
-
-    async def _give(self, facts: Mapping[str, Any], body: bytes) -> None:
-        await self._send({"type": "websocket.send", "bytes": packet(facts, body)})
-
-
-def packet(facts: Mapping[str, Any], body: bytes) -> bytes:
-    """A message: the length of the facts in JSON, these, and bytes such as a JPEG."""
-    encoded = json.dumps(facts, allow_nan=False).encode()
-    return struct.pack("<I", len(encoded)) + encoded + body
-
-
-def _view(asked: Any) -> ImageView | None:
-    """The view that a browser asks for; None for anything that is none."""
-    if not isinstance(asked, dict):
-        return None
-    size = asked.get("size")
-    names = [asked.get(name, "") for name in ("topic", "minus", "cloud")]
-    if type(size) is not int or not 0 < size <= _MOST_PIXELS:
-        return None
-    if not all(isinstance(name, str) and len(name) <= _LETTERS for name in names):
-        return None
-    topic, minus, cloud = names
-    boxes, stretch = (asked.get(name) is True for name in ("boxes", "stretch"))
-    return ImageView(topic, minus, cloud, boxes, stretch)
-
-
-def _numbers(at: Any) -> list[float]:
-    """Up to four finite numbers; raises ValueError for anything else."""
-    if not isinstance(at, list) or len(at) > 4:
-        raise ValueError("not a list of numbers")
-    for value in at:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError("not a number")
-        if not (math.isfinite(value) and abs(value) <= _FARTHEST):
-            raise ValueError("too large")
-    return [float(value) for value in at]
 
 
 def _offers(graph: Graph) -> list[Mapping[str, Any]]:
