@@ -20,7 +20,6 @@ from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.server import PageServer
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.server.access import access_rules
-from ros_visualise.ui.shell import VISER
 
 FLAGS = [
     "--no-sandbox",
@@ -87,20 +86,15 @@ def chromium() -> Iterator[object]:
 
 @pytest.fixture
 def browse(chromium, page: Page) -> Iterator[Callable[..., object]]:
-    """Opens viser's page, or another, in a browser of its own, until it has come."""
+    """Opens the page in a browser of its own, until its images have come."""
     contexts = []
 
-    def open_browser(path: str = VISER, images: bool = True) -> object:
+    def open_browser(path: str = "", images: bool = True) -> object:
         context = chromium.new_context(viewport={"width": 1280, "height": 720})
         contexts.append(context)
         tab = context.new_page()
         tab.goto(page.url + path)
-        if not images:
-            return tab
-        if path != VISER:
-            tab.wait_for_selector("iframe", timeout=120_000)
-        tab.frames[-1].get_by_text("Threshold", exact=True).wait_for(timeout=120_000)
-        if not path:
+        if images and not path:
             tab.wait_for_function(IMAGES, timeout=120_000)
         return tab
 

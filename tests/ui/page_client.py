@@ -248,6 +248,67 @@ class ClockClient:
         return self._state
 
 
+class Live:
+    """A browser's side of a WebSocket of the page that sends lists of messages.
+
+    Attributes:
+        state: the newest of each entry of all messages.
+        values, unused, first: node -> what was said of its parameters last.
+        got: all messages.
+    """
+
+    def __init__(self, port: int, path: str, token: str = TOKEN) -> None:
+        self.socket = connect(f"ws://127.0.0.1:{port}/{token}{path}", max_size=None)
+        self.state: dict[str, Any] = {}
+        self.values: dict[str, dict[str, Any]] = {}
+        self.unused: dict[str, list[str]] = {}
+        self.first: dict[str, dict[str, Any]] = {}
+        self.got: list[dict[str, Any]] = []
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.socket.close()
+
+    def send(self, do: str, **request: Any) -> None:
+        """Ask for something."""
+        self.socket.send(json.dumps({"do": do, **request}))
+
+    def set(self, node: str, name: str, value: Any) -> dict[str, Any]:
+        """Set a parameter; the answer."""
+        return self.answer("set", values={node: {name: value}})
+
+    def answer(self, do: str, **request: Any) -> dict[str, Any]:
+        """Ask for something that is answered; the answer."""
+        number = len(self.got) + 1
+        self.send(do, number=number, **request)
+        self.read_until(lambda: any(one.get("done") == number for one in self.got))
+        return next(one for one in self.got if one.get("done") == number)
+
+    def read_until(self, check: Callable[[], object], timeout_s: float = 60.0) -> None:
+        """Take what comes until the check holds."""
+        end_s = time.monotonic() + timeout_s
+        while not check():
+            assert time.monotonic() < end_s, f"it did not come about; there is {self.state}"
+            with contextlib.suppress(TimeoutError):
+                for message in json.loads(self.socket.recv(timeout=0.02)):
+                    self.got.append(message)
+                    self.state.update(message)
+                    for what in ("values", "unused", "first") if "of" in message else ():
+                        getattr(self, what)[message["of"]] = message[what]
+
+    @property
+    def last(self) -> str:
+        """The text of the newest notice."""
+        notices = self.state.get("notices")
+        return notices[-1][3] if notices else ""
+
+    def said(self, text: str) -> bool:
+        """Whether a notice has this text."""
+        return any(text in line[3] for line in self.state.get("notices", []))
+
+
 def _decode(packet: bytes) -> list[dict[str, Any]]:
     length = int.from_bytes(packet[8:16], "little")
     packed = zstandard.ZstdDecompressor().decompress(packet[16 : 16 + length])

@@ -31,7 +31,8 @@ def page(port, runtime, chooser, tmp_path):
 
 
 def test_drop_record_and_download(browse, chooser, tmp_path):
-    tab = browse()
+    tab = browse("?layout={~panel~:~files~}", images=False)
+    tab.get_by_role("button", name="● Record").wait_for(timeout=60_000)
     tab.set_default_timeout(90_000)
     tab.evaluate(DROP, SIZE)
     asked = None
@@ -45,7 +46,7 @@ def test_drop_record_and_download(browse, chooser, tmp_path):
     tab.get_by_role("button", name="● Record").click()
     tab.get_by_role("button", name="■ Stop recording").click()
     with tab.expect_download() as download:
-        tab.click("a[data-download]")
+        tab.click("[data-download]")
     name = download.value.suggested_filename
     download.value.save_as(tmp_path / "got")
     assert (tmp_path / "got").read_bytes() == (tmp_path / name).read_bytes() != b""

@@ -4,11 +4,10 @@ import json
 import signal
 import subprocess
 import sys
-from contextlib import closing
 
 import pytest
 from made_videos import numbered, write_video
-from page_client import TOKEN, Client, ClockClient, get
+from page_client import TOKEN, ClockClient, Live, get
 from waiting import wait_for
 
 from ros_visualise.commands import main
@@ -67,42 +66,47 @@ def run(command, folder, port):
 
 @pytest.fixture
 def client(run, port):
-    client = Client(port)
-    with closing(client):
-        client.read_until(lambda: "Source" in client.values)
+    with Live(port, "/live/files") as client:
+        client.read_until(lambda: "two.mkv" in client.state.get("files", []))
         yield client
 
 
-def open_next(client, name):
-    client.html.clear()
-    client.set("Source", name)
-    port = client.socket.remote_address[1]
-    wait_for(lambda: f"<title>{name} " in get(port)[2], "the page's title")
+@pytest.fixture
+def nodes(run, port):
+    with Live(port, "/live/nodes") as nodes:
+        nodes.read_until(lambda: "filters" in nodes.values)
+        yield nodes
 
 
-def test_another_file_is_shown_as_the_one_before(run, client, folder):
-    client.set("Threshold", 77)
-    port = client.socket.remote_address[1]
+def open_next(client, name, port, title=""):
+    client.send("open", name=name)
+    wait_for(lambda: f"<title>{title or name} " in get(port)[2], "the page's title")
+
+
+def test_another_file_is_shown_as_the_one_before(run, client, nodes, folder, port):
+    assert nodes.set("filters", "threshold", 77)["reason"] == ""
     with ClockClient(port, TOKEN) as clock:
         clock.act(loop=True)
         clock.read_until(lambda state: state["loop"])
-    client.read_until(lambda: any("threshold=77" in html for html in client.html))
-    client.set("Source", "junk.mp4")
-    client.read_until(lambda: any("junk.mp4: " in html for html in client.html))
+    client.send("open", name="junk.mp4")
+    nodes.read_until(lambda: nodes.said("junk.mp4: "))
 
-    open_next(client, "two.mkv")
+    open_next(client, "two.mkv", port)
     with ClockClient(port, TOKEN) as clock:
         clock.read_until(lambda state: state["loop"])
-    client.read_until(lambda: client.values.get("Threshold") == 77)
-    assert client.values["Threshold"] == 77
-    client.read_until(lambda: any("threshold=77" in html for html in client.html))
-    client.set("edge_detector", False)  # its window
-    kept = "windows/edge_detector=False"
-    client.read_until(lambda: any(kept in html for html in client.html))
-
-    open_next(client, "three.bag")
-    client.read_until(lambda: client.values.get("edge_detector") is False)
-    assert client.values["Threshold"] == 77
+    for name in ("two.mkv", "three.bag"):
+        open_next(client, name, port)
+        with Live(port, "/live/nodes") as later:
+            later.read_until(lambda later=later: "filters" in later.values)
+            assert later.values["filters"]["threshold"] == 77
+            assert later.first["filters"]["threshold"] == 90
+    client.read_until(lambda: client.state["recent"][0].endswith("three.bag"))
+    open_next(client, "test", port, title="camera")
+    nodes.read_until(lambda: nodes.state["graph"][0] == "camera")
+    open_next(client, "three.bag", port)
+    client.send("save", what="layout", name="mine.yaml")
+    client.read_until(lambda: client.state.get("saved"))
+    assert "filters/threshold: 77" in (folder / "mine.yaml").read_text()
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130
@@ -114,7 +118,7 @@ def test_another_file_is_shown_as_the_one_before(run, client, folder):
 
 @pytest.mark.parametrize("command", [[sys.executable, "-c", HANGING]], ids=["hanging"])
 def test_a_command_ends_while_a_file_is_opened_from_its_page(run, client, folder):
-    client.set("Source", "two.mkv")
+    client.send("open", name="two.mkv")
     assert any("opening" in line for line in run.stderr)
     run.send_signal(signal.SIGINT)
     out, _ = run.communicate(timeout=PATIENCE_S)

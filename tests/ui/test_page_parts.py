@@ -10,23 +10,21 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from waiting import wait_for
 
 from ros_visualise.core.errors import ParameterError
-from ros_visualise.core.params import Parameters, param, specs
+from ros_visualise.core.params import param, specs
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph, Node
 from ros_visualise.graph.pipelines import build, image_pipeline
 from ros_visualise.nodes import NodeType, NoParams
-from ros_visualise.nodes.filters import FiltersParams
 from ros_visualise.plotting.colors import PALETTE
 from ros_visualise.runtime.remote.declaration import ParameterDescription, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
+from ros_visualise.ui.live.declared import declaration, sent
 from ros_visualise.ui.live.topics import lines_of, topic_rows
-from ros_visualise.ui.page.controls import Controls, add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.trackbars import scale_of
+from ros_visualise.ui.worker import PageWorker
 
 
 class Mode(Enum):
@@ -45,16 +43,9 @@ class Every:
     mode: Mode = param(Mode.HARD, "a choice")
 
 
-class Gui:
-    """Tells which element was asked for."""
-
-    def __getattr__(self, kind):
-        return lambda *args, **rest: (kind.removeprefix("add_"), *args, rest)
-
-
 @pytest.fixture
 def elements():
-    return {spec.name: add_element(Gui(), spec, shown(spec.default)) for spec in specs(Every)}
+    return {spec.name: declaration(spec) for spec in specs(Every)}
 
 
 def test_a_parameter_of_a_foreign_node_is_as_that_describes_it():
@@ -66,10 +57,11 @@ def test_a_parameter_of_a_foreign_node_is_as_that_describes_it():
     ]
     params = declared(told)
     min_x, free, gains = specs(params)
-    assert add_element(Gui(), min_x, 1.0)[:6] == ("slider", "Min-x", 0, 2, 0.5, 1)
+    shown = {"label": "Min-x", "low": 0, "high": 2, "step": 0.5}
+    assert shown.items() <= declaration(min_x).items()
     assert scale_of(min_x).last == 4
-    assert add_element(Gui(), free, 3)[:3] == ("number", "Free", 3)
-    assert add_element(Gui(), free, 3)[-1]["step"] == 3
+    assert {"label": "Free", "kind": "int", "step": 3}.items() <= declaration(free).items()
+    assert "low" not in declaration(free)
     assert (gains.used(params()), min_x.used(params())) == (False, True)
     assert [spec.saved for spec in (min_x, free, gains)] == [False, True, False]
 
@@ -81,40 +73,31 @@ def test_no_two_colours_look_alike():
     assert len(PALETTE) >= 12
 
 
-def test_each_type_has_its_element(elements):
-    assert elements["count"][:6] == ("slider", "Count", 0, 800, 1, 5)
-    assert elements["free"][:3] == ("number", "Free", 7)
-    given = {"min": 1, "max": None, "step": None, "hint": "no upper limit"}
-    assert elements["free"][-1] == given
-    assert elements["on"][:3] == ("checkbox", "On", True)
-    assert elements["name"][:3] == ("text", "Name", "x")
-    assert elements["mode"][:3] == ("dropdown", "Mode", ("soft", "3"))
-    assert elements["mode"][-1] == {"initial_value": "3", "hint": "a choice"}
+def test_each_type_is_declared(elements):
+    assert elements["count"] == {
+        "name": "count",
+        "label": "Count",
+        "kind": "int",
+        "help": "a count",
+        "group": "",
+        "min": 0,
+        "max": 800,
+        "low": 0,
+        "high": 800,
+        "step": 1,
+    }
+    assert {"kind": "int", "min": 1}.items() <= elements["free"].items()
+    assert not {"low", "max", "step"} & elements["free"].keys()
+    assert [elements[name]["kind"] for name in ("on", "name", "mode")] == ["bool", "str", "choice"]
+    assert elements["mode"]["choices"] == ("soft", "3")
+    assert sent(Mode.HARD) == "3"
+    assert sent(float("inf")) == "inf"
 
 
-def test_a_slider_waits_for_its_switch(server):
-    worker = Worker(print, lambda: None, 0.01)
-    parameters = Parameters(FiltersParams())
-    controls = Controls(server.gui, "filters", parameters, worker)
-    controls.add(specs(FiltersParams))
-    size = next(
-        one for one in server.gui._gui_input_handle_from_uuid.values() if one.label == "Blur size"
-    )
-    assert size.disabled
-    worker.start()
-    parameters.update({"blur": "median"})
-    wait_for(lambda: not size.disabled)
-    parameters.update({"blur": "off"})
-    wait_for(lambda: size.disabled)
-    worker.close(1)
-
-
-def test_a_slider_holds_a_value_beyond_its_range(elements):
-    assert elements["far"][2:6] == (0, 60, 1, 60)
-
-
-def test_a_slider_of_floats_has_round_steps(elements):
-    assert elements["ratio"][2:6] == (0.0, 20.0, 0.1, 0.5)
+def test_a_slider_is_narrower_than_the_limits_and_has_round_steps(elements):
+    far = {"low": 0, "high": 30, "max": 240, "step": 1}
+    assert far.items() <= elements["far"].items()
+    assert {"low": 0.0, "high": 20.0, "step": 0.1}.items() <= elements["ratio"].items()
 
 
 def test_the_picture_shows_every_node_and_topic_below_what_leads_to_it():
@@ -198,7 +181,7 @@ def test_the_table_tells_rates_drops_and_latency():
 
 
 def worker_of(said, tick=lambda: None):
-    return Worker(said.append, tick, 60.0)
+    return PageWorker(said.append, tick, 60.0)
 
 
 def test_the_way_that_was_gone_is_told():
@@ -230,20 +213,13 @@ def test_only_the_newest_of_a_kind_is_done():
 def test_a_flood_of_clicks_is_not_kept():
     done, finished = [], threading.Event()
     worker = worker_of([])
-    pressed = worker.listener(None, done.append)
-    click = SimpleNamespace(client_id=1, target=SimpleNamespace(value=True))
     for _ in range(100_000):
-        run_at_once(pressed(click))
+        worker.ask(object(), lambda: done.append(True))
     worker.post("end", finished.set)
     worker.start()
     assert finished.wait(10)
     worker.close(10)
     assert 100 <= len(done) <= 1000
-
-
-def run_at_once(coroutine):
-    with pytest.raises(StopIteration):
-        coroutine.send(None)
 
 
 def test_what_is_refused_is_said_and_the_work_goes_on():

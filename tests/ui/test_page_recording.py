@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from page_client import Client
+from page_client import Live
 from rosbags.highlevel import AnyReader
 
 from ros_visualise.core.errors import OpenError, UsageError
@@ -29,8 +29,9 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     before = {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")}
     page = Page(ViewOptions(port=port, record_dir=folder))
     page.open(runtime)
-    client = Client(port)
-    client.read_until(lambda: "File" in client.values)
+    client = Live(port, "/live/files")
+    notices = Live(port, "/live/nodes")
+    client.read_until(lambda: client.state.get("topics"))
     refused = {
         str(tmp_path / "away.mcap"): "give a plain name",
         "../away.mcap": "give a plain name",
@@ -46,24 +47,23 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
         "edges.mp4@/edges": "give a plain name",
     }
     for name, said in refused.items():
-        client.html.clear()
-        client.set("File", name)
-        client.set("● Record", True)
-        client.read_until(lambda said=said: any(said in html for html in client.html))
+        notices.state.clear()
+        client.send("record", name=name)
+        notices.read_until(lambda said=said: said in notices.last)
     assert {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
-    for topic in ("/image_raw", "/controlled_stream", "/processed_image"):
-        client.set(topic, False)
-    client.set("File", "fine.mcap")
-    client.set("● Record", True)
-    client.read_until(lambda: any(f"{folder}/fine.mcap:" in html for html in client.html))
-    client.read_until(lambda: any(" MB, about " in html for html in client.html))
-    assert any(f" of space left in {folder}" in html for html in client.html)
-    client.set("● Record", True)
-    client.read_until(lambda: client.values["File"].startswith("record-"))
+    client.send("record", name="fine.mcap", topics=["/edges"])
+    client.read_until(lambda: f"{folder}/fine.mcap:" in client.state["text"])
+    client.read_until(lambda: " MB, about " in client.state["text"])
+    assert f" of space left in {folder}" in client.state["text"]
+    client.send("record", name="second.mcap")
+    notices.read_until(lambda: "a recording is running" in notices.last)
+    client.send("stop")
+    client.read_until(lambda: client.state["links"] == ["fine.mcap"])
     with AnyReader([folder / "fine.mcap"]) as reader:
         assert set(reader.topics) == {"/edges", "/parameter_events"}
-    client.close()
+    client.__exit__()
+    notices.__exit__()
     page.close()
 
 
@@ -73,31 +73,29 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
     (folder / "link_0.mcap").symlink_to(tmp_path / "outside.mcap")
     page = Page(ViewOptions(port=port, record_dir=folder))
     page.open(runtime)
-    client = Client(port)
-    client.read_until(lambda: "Split" in client.values)
-    assert client.values["Split"] == ""
+    client = Live(port, "/live/files")
+    notices = Live(port, "/live/nodes")
     refused = {
         ("r.mcap", "5"): "split 5: give bytes as 1G or 500M",
         ("r.bag", "10M30s"): "split 10M30s: give bytes as 1G or 500M",
         ("r", "0s"): "split 0s: give bytes as 1G or 500M",
-        ("r.mcap", "<b>"): "split &lt;b&gt;: give bytes as 1G or 500M",
+        ("r.mcap", "<b>"): "split <b>: give bytes as 1G or 500M",
         ("v.mp4", "1G"): "a video is not split",
         ("old.mcap", "1G"): "old_2.mcap exists",
         ("link.mcap", "1G"): "link_0.mcap exists",
         ("../away.mcap", "1G"): "give a plain name",
     }
     for (name, split), said in refused.items():
-        client.html.clear()
-        client.set("File", name)
-        client.set("Split", split)
-        client.set("● Record", True)
-        client.read_until(lambda said=said: any(said in html for html in client.html))
+        notices.state.clear()
+        client.send("record", name=name, split=split)
+        notices.read_until(lambda said=said: said in notices.last)
     assert sorted(path.name for path in tmp_path.rglob("*")) == [
         "here",
         "link_0.mcap",
         "old_2.mcap",
     ]
-    client.close()
+    client.__exit__()
+    notices.__exit__()
     page.close()
 
 
@@ -106,8 +104,8 @@ def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     (tmp_path / "old.yaml").write_text("precious")
     page = Page(ViewOptions(port=port, record_dir=tmp_path))
     page.open(runtime)
-    client = Client(port)
-    client.read_until(lambda: "Save parameters" in client.values)
+    client = Live(port, "/live/files")
+    notices = Live(port, "/live/nodes")
     refused = {
         "../away.yaml": "give a plain name",
         "p.mcap": "give a name that ends in .yaml",
@@ -116,17 +114,17 @@ def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
         "old.yaml": "exists",
     }
     for name, said in refused.items():
-        client.html.clear()
-        client.set("Parameters", name)
-        client.set("Save parameters", True)
-        client.read_until(lambda said=said: any(said in html for html in client.html))
+        for what in ("parameters", "layout"):
+            notices.state.clear()
+            client.send("save", what=what, name=name)
+            notices.read_until(lambda said=said: said in notices.last)
     assert [path.name for path in tmp_path.iterdir()] == ["old.yaml"]
 
-    client.set("Parameters", "mine.yaml")
-    client.set("Save parameters", True)
-    client.read_until(lambda: client.values["Parameters"].startswith("parameters-"))
+    client.send("save", what="parameters", name="mine.yaml")
+    client.read_until(lambda: client.state.get("saved") == str(tmp_path / "mine.yaml"))
     saved = load_yaml(tmp_path / "mine.yaml")
     assert saved["filters"]["blur"] == "median"
     assert set(saved) == {member.name for member in runtime.graph.members}
-    client.close()
+    client.__exit__()
+    notices.__exit__()
     page.close()

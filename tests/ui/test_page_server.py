@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import logging
 import re
 import socket
 import subprocess
@@ -115,28 +114,6 @@ def test_who_knocks_as_the_server_ends_is_let_go(port):
     gc.collect()  # what was forgotten would warn here, which is an error
 
 
-def test_refused_value_snaps_back_and_says_why(client, runtime):
-    client.set("Threshold", 999)
-    client.read_until(lambda: any("999 is outside of 0 to 255" in html for html in client.html))
-    client.read_until(lambda: client.values["Threshold"] == 128)
-    assert runtime.parameters["filters"].current.threshold == 128
-
-
-def test_wild_dragging_ends_at_the_last_value(client, runtime):
-    for value in range(256):
-        client.set("Threshold", value)
-    runtime_value = runtime.parameters["filters"]
-    late = Client(client.socket.remote_address[1])
-    late.read_until(lambda: late.values.get("Threshold") == 255)
-    client.read_until(lambda: runtime_value.current.threshold == 255)
-    late.close()
-
-
-def test_value_beyond_the_slider_widens_it(client, runtime):
-    runtime.parameters["fps_control"].update({"fps": 120})
-    client.read_until(lambda: client.values["FPS"] == 120)
-
-
 def test_a_client_that_reads_nothing_harms_nobody(client, runtime):
     deaf = Client(client.socket.remote_address[1])
     runtime.playback.play()
@@ -169,31 +146,6 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
     for client in clients:
         client.socket.close()
     wait_for(lambda: not followed)
-
-
-def test_recording_from_the_page(port, runtime, tmp_path):
-    page = Page(ViewOptions(port=port, record_dir=tmp_path))
-    page.open(runtime)
-    client = Client(port)
-    client.read_until(lambda: client.images >= 3)
-    target = tmp_path / "run.mcap"
-    client.set("File", target.name)
-    client.set("● Record", True)
-    client.read_until(lambda: any(f"{target}:" in html for html in client.html))
-    client.set("● Record", True)
-    client.read_until(lambda: client.values["File"] != target.name)
-    assert target.read_bytes().endswith(b"\x89MCAP0\r\n")
-
-    client.set("File", target.name)
-    client.set("● Record", True)
-    client.read_until(lambda: any("exists" in html for html in client.html))
-    client.close()
-    page.close()
-
-
-def test_warnings_are_shown(client):
-    logging.getLogger("ros_visualise.sources").warning("the camera <b>0</b> is gone")
-    client.read_until(lambda: any("camera &lt;b&gt;0" in html for html in client.html))
 
 
 class Changing(deque):

@@ -3,17 +3,24 @@
 from urllib.parse import urlsplit
 
 import pytest
-from page_client import Client, wait_in
+from page_client import Live, wait_in
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
 from ros_visualise.ui import ViewOptions, read_arrangement
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.shell import VISER
+
+PANEL = "?layout={~panel~:~nodes~}"
 
 
-def test_reload_and_a_link_lose_nothing(browse, page, runtime):
-    tab = browse("")
+@pytest.fixture
+def look(browse):
+    """Opens the parameters in a browser of its own."""
+    return lambda path=PANEL: browse(path, images=False)
+
+
+def test_reload_and_a_link_lose_nothing(look, page, runtime):
+    tab = look()
     filters = runtime.parameters["filters"]
     assert "#" not in tab.url
     filters.update({"threshold": 77})
@@ -24,23 +31,34 @@ def test_reload_and_a_link_lose_nothing(browse, page, runtime):
     wait_in(tab, lambda: tab.url.endswith("#filters/threshold=50"))
     assert filters.current.threshold == 50  # what it was before is not set again
 
-    link = f"{page.url}#filters/threshold=78&a/b=1&windows=x"
+    link = f"{page.url}{PANEL}#filters/threshold=78&edge_detector/Low=33&a/b=1&windows=x"
     tab.goto("about:blank")
     tab.goto(link)
     wait_in(tab, lambda: filters.current.threshold == 78)
-    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=78"))
+    wait_in(tab, lambda: runtime.parameters["edge_detector"].current.low == 33)
+    kept = "#filters/threshold=78&edge_detector/low=33"
+    wait_in(tab, lambda: tab.url.endswith(kept))
 
-    other = browse("")
+    other = look()
     wait_in(other, lambda: other.url == tab.url)
     filters.update({"threshold": 60})
     for one in (tab, other):
         wait_in(one, lambda one=one: "threshold=60" in one.url)
+    tab.evaluate("location.hash = '#filters/gray=False'")
+    wait_in(tab, lambda: filters.current.gray is False)
+    runtime.playback.set_part(1.0, 2.5)
+    wait_in(tab, lambda: "playback%20range/start=1&playback%20range/end=2.5" in tab.url)
 
 
-def test_what_changed_before_anybody_looked_is_kept_too(browse, page, runtime):
+def test_what_changed_before_anybody_looked_is_kept_too(look, page, runtime):
     runtime.parameters["filters"].update({"threshold": 77})
-    tab = browse()
+    tab = look()
     wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+
+
+def test_a_link_has_the_range_that_is_played(look, page, runtime):
+    tab = look(f"{PANEL}#playback%20range/start=1.5&playback%20range/end=4")
+    wait_in(tab, lambda: runtime.playback.state.part_s == (1.5, 4.0))
 
 
 def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
@@ -63,30 +81,32 @@ def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
     tab.on("websocket", lambda socket: asked.append(socket.url))
     tab.goto(f"{page.url}/?websocket=ws://evil.example:{port + 1}&playbackPath=x#a=b")
     tab.locator("[data-images]").first.wait_for(timeout=120_000)
-    assert f"ws://127.0.0.1:{port}{VISER}" in asked
+    assert f"ws://127.0.0.1:{port}/live/nodes" in asked
     assert {urlsplit(address).netloc for address in asked} == {f"127.0.0.1:{port}"}
     context.close()
     page.close()
 
 
 def test_a_file_arranges_the_page(port, runtime, tmp_path):
-    write_yaml({"filters/threshold": 60, "windows/filters": False}, tmp_path / "l.yaml")
+    older = {"filters/Threshold": 60, "windows/filters": False, "playback range/Start": 1.5}
+    write_yaml(older, tmp_path / "l.yaml")
     page = Page(
         ViewOptions(
             port=port, arrangement=read_arrangement(tmp_path / "l.yaml"), record_dir=tmp_path
         )
     )
     page.open(runtime)
-    client = Client(port)
-    client.read_until(lambda: runtime.parameters["filters"].current.threshold == 60)
-    client.read_until(lambda: client.values["filters"] is False)
-    client.set("Layout", "mine.yaml")
-    client.set("Save layout", True)
-    client.read_until(lambda: (tmp_path / "mine.yaml").exists())
-    client.read_until(lambda: (tmp_path / "mine.yaml").read_text() != "")
+    assert runtime.parameters["filters"].current.threshold == 60
+    assert runtime.playback.state.part_s == (1.5, None)
+    with Live(port, "/live/files") as client:
+        client.send("save", what="layout", name="mine.yaml", layout='{"panel": "nodes"}')
+        client.read_until(lambda: client.state.get("saved"))
     found = read_arrangement(tmp_path / "mine.yaml")
-    assert found == {"filters/threshold": 60, "windows/filters": False}
-    client.close()
+    assert found == {
+        "filters/threshold": 60,
+        "playback range/start": 1.5,
+        "layout": '{"panel": "nodes"}',
+    }
     page.close()
 
 

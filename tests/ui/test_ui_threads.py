@@ -11,8 +11,8 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
 from ros_visualise.ui.live.curves import SampleStore
 from ros_visualise.ui.live.sampling import RecordedCurves
-from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.periodic import PeriodicThread
+from ros_visualise.ui.worker import PageWorker
 
 PATIENCE_S = 30.0
 
@@ -26,7 +26,7 @@ def failures():
 
 def test_a_job_that_fails_is_counted_and_the_next_is_done():
     done = threading.Event()
-    worker = Worker(print, lambda: None, 60.0)
+    worker = PageWorker(print, lambda: None, 60.0)
     worker.post("bad", lambda: 1 / 0)
     worker.post("exit", sys.exit)
     worker.post("good", done.set)

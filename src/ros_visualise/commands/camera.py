@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import UsageError
 from ros_visualise.running.arguments import argument
 from ros_visualise.running.options import SizedOptions
-
-if TYPE_CHECKING:
-    from ros_visualise.graph import Graph
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,17 +24,12 @@ class CameraOptions(SizedOptions):
 
 def run(options: CameraOptions) -> int:
     """Show the camera until stopped."""
-    from ros_visualise.graph.pipelines import image_pipeline
-    from ros_visualise.running.graphs import Selection, sized_to
+    from ros_visualise.running.graphs import stream
     from ros_visualise.running.play import play
 
-    def graph(_: object) -> Graph:
-        if options.rate is not None or options.loop or options.start is not None:
-            raise UsageError("--rate, --loop and --start do not fit a live camera; omit them")
-        return image_pipeline("camera", uri=options.input, **sized_to(options.size))
-
-    # the name is not the address, which may hold a password
-    return play(Selection("camera", graph, options.input, options.size), options)
+    if options.rate is not None or options.loop or options.start is not None:
+        raise UsageError("--rate, --loop and --start do not fit a live camera; omit them")
+    return play(stream(options.input, options.size), options)
 
 
 COMMAND = Command("show a live camera", CameraOptions, run)

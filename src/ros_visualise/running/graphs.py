@@ -78,6 +78,13 @@ def film(path: str, size: str) -> Selection:
     return Selection(Path(path).resolve().name, graph, path, size)
 
 
+def stream(address: str, size: str) -> Selection:
+    """A live camera or a stream; its images are scaled to the size, if any."""
+    # the name is not the address, which may hold a password
+    build = partial(image_pipeline, "camera", uri=address, **sized_to(size))
+    return Selection("camera", lambda _: build(), address, size)
+
+
 def sized_to(size: str) -> dict[str, str]:
     """The parameter of a source of images for a size, if any."""
     return {"size": size} if size else {}
@@ -105,15 +112,19 @@ def graph_of(selection: Selection, options: NodeOptions) -> Graph:
 
 
 def following(
-    selection: Selection, options: PlayingOptions, path: Path, runtime: LocalRuntime
+    selection: Selection, options: PlayingOptions, path: Path | str, runtime: LocalRuntime
 ) -> tuple[Selection, PlayingOptions, Graph]:
-    """A file that is opened from the page, its options, and its graph with the current parameters.
+    """A source opened from the page, its options, and its graph with the current parameters.
+
+    A path is a file, a text the address of a stream.
 
     ``selection``, ``options`` and ``runtime`` are those of the run before. Raises as `graph_of`.
     """
     assert runtime.playback is not None
     state, source = runtime.playback.state, runtime.graph.source
-    if selection.another is not None:
+    if isinstance(path, str):
+        selected = stream(path, selection.size)
+    elif selection.another is not None:
         selected = selection.another(str(path))
     elif is_recording(path):
         selected = replace(recording(str(path)), size=selection.size)
@@ -127,8 +138,8 @@ def following(
         preset="",
         record=[],
         paused=not (state.playing or state.ended),
-        rate=state.rate,
-        loop=state.loop and not (source and source.type.seamless),
+        rate=None if isinstance(path, str) else state.rate,
+        loop=not isinstance(path, str) and state.loop and not (source and source.type.seamless),
     )
     graph = graph_of(selected, options)
     return selected, options, graph.configured(_current_settings(runtime, graph))

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 from ros_visualise.core import supervision
@@ -64,7 +63,7 @@ def in_a_second(request: StopRequest, make: Callable[[], T]) -> T | None:
 
 
 def opened_within(
-    path: Path,
+    name: str,
     limit_s: float,
     request: StopRequest,
     make: Callable[[], T],
@@ -73,7 +72,7 @@ def opened_within(
     """The result of ``make``; None after a stop request.
 
     Args:
-        path: the file that is opened.
+        name: of what is opened.
         limit_s: how long it may take.
         request: a stop request.
         make: opens it, on a thread that is left alone when it is not awaited any longer.
@@ -91,7 +90,7 @@ def opened_within(
         if request.asked:
             return None
         if is_late:
-            raise OpenError(f"{path}: not open after {limit_s:g} s; open it on the command line")
+            raise OpenError(f"{name}: not open after {limit_s:g} s; open it on the command line")
     return work.result()
 
 

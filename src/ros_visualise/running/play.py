@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.paths import set_folder
-from ros_visualise.core.printing import counted, print_json, print_status
+from ros_visualise.core.printing import counted, print_json, print_status, without_secrets
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph import Graph
 from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
@@ -169,11 +169,13 @@ class _Played:
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
-    def follow(self, path: Path, request: StopRequest) -> bool:
-        """Open another file in its place; True if that worked, else it is logged."""
+    def follow(self, path: Path | str, request: StopRequest) -> bool:
+        """Open another file or stream in its place; True if that worked, else it is logged."""
         opening = partial(self._open_next, path)
         try:
-            opened = opened_within(path, _OPEN_S, request, opening, lambda late: late[-1].stop())
+            opened = opened_within(
+                without_secrets(str(path)), _OPEN_S, request, opening, lambda late: late[-1].stop()
+            )
         except RosVisualiseError as error:
             log.error("%s", error)
             return False
@@ -186,7 +188,7 @@ class _Played:
         self.recordings = []
         return True
 
-    def _open_next(self, path: Path) -> tuple[Selection, PlayingOptions, Running]:
+    def _open_next(self, path: Path | str) -> tuple[Selection, PlayingOptions, Running]:
         selection, options, graph = following(self.selection, self.options, path, self.runtime)
         return selection, options, self._opening(options, graph)
 

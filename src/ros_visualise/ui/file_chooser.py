@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from ros_visualise.core.errors import UsageError
+from ros_visualise.core.printing import without_secrets
 from ros_visualise.sources.formats import suffixes
 from ros_visualise.sources.opening import is_recorded_folder
 
@@ -12,6 +14,9 @@ VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm
 SUFFIXES = (*suffixes(), *VIDEOS)
 """Suffixes of files that can be opened."""
 _MOST = 500  # files of a folder that are offered
+_MOST_RECENT = 10
+_STREAM = re.compile(r"(rtsps?|rtmp|https?|udp|srt)://\S+|/dev/video\d{1,3}|test")
+"""Addresses of cameras that may be opened: URLs, devices and the test pattern."""
 
 
 class FileChooser:
@@ -22,13 +27,15 @@ class FileChooser:
         uploads: that of the page's recordings and uploads.
 
     Attributes:
-        current: the present file, or None.
+        current: the present file or stream, or None.
+        recent: files and devices that were opened, the newest first.
     """
 
     def __init__(self, folder: Path, uploads: Path, current: Path | None = None) -> None:
         self._folders = [folder] if _is_same(folder, uploads) else [folder, uploads]
-        self.current = current
-        self._asked: Path | None = None
+        self.current: Path | str | None = current
+        self.recent: list[str] = [] if current is None else [str(current)]
+        self._asked: Path | str | None = None
 
     def files(self) -> dict[str, Path]:
         """Files that can be opened: name -> path; of a name in both folders, the second in full."""
@@ -43,10 +50,22 @@ class FileChooser:
         folder = next((one for one in self._folders if _is_same(one, path.parent)), None)
         if folder is None or not _is_openable(path) or not path.exists():
             raise UsageError(f"{path}: cannot be opened; choose another file")
-        self._asked = folder / path.name
+        self._ask(folder / path.name)
 
-    def take(self) -> Path | None:
-        """The file to open, once; None without any."""
+    def ask_for(self, text: str) -> None:
+        """Open the file of this name, or a stream, next; raises as `ask`."""
+        if _STREAM.fullmatch(text):
+            self._ask(text)
+        else:
+            self.ask(self.files().get(text, Path(text)))
+
+    def _ask(self, wanted: Path | str) -> None:
+        self._asked = wanted
+        if without_secrets(str(wanted)) == str(wanted):  # others see them
+            self.recent = list(dict.fromkeys([str(wanted), *self.recent]))[:_MOST_RECENT]
+
+    def take(self) -> Path | str | None:
+        """The file or stream to open, once; None without any."""
         asked, self._asked = self._asked, None
         return asked
 

@@ -34,8 +34,9 @@ class PageWorker:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start, with the jobs posted before."""
-        self._thread = supervision.start("page", self._run)
+        """Start, with the jobs posted before; safe to call twice."""
+        if self._thread is None:
+            self._thread = supervision.start("page", self._run)
 
     def post(self, key: Hashable, action: Callable[[], object]) -> None:
         """Post a job, in place of one waiting under the same key."""

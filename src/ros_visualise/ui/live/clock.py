@@ -42,12 +42,14 @@ class PageClock:
         self._actions: Mapping[str, Callable[[Playback, Any], None]] = {
             "toggle": lambda playback, _: playback.toggle(),
             "step": lambda playback, forward: playback.step(1 if forward else -1),
-            "seek": lambda playback, to: playback.seek(_seconds(to)),
+            "seek": lambda playback, to: playback.seek(seconds_of(to)),
             "rate": lambda playback, rate: playback.set_rate(float(rate)),
             "loop": lambda playback, loop: playback.set_loop(loop is True),
             "topic": _step_by,
             "begin": lambda playback, _: begin_at(playback, playback.state.position_s),
             "end": lambda playback, _: end_at(playback, playback.state.position_s),
+            "begin_at": lambda playback, to: begin_at(playback, seconds_of(to)),
+            "end_at": lambda playback, to: end_at(playback, seconds_of(to)),
             "whole": lambda playback, _: playback.set_part(),
             "range": _play_range,
             "mark": self._mark,
@@ -85,7 +87,7 @@ class PageClock:
         at, name = mark
         if not isinstance(name, str):
             raise ValueError(name)
-        at_s = playback.state.position_s if at is None else _seconds(at)
+        at_s = playback.state.position_s if at is None else seconds_of(at)
         writing = self._write(partial(self.marks.set, at_s, name))
         asyncio.run_coroutine_threadsafe(writing, page_loop())
 
@@ -140,10 +142,11 @@ def end_at(playback: Playback, time_s: float) -> None:
 
 def _play_range(playback: Playback, ends: Any) -> None:
     begin, end = ends
-    playback.set_part(_seconds(begin), None if end is None else _seconds(end))
+    playback.set_part(seconds_of(begin), None if end is None else seconds_of(end))
 
 
-def _seconds(value: Any) -> float:
+def seconds_of(value: Any) -> float:
+    """A time in a recording; raises ValueError or TypeError for anything else."""
     if isinstance(value, bool) or not math.isfinite(value):
         raise ValueError(f"{value!r} is not a time")
     return float(min(max(value, 0.0), _FARTHEST_S))

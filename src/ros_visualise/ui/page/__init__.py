@@ -1,26 +1,33 @@
-"""The page: a running graph in the browser, with a window for each node."""
+"""The page: a running graph in the browser."""
 
 from __future__ import annotations
 
 import logging
 import socket
 import threading
+from pathlib import Path
 
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui import ViewOptions
+from ros_visualise.ui import Value, ViewOptions
+from ros_visualise.ui.live.files import FilesHub
 from ros_visualise.ui.live.marks import Marks
+from ros_visualise.ui.live.nodes import NodesHub
+from ros_visualise.ui.live.notices import Notices
+from ros_visualise.ui.live.robot import RobotHub
+from ros_visualise.ui.live.settings import by_name
 from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.content import PageContent
-from ros_visualise.ui.page.files import PageFiles
 from ros_visualise.ui.page.server import PageServer, url
-from ros_visualise.ui.page.settings import SettingsMemory, by_name
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
 from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_json
+from ros_visualise.ui.server.files import PageFiles
+from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.pool import Pool
+from ros_visualise.ui.shell.workspace import LAYOUT, read_layout
 
 log = logging.getLogger(__name__)
 
@@ -51,16 +58,27 @@ class Page:
             log.warning("no token: anyone who can reach %s can use the page", host)
         urdf = "" if options.urdf is None else read_urdf(options.urdf)
         self._files = PageFiles(options.record_dir, options.chooser)
-        self._memory = SettingsMemory(options.arrangement)
+        self._notices, loop = Notices(), page_loop()
+        robot = RobotHub(loop, self._notices.say)
+        self._nodes = NodesHub(loop, self._notices, robot.act, options.arrangement)
+        files = FilesHub(loop, self._notices.say, self._files, self._settings)
         self._querys = Pool("page answers", _ANSWERING)
         self.url = url(host, port, rules.token)
         self.view_url = url(host, port, rules.view_token) if options.token else ""
         self._addresses = _lines(host, port, rules)
         self._server = PageServer(
-            host, port, options.title, rules, options.flag, self._answer, self._files.receive
+            host,
+            port,
+            options.title,
+            rules,
+            options.flag,
+            self._answer,
+            self._files.receive,
+            more=[robot, self._nodes, files],
         )
         self._server.space.urdf = urdf
         self._server.space.apply(by_name(options.arrangement))
+        self._server.offered.wanted = read_layout(str(options.arrangement.get(LAYOUT, "")))
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._content: PageContent | None = None
         self._runtime: Runtime | None = None
@@ -74,7 +92,11 @@ class Page:
     @property
     def awaited(self) -> bool:
         """True while no browser shows it."""
-        return not (self._server.viser.get_clients() or self._server.space.is_watched)
+        return not self._nodes.is_watched
+
+    def _settings(self) -> dict[str, Value]:
+        """Settings that a layout file holds beside the layout."""
+        return self._nodes.saved | self._server.space.arrangement
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph, in place of the one before."""
@@ -95,19 +117,17 @@ class Page:
         if self._files.title:
             self._server.offered.title = self._files.title
         self._content = PageContent(
-            self._server.viser,
             self._server.topics,
             self._server.space,
             runtime,
-            self._files,
-            self._memory,
+            self._notices.say,
         )
 
     def _marks(self) -> Marks:
         """The marks of the file that is shown."""
         current = None if self._files.chooser is None else self._files.chooser.current
         try:
-            return Marks(current)
+            return Marks(current if isinstance(current, Path) else None)
         except RosVisualiseError as error:
             log.warning("%s; marks set now are not kept", error)
             return Marks()

@@ -78,12 +78,6 @@ def understand(
 MAX_WHOLE = 2**53
 """JavaScript is exact up to here."""
 MAX_TEXT = 4096
-_LIMITS = "limits_of_browsers"  # an attribute that elements of viser do not have
-
-
-def widen(element: viser.GuiInputHandle[Any], low: float | None, high: float | None) -> None:
-    """Allow typed values beyond a slider's ends, up to these limits; None is unlimited."""
-    setattr(element, _LIMITS, (low, high))
 
 
 def refusal(element: object, value: Value) -> str:
@@ -100,7 +94,7 @@ def _check_number(element: Any, value: Value) -> str:
     is_whole = isinstance(element.value, int)
     if is_whole and value != int(value):
         return f"{value:g} is not a whole number"
-    low, high = getattr(element, _LIMITS, None) or (element.min, element.max)
+    low, high = element.min, element.max
     low = -MAX_WHOLE if low is None else low
     high = MAX_WHOLE if high is None else high
     close = 1e-9 * max(abs(low), abs(high))  # as near as browsers come to a slider's end

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 
 import viser
 
@@ -54,6 +54,7 @@ class PageServer:
         flag: the form of a command-line option, for hints, with a name and a value to fill in.
         answer: answers a query, given whether it is read-only; None leaves it to the page.
         receive: takes the connections that send a file.
+        more: further hubs.
 
     Attributes:
         viser: the elements and the scene of the page.
@@ -77,6 +78,7 @@ class PageServer:
         flag: str = "--{} {}",
         answer: Answers = _nothing,
         receive: Receiver = _nothing,
+        more: Sequence[Hub] = (),
     ) -> None:
         self._answer, self._receive = answer, receive
         listening = listen(host, port, flag)
@@ -89,7 +91,7 @@ class PageServer:
         self.offered = OfferedHub(title)
         self.shell = Shell(self.offered)
         self.space = SpaceHub(page_loop())
-        hubs: list[Hub] = [
+        own: list[Hub] = [
             self.space,
             self.offered,
             self.images,
@@ -97,8 +99,8 @@ class PageServer:
             self.clock,
             PlotHub(page_loop()),
         ]
-        hubs += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
-        self._hubs = {hub.path: hub for hub in hubs}
+        own += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
+        self._hubs = {hub.path: hub for hub in (*own, *more)}
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
 

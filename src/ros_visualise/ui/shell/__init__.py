@@ -20,6 +20,7 @@ FOREIGN = "foreign"
 """Path of viser's page, and its query where another web site may have led to the page around it."""
 _FOLDER = Path(__file__).parent
 _STYLES = [_FOLDER / "page.css", *sorted((_FOLDER / "panels").glob("*.css"))]
+_SCRIPTS = ("rv.js", "nodes.js", "files.js")
 
 
 class Shell:
@@ -34,7 +35,8 @@ class Shell:
         ui.page_title(self._offered.title)
         for style in _STYLES:
             ui.add_css(style)
-        ui.add_head_html(f'<script src="{scope["root_path"]}{PARTS}rv.js"></script>')
+        for name in _SCRIPTS:
+            ui.add_head_html(f'<script src="{scope["root_path"]}{PARTS}{name}"></script>')
         if visit.is_foreign:
             ui.add_body_html(f'<i hidden id="rv-{FOREIGN}"></i>')
         query = parse_qs(scope["query_string"].decode("latin-1"))

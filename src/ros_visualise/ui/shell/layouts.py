@@ -7,9 +7,9 @@ from math import ceil, sqrt
 from typing import Any
 
 from ros_visualise.graph import Graph
+from ros_visualise.ui.live.robot import velocity_topic
 from ros_visualise.ui.scene.kinds import is_track
 from ros_visualise.ui.scene.thread import topics_of
-from ros_visualise.ui.shell.panels import PANELS
 from ros_visualise.ui.shown import first_shown, robot_status
 
 Place = dict[str, Any]
@@ -23,20 +23,15 @@ def standard_layout(graph: Graph | None) -> Place:
 
     Without 3D, images have the room; without both, as in a log of numbers, a plot has it.
     """
-    if "nodes" not in PANELS.names():
-        rest = {"panel": "viser"}
-        if graph is None or not graph.members:
-            return rest
     if graph is None or not graph.members:
         return _tabs(["files", "nodes", "topics"])
     kinds = {name: topic.type for name, topic in graph.topics.items()}
-    left = ["robot", "nodes", "files"] if robot_status(graph)[0] else ["nodes", "files"]
+    has_robot = robot_status(graph)[0] is not None or velocity_topic(graph) is not None
+    left = ["robot", "nodes", "files"] if has_robot else ["nodes", "files"]
     has_scene = bool(topics_of(graph))
     shown = images_to_show(graph)
     images = _column(shown[:_MOST_BESIDE]) if has_scene else _grid(shown[:_MOST_IMAGES])
     parts: list[tuple[Place, float]] = [(_tabs(left, shown=left.index("nodes")), _LEFT)]
-    if "nodes" not in PANELS.names():
-        parts = [(rest, 0.4)]
     if has_scene:
         is_small = images is not None and is_track(kinds)
         parts.append(({"panel": "space"}, 0.3 if is_small else 0.48))

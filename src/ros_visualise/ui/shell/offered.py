@@ -22,12 +22,14 @@ class OfferedHub:
 
     Attributes:
         title: of the browsers' tabs.
+        wanted: a layout that a person gave, in place of a standard one, or None.
     """
 
     path = "/live/offered"
 
     def __init__(self, title: str) -> None:
         self.title = title
+        self.wanted: object = None
         self._runtime: Runtime | None = None
         self._made: tuple[Graph | None, str] | None = None
         self._text = ""
@@ -46,6 +48,8 @@ class OfferedHub:
     @property
     def standard(self) -> object:
         """The standard layout of the present graph."""
+        if self.wanted is not None:
+            return self.wanted
         return standard_layout(None if self._runtime is None else self._runtime.graph)
 
     async def _send_all(self, send: Send) -> None:

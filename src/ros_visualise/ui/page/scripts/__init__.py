@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 import viser
 
 from ros_visualise.core.regular_files import read_file
-from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "viewer.js", "hold.js", "address.js", "keys.js", "files.js")
+_SCRIPTS = ("send.js", "viewer.js", "keys.js")
 """In the order in which they run, before viser's own."""
 _HEAD = b"<head>"
 _VISER = Path(viser.__file__).parent / "client" / "build" / "index.html"
@@ -37,22 +35,3 @@ def client_page(is_foreign: bool, is_viewer: bool) -> bytes:
     scripts = "".join(f"<script>\n{text}</script>" for text in texts)
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     return gzip.compress(page)
-
-
-def add_channel(
-    gui: viser.GuiApi, worker: Worker, name: str, action: Callable[[str, int], object]
-) -> None:
-    """Have a worker call an action for each text that a script sends by ``rv.send(name, text)``.
-
-    The action is called with the text and the number of the browser.
-    """
-    element = gui.add_text(name, "", visible=False)
-
-    async def heard(event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
-        client = event.client_id
-        assert client is not None  # the program sends none
-        await worker.listener(None, lambda text: action(text, client))(event)
-        element._impl.value = ""  # otherwise viser drops a repeated text
-
-    element.on_update(heard)
-    gui.add_html(f'<i hidden data-channel="{name}" data-uuid="{element._impl.uuid}"></i>')

@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
-from html import escape
 from pathlib import Path
 from threading import Lock
-from urllib.parse import quote
-
-import viser
 
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.ui.file_chooser import SUFFIXES, FileChooser
-from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.file_chooser import FileChooser
 from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal
 from ros_visualise.ui.server.pool import Pool
-from ros_visualise.ui.server.uploads import MAX_GIB, Pieces, Uploads
+from ros_visualise.ui.server.uploads import Pieces, Uploads
 from ros_visualise.ui.server.zipped import ZippedFolder
 
-FOLDER = "Open"
 _PIECE_BYTES = 8 << 20
-_NONE = "Choose a file"
 
 
 class PageFiles:
@@ -42,9 +34,12 @@ class PageFiles:
 
     @property
     def title(self) -> str:
-        """The title of the page while it shows a file."""
+        """The title of the page while it shows a file or a stream."""
         current = None if self.chooser is None else self.chooser.current
-        return "" if current is None else f"{current.name} - ros_visualise"
+        if current is None:
+            return ""
+        # the name of a stream is not its address, which may hold a password
+        return f"{current.name if isinstance(current, Path) else 'camera'} - ros_visualise"
 
     def recorded(self, path: Path) -> None:
         """Offer a recording for download: a file, or a folder as a ZIP file."""
@@ -52,12 +47,9 @@ class PageFiles:
             self._recorded[f"{path.name}.zip" if path.is_dir() else path.name] = path
 
     @property
-    def links(self) -> str:
-        """Links to all recordings, as HTML."""
-        return ", ".join(
-            f'<a href="#" data-download="{escape(quote(name))}">{escape(name)}</a>'
-            for name in self._recorded
-        )
+    def names(self) -> list[str]:
+        """The recordings that can be downloaded."""
+        return list(self._recorded)
 
     async def answer(self, query: BrowserQuery) -> Answer:
         """A piece of a recording; raises Refusal for an unknown name."""
@@ -97,38 +89,3 @@ def _read(path: Path, start: int) -> tuple[bytes, int]:
         size = file.seek(0, 2)
         file.seek(min(start, size))
         return file.read(_PIECE_BYTES), size
-
-
-class Opener:
-    """A folder to choose or upload a file to open."""
-
-    def __init__(self, gui: viser.GuiApi, files: PageFiles, worker: Worker) -> None:
-        assert files.chooser is not None
-        assert files.uploads is not None
-        self._files, self._chooser, self._uploads = files, files.chooser, files.uploads
-        with gui.add_folder(FOLDER, expand_by_default=False):
-            self._choice = gui.add_dropdown("Source", self._names(), initial_value=_NONE)
-            self._choice.on_update(worker.listener("source", self._ask))
-            self._note = gui.add_html(self._describe())
-
-    def refresh(self) -> None:
-        if self._names() != self._choice.options:
-            self._choice.options = self._names()
-        if self._note.content != self._describe():
-            self._note.content = self._describe()
-
-    def _ask(self, name: str) -> None:
-        if name != _NONE:
-            set_value(self._choice, _NONE)
-            self._chooser.ask(self._chooser.files().get(name, Path(name)))
-
-    def _names(self) -> tuple[str, ...]:
-        return _NONE, *self._chooser.files()
-
-    def _describe(self) -> str:
-        text = self._uploads.state or f"up to {MAX_GIB} GiB, into {self._uploads.folder.absolute()}"
-        return (
-            '<div class="rv-note"><label class="rv-upload">Upload a file<input type="file" hidden '
-            f'multiple accept="{",".join(SUFFIXES)}" data-upload>'
-            f"</label> or drop it here: {escape(text)}</div>"
-        )

@@ -8,7 +8,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
-from page_client import TOKEN, VIEW_TOKEN, Client
+from page_client import TOKEN, VIEW_TOKEN, Live
 from rosbags.highlevel import AnyReader
 from waiting import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -39,10 +39,15 @@ def page(port, runtime, chooser, tmp_path):
 
 @pytest.fixture
 def client(page, port):
-    client = Client(port)
-    client.read_until(lambda: "Source" in client.values)
-    with closing(client):
+    with Live(port, "/live/files") as client:
+        client.read_until(lambda: client.state.get("topics"))
         yield client
+
+
+@pytest.fixture
+def notices(page, port):
+    with Live(port, "/live/nodes") as notices:
+        yield notices
 
 
 def upload(port, pieces, origin=None, token=TOKEN, **values):
@@ -91,20 +96,21 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser
         ("short.mp4", 2, "size differs from the declared one"),
     ],
 )
-def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):
+def test_uploads_that_are_refused(notices, port, tmp_path, name, size, said):
     (tmp_path / "there/old.mp4").write_text("precious")
     upload(port, [b"1234"], upload=name, size=size, open="")
-    client.read_until(lambda: any(said in html for html in client.html))
+    notices.read_until(lambda: notices.said(said))
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["old.mp4"]
     assert (tmp_path / "there/old.mp4").read_text() == "precious"
     assert not (tmp_path / "away.mp4").exists()
 
 
-def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
+def test_a_browser_that_goes_leaves_nothing(notices, client, port, tmp_path):
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}/?upload=a.mp4&size=9") as socket:
         socket.send(b"1234")
         wait_for(lambda: list((tmp_path / "there").glob("a.mp4.*.part")))
-    client.read_until(lambda: any("connection closed" in html for html in client.html))
+        client.read_until(lambda: client.state["uploads"] == "a.mp4: 44 %")
+    notices.read_until(lambda: notices.said("connection closed"))
     assert not list((tmp_path / "there").iterdir())
 
 
@@ -125,13 +131,10 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
     client, port, tmp_path
 ):
     (tmp_path / "there/other.mcap").write_text("secret")
-    client.set("/image_raw", False)
-    client.set("/controlled_stream", False)
-    client.set("File", "mine.mcap")
-    client.set("● Record", True)
-    client.read_until(lambda: any("mine.mcap: " in html for html in client.html))
-    client.set("● Record", True)
-    client.read_until(lambda: any('data-download="mine.mcap"' in html for html in client.html))
+    client.send("record", name="mine.mcap", topics=["/processed_image", "/edges"])
+    client.read_until(lambda: "mine.mcap: " in client.state["text"])
+    client.send("stop")
+    client.read_until(lambda: client.state["links"] == ["mine.mcap"])
     own = {"X-Ros-Visualise": "1"}
     status, first = fetch(port, "ask=recorded&name=mine.mcap&from=0", **own)
     assert status == 200
@@ -146,32 +149,28 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
 
 
 def test_a_split_recording_is_downloaded_file_by_file(client, port, runtime, tmp_path):
-    client.set("File", "mine.mcap")
-    client.set("Split", "64K")
-    client.set("● Record", True)
+    client.send("record", name="mine.mcap", split="64K")
     runtime.playback.play()
     said = re.compile(r"/mine_0\.mcap: \d+ messages in \d+ files, ")
-    client.read_until(lambda: any(map(said.search, client.html)))
-    client.set("● Record", True)
-    client.read_until(lambda: any('data-download="mine_0.mcap"' in html for html in client.html))
+    client.read_until(lambda: said.search(client.state["text"]))
+    client.send("stop")
+    client.read_until(lambda: "mine_0.mcap" in client.state["links"])
     files = {path.name: path.read_bytes() for path in (tmp_path / "there").iterdir()}
     assert set(files) == {f"mine_{number}.mcap" for number in range(len(files))}
     assert len(files) > 1
-    offered = next(html for html in reversed(client.html) if "data-download" in html)
     own = {"X-Ros-Visualise": "1"}
     for name, content in files.items():
-        assert f'data-download="{name}"' in offered
+        assert name in client.state["links"]
         assert fetch(port, f"ask=recorded&name={name}&from=0", **own) == (200, content)
         with AnyReader([tmp_path / "there" / name]) as reader:
             assert "/edges" in reader.topics
 
 
 def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):
-    client.set("File", "mine")
-    client.set("● Record", True)
-    client.read_until(lambda: any("mine: " in html for html in client.html))
-    client.set("● Record", True)
-    client.read_until(lambda: any('data-download="mine.zip"' in html for html in client.html))
+    client.send("record", name="mine")
+    client.read_until(lambda: "mine: " in client.state["text"])
+    client.send("stop")
+    client.read_until(lambda: client.state["links"] == ["mine.zip"])
     own = {"X-Ros-Visualise": "1"}
     status, whole = fetch(port, "ask=recorded&name=mine.zip&from=0", **own)
     assert status == 200
@@ -189,13 +188,74 @@ def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):
         assert "/edges" in {one.topic for one in reader.connections}
 
 
-def test_no_topic_is_recorded_where_none_is_chosen(client, tmp_path):
-    client.set("Select", "None")
-    client.set("● Record", True)
-    client.read_until(
-        lambda: any("choose at least one topic to record" in html for html in client.html)
-    )
+def test_no_topic_is_recorded_where_none_is_chosen(client, notices, tmp_path):
+    client.send("record", topics=[])
+    notices.read_until(lambda: notices.said("choose at least one topic to record"))
+    client.send("record", topics=["/no/such"])
+    notices.read_until(lambda: notices.said("/no/such"))
     assert not list((tmp_path / "there").iterdir())
+
+
+HOSTILE = [
+    "",
+    "[]",
+    '{"do": "open"}',
+    '{"do": "open", "name": 3}',
+    '{"do": "record", "name": "../../x.mcap"}',
+    '{"do": "record", "name": "x.mcap", "topics": "all"}',
+    '{"do": "record", "split": "-1G"}',
+    '{"do": "save", "what": "all", "name": "x.yaml"}',
+    '{"do": "save", "what": "layout", "name": "../x.yaml"}',
+    '{"do": "save", "what": "layout", "name": "x.yaml", "layout": "' + "x" * 30_000 + '"}',
+    '{"do": "open", "name": "../secret.bag"}',
+    '{"do": "open", "name": "/etc/passwd"}',
+    '{"do": "open", "name": "a\\u0000b"}',
+    '{"do": "open", "name": "file:///etc/passwd"}',
+    '{"do": "open", "name": "lavfi:movie=/etc/passwd"}',
+    '{"do": "open", "name": "concat:http://a|file:/etc/passwd"}',
+    '{"do": "open", "name": "/dev/sda"}',
+    '{"do": "open", "name": "rtsp://"}',
+]
+
+
+def test_hostile_messages_open_and_write_nothing(client, chooser, tmp_path, caplog):
+    for text in HOSTILE:
+        client.socket.send(text)
+    client.send("save", what="layout", name="fine.yaml", layout='{"panel": "nodes"}')
+    client.read_until(lambda: "fine.yaml" in client.state.get("saved", ""))
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["fine.yaml"]
+    assert chooser.take() is None
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_a_viewer_opens_records_and_saves_nothing(page, client, port, chooser, tmp_path):
+    (tmp_path / "here/a.bag").touch()
+    with Live(port, "/live/files", VIEW_TOKEN) as viewer:
+        viewer.read_until(lambda: viewer.state.get("files") == ["a.bag"])
+        viewer.send("open", name="a.bag")
+        viewer.send("record", name="r.mcap")
+        viewer.send("save", what="parameters", name="p.yaml")
+        viewer.send("save", what="layout", name="l.yaml")
+        client.send("save", what="layout", name="fine.yaml")
+        viewer.read_until(lambda: "fine.yaml" in viewer.state.get("saved", ""))
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["fine.yaml"]
+    assert chooser.take() is None
+
+
+def test_what_was_opened_is_offered_again(client, chooser, tmp_path):
+    for name in ("a.bag", "b.bag"):
+        (tmp_path / "here" / name).touch()
+    client.read_until(lambda: client.state["files"] == ["a.bag", "b.bag"])
+    for name in ("a.bag", "b.bag", str(tmp_path / "here/a.bag")):
+        client.send("open", name=name)
+    here = f"{tmp_path}/here"
+    client.read_until(lambda: client.state["recent"] == [f"{here}/a.bag", f"{here}/b.bag"])
+    assert chooser.take() == tmp_path / "here/a.bag"
+    for name in ("rtsp://me:secret@camera/stream", "/dev/video0"):
+        client.send("open", name=name)
+        wait_for(lambda name=name: chooser.take() == name)
+    client.read_until(lambda: client.state["recent"][0] == "/dev/video0")
+    assert "secret" not in str(client.got)
 
 
 def test_what_can_be_opened(chooser, tmp_path):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from page_client import Client
+from page_client import VIEW_TOKEN, Live
 
 from ros_visualise.data import Odometry, Twist
 from ros_visualise.graph import Graph, SourceNode
@@ -15,8 +15,9 @@ from ros_visualise.nodes import NoParams, source
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.live import robot as live_robot
+from ros_visualise.ui.live.robot import velocity_topic
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.robot import velocity_topic
 
 
 def graph_of(robot: str) -> Graph:
@@ -24,23 +25,29 @@ def graph_of(robot: str) -> Graph:
     return Graph(whole.source, tuple(node for node in whole.nodes if node.name == "path"))
 
 
+ROBOT, NODES = "/live/robot", "/live/nodes"
+
+
 class Hold:
     """A press of buttons that is told again with each call, as a browser does."""
 
     presses = 0
 
-    def __init__(self, client: Client, names: str) -> None:
+    def __init__(self, client: Live, names: str, **speeds: float) -> None:
         Hold.presses += 1
-        self._client, self._press, self._names, self._number = client, Hold.presses, names, 0
+        self._client, self._press, self._names = client, str(Hold.presses), names.split()
+        self._speeds = speeds
 
     def __call__(self) -> bool:
-        self._number += 1
-        self._client.set("hold", f"{self._press} {self._number} {self._names}")
+        self._client.send("hold", press=self._press, names=self._names, **self._speeds)
         return True
 
     def release(self) -> None:
-        self._names = ""
+        self._names = []
         self()
+
+    def stop(self) -> None:
+        self._client.send("stop", press=self._press)
 
 
 class Told:
@@ -80,32 +87,39 @@ def test_an_action_of_the_robot_ends_the_driving(port):
     told, page = Told(running), Page(ViewOptions(port=port))
     page.open(told)
     running.start()
-    client = Client(port)
+    client, nodes = Live(port, ROBOT), Live(port, NODES)
     try:
-        client.read_until(lambda: "hold" in client.values)
+        client.read_until(lambda: client.state.get("moves"))
         truth = told.subscribe("/ground_truth/odom")
         hold = Hold(client, "down")
         client.read_until(lambda: hold() and len(told.velocities) > 2)
-        client.set("Clear", True)
+        nodes.send("act", node="path", action="clear")
         client.read_until(lambda: hold() and told.actions == [("path", "clear")])
         before = len(told.velocities)
         client.read_until(lambda: hold() and len(told.velocities) > before + 1)
-        client.set("Commands", "Take off")
+        client.send("act", action="take_off")
         client.read_until(lambda: truth.take(10).position_xyz[2] > 1.0)
         after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
         assert after == [(0.0, 0.0, 0.0)], "one that stops it, then none any more"
     finally:
-        client.close()
+        client.__exit__()
+        nodes.__exit__()
         page.close()
         running.stop()
 
 
 @pytest.fixture
-def client(husky, port) -> Iterator[Client]:
-    client = Client(port)
-    client.read_until(lambda: "hold" in client.values)
-    yield client
-    client.close()
+def client(husky, port) -> Iterator[Live]:
+    with Live(port, ROBOT) as client:
+        client.read_until(lambda: client.state.get("moves"))
+        yield client
+
+
+@pytest.fixture
+def nodes(husky, port) -> Iterator[Live]:
+    with Live(port, NODES) as nodes:
+        nodes.read_until(lambda: "path" in nodes.values)
+        yield nodes
 
 
 def test_what_can_be_driven_is_known():
@@ -119,19 +133,28 @@ def test_it_drives_while_a_button_is_held(client, husky):
     def now():
         return truth.take(10)
 
-    client.set("Speed", 0.5)
-    hold = Hold(client, "forward")
+    hold = Hold(client, "forward", speed=0.5)
     client.read_until(lambda: hold() and len(husky.velocities) > 3)
     assert set(husky.velocities) == {(0.5, 0.0, 0.0)}
     client.read_until(lambda: hold() and now().position_xyz[0] > 0.3)
     hold.release()
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
     client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
-    sent = len(husky.velocities)
-    client.set("Speed", 2.0)
-    client.set("Turn speed", 1.5)
-    client.read_until(lambda: client.values["Turn speed"] == 1.5 and now() is not None)
-    assert len(husky.velocities) == sent, "sliders do not move a robot"
+
+
+def test_a_browser_that_leaves_lets_go_at_once(client, husky, port, monkeypatch):
+    monkeypatch.setattr(live_robot, "_LAPSE_S", 3600)
+    with Live(port, ROBOT) as other:
+        hold = Hold(other, "forward")
+        client.read_until(lambda: hold() and (0.8, 0.0, 0.0) in husky.velocities)
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
+    for _ in range(3):  # the same press by another connection
+        Hold.presses -= 1
+        Hold(client, "forward")()
+    again = Hold(client, "back")
+    client.read_until(lambda: again() and (-0.8, 0.0, 0.0) in husky.velocities)
+    assert husky.velocities.count((0.0, 0.0, 0.0)) == 1
+    again.release()
 
 
 def test_a_browser_that_falls_silent_lets_go(client, husky):
@@ -146,15 +169,59 @@ def test_a_browser_that_falls_silent_lets_go(client, husky):
     assert set(husky.velocities[stopped:]) == {(-0.8, 0.0, 0.0)}, "it takes another press"
 
 
-def test_what_is_no_button_moves_nothing(client, husky):
-    for told in ("", "1", "1 2 sideways", "x" * 4000, "forward"):
-        client.set("hold", told)
+HOSTILE = [
+    "",
+    "1",
+    '{"do": "hold"}',
+    '{"do": "hold", "press": 3, "names": ["forward"]}',
+    '{"do": "hold", "press": "x", "names": "forward"}',
+    '{"do": "hold", "press": "x", "names": ["sideways"]}',
+    '{"do": "hold", "press": "x", "names": ["forward"], "speed": 3.1}',
+    '{"do": "hold", "press": "x", "names": ["forward"], "speed": -1}',
+    '{"do": "hold", "press": "x", "names": ["forward"], "speed": 1e999}',
+    '{"do": "hold", "press": "x", "names": ["forward"], "turn": NaN}',
+    '{"do": "hold", "press": "' + "x" * 4000 + '", "names": ["forward"]}',
+    '{"do": "act", "action": "no such"}',
+    '{"do": "act", "action": "__class__"}',
+]
+
+
+def test_what_is_no_button_moves_nothing(client, husky, caplog):
+    for text in HOSTILE:
+        client.socket.send(text)
     hold = Hold(client, "right")
     client.read_until(lambda: hold() and husky.velocities)
     assert set(husky.velocities) == {(0.0, 0.0, -0.6)}
+    assert not husky.actions
+    assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
+def test_a_viewer_drives_nothing_and_stops_nothing(client, husky, port):
+    with Live(port, ROBOT, VIEW_TOKEN) as viewer:
+        viewer.read_until(lambda: viewer.state.get("moves"))
+        Hold(viewer, "back")()
+        hold = Hold(client, "forward")
+        client.read_until(lambda: hold() and len(husky.velocities) > 3)
+        viewer.send("stop")
+        viewer.send("act", action="reset")
+        sent = len(husky.velocities)
+        client.read_until(lambda: hold() and len(husky.velocities) > sent + 3)
+    assert set(husky.velocities) == {(0.8, 0.0, 0.0)}
+    assert not husky.actions
+    hold.release()
+
+
+def test_many_presses_hold_no_stop_up(client, husky):
+    hold = Hold(client, "forward")
+    client.read_until(lambda: hold() and husky.velocities)
+    for number in range(2000):
+        client.send("hold", press=f"other {number}", names=["back"])
+    client.send("stop")
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0) or not hold())
+    assert (-0.8, 0.0, 0.0) not in husky.velocities[: husky.velocities.index((0.0, 0.0, 0.0))]
+
+
+def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky, nodes):
     free, told = threading.Event(), []
 
     def act(node, action):
@@ -169,10 +236,10 @@ def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
     husky.parameters["path"].update = set_slowly
     hold = Hold(client, "forward")
     client.read_until(lambda: hold() and len(husky.velocities) > 3)
-    client.set("Clear", True)
-    client.set("Max poses", 5000)
+    nodes.send("act", node="path", action="clear")
+    nodes.send("set", values={"path": {"max_poses": 5000}})
     client.read_until(lambda: hold() and set(told) == {"clear", "slow"})
-    Hold(client, "stop")()  # from whichever browser
+    client.send("stop")  # from whichever browser
     hold()
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0), timeout_s=10)
     free.set()
@@ -207,14 +274,14 @@ def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
     told, page = Told(running), Page(ViewOptions(port=port))
     page.open(told)
     running.start()
-    client = Client(port)
+    client = Live(port, ROBOT)
     try:
-        client.read_until(lambda: "hold" in client.values)
+        client.read_until(lambda: client.state.get("moves"))
         hold = Hold(client, "forward up")
         client.read_until(lambda: hold() and len(told.velocities) > 3)
         assert set(told.velocities) == {(0.0, 0.8, 0.0)}
     finally:
-        client.close()
+        client.__exit__()
         page.close()
         running.stop()
 
@@ -225,7 +292,7 @@ def test_a_rover_goes_neither_up_nor_down(client, husky):
     assert {up for _, up, _ in husky.velocities} == {0.0}
 
 
-def test_an_action_is_a_button(client, husky):
-    client.set("Clear", True)
-    client.read_until(lambda: husky.actions)
+def test_an_action_is_done_by_its_node(nodes, husky):
+    nodes.send("act", node="path", action="clear")
+    nodes.read_until(lambda: husky.actions)
     assert husky.actions == [("path", "clear")]

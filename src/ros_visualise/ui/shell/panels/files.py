@@ -1,0 +1,11 @@
+"""Files: opened, recorded and saved."""
+
+from __future__ import annotations
+
+from ros_visualise.ui.shell.panels import Panel
+
+
+class Files(Panel, component="files.js"):
+    """Opens and uploads files, records topics, and saves parameters and the layout."""
+
+    title, icon = "Files", "folder_open"

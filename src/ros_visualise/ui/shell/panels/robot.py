@@ -1,0 +1,11 @@
+"""A robot's status, its actions, and driving it."""
+
+from __future__ import annotations
+
+from ros_visualise.ui.shell.panels import Panel
+
+
+class RobotPanel(Panel, component="robot.js"):
+    """Buttons that move the robot while they, or their keys, are held."""
+
+    title, icon = "Robot", "smart_toy"
