@@ -30,6 +30,7 @@ TOPICS, HZ, LENGTH_S, MEASURED_S, SETTLED_S = 500, 6, 60, 8.0, 6.0
 PORT = 8094
 _TICKS = os.sysconf("SC_CLK_TCK")
 PANELS = {
+    "log, which is silent": {"panel": "log"},
     "topics": {"panel": "topics"},
     "topics, messages": {
         "row": [{"panel": "topics"}, {"panel": "messages", "state": {"topic": "/robot/topic_007"}}]
