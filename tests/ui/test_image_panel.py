@@ -128,6 +128,18 @@ def open_images_of(browse, topic):
     return browse(f"?layout={{~panel~:~image~,~state~:{{~topic~:~{topic}~}}}}", images=False)
 
 
+def test_images_of_a_tab_that_is_not_shown_are_not_made(browse, runtime):
+    tabs = "{~tabs~:[{~panel~:~image~,~state~:{~topic~:~/edges_overlay~}},{~panel~:~topics~}]"
+    tab = browse(f"?layout={tabs},~shown~:1}}", images=False)
+    tab.get_by_role("table", name="Topics").wait_for(timeout=60_000)
+    shown = browse("?layout={~panel~:~image~,~state~:{~topic~:~/edges~}}", images=False)
+    shown.locator("[data-images]").wait_for(timeout=60_000)
+    assert "/edges_overlay" not in runtime.report().topics
+    tab.get_by_role("tab", name="/edges_overlay").click()
+    wait_in(tab, lambda: tab.locator("[data-images]").count() == 1)
+    assert "/edges_overlay" in runtime.report().topics
+
+
 def test_the_values_are_saved_counted_and_drawn_along_a_line(browse, pixels, tmp_path):
     tab = open_images_of(browse, "/edges")
     tab.get_by_text("640 × 480 mono8").wait_for(timeout=60_000)

@@ -16,6 +16,7 @@ export class Stage {
   constructor(canvas, { changed, pointed, picked }) {
     Object.assign(this, { canvas, changed, pointed, picked });
     this.sizes = [[16, 9]]; // of the images, width and height
+    this.names = []; // of the images, where they are written
     this.isWipe = false;
     this.view = null; // {zoom, x, y}: times what fits, and the image's point in the middle; null: fit
     this.share = 0.5; // where the wipe is
@@ -190,6 +191,7 @@ export class Stage {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     if (this.showsNumbers && this.numbers) this.drawNumbers(context);
+    this.drawNames(context);
     if (this.isWipe && this.sizes.length > 1) {
       const x = width * this.share;
       this.stroke(context, [[x, 0], [x, height]]);
@@ -200,6 +202,15 @@ export class Stage {
       const { scale, left, top } = this.place(0);
       this.stroke(context, this.line.map(([x, y]) => [left + x * scale, top + y * scale]));
     }
+  }
+  drawNames(context) {
+    Object.assign(context, { font: "12px system-ui, sans-serif", textAlign: "left", textBaseline: "top", fillStyle: "#fff", strokeStyle: "#000b", lineWidth: 3 });
+    this.names.slice(0, this.sizes.length).forEach((name, i) => {
+      const [x, y] = this.cells[i];
+      const left = this.isWipe && i ? this.width * this.share : x;
+      context.strokeText(name, left + 6, y + 5);
+      context.fillText(name, left + 6, y + 5);
+    });
   }
   stroke(context, places) {
     for (const [ink, wide] of [["#000a", 4], ["#fff", 1.5]]) {

@@ -1,6 +1,13 @@
 // One image topic or several: zoomed and moved by pointer or keys, with the values of the original.
 let count = 0;
-const taken = new Map(); // panel -> its topic
+const taken = new Map(); // panel -> its topics
+
+// A stamp in nanoseconds as people read it: the time of day, or minutes since the start.
+function timeOf(stamp) {
+  const seconds = Number(stamp) / 1e9;
+  if (seconds > 1e8) return new Date(seconds * 1000).toLocaleTimeString("en-GB") + (seconds % 1).toFixed(3).slice(1);
+  return `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(2).padStart(5, "0")}`;
+}
 
 export default {
   template: `
@@ -39,14 +46,14 @@ export default {
         <div>Histogram <small>{{ ranges.histogram }}</small><canvas ref="histogram"></canvas></div>
         <div v-if="hasLine">Line profile <small>{{ ranges.line }}</small><canvas ref="line"></canvas></div>
       </div>
-      <div class="rv-image-facts"><span class="rv-image-value" aria-live="off">{{ value }}</span><span class="rv-space"></span><span>{{ facts }}</span></div>
+      <div class="rv-image-facts"><span class="rv-image-value" aria-live="off">{{ value }}</span><span class="rv-space"></span><span :title="stamp && 'Stamp ' + stamp + ' ns'">{{ facts }}</span></div>
     </div>`,
   props: { state: Object, readOnly: Boolean },
   data() {
     const { topic = "", others = [], mode = "side", cloud = "", boxes = true, stretch = false, aside = false } = this.state ?? {};
     return {
       topic, others, mode, cloud, boxes, stretch, aside, number: ++count, offers: [], held: false, isDrawing: false, hasLine: false,
-      value: "", facts: "", problem: "", isKnown: false, hasImage: false, ranges: { histogram: "", line: "" },
+      value: "", facts: "", stamp: "", problem: "", isKnown: false, hasImage: false, ranges: { histogram: "", line: "" },
     };
   },
   computed: {
@@ -87,6 +94,8 @@ export default {
   },
   watch: {
     views() {
+      taken.set(this.number, this.shown);
+      this.stage.names = this.shown.length > 1 && this.mode !== "difference" ? this.shown : [];
       this.hasImage = false;
       this.problem = "";
       const sizes = this.keys.map((key, i) => this.known.get(key) ?? this.stage.sizes[i] ?? this.stage.sizes[0]);
@@ -101,6 +110,9 @@ export default {
     boxes() { this.keep(); },
     stretch() { this.keep(); },
     aside() { this.keep(); this.$nextTick(() => this.refresh()); },
+  },
+  created() {
+    taken.set(this.number, this.shown);
   },
   async mounted() {
     const part = (name) => import(`${rv.root}/parts/${name}.js`);
@@ -118,25 +130,27 @@ export default {
     images.addEventListener("topics", this.follow);
     this.sized = new ResizeObserver(() => this.show());
     this.sized.observe(this.$refs.over);
+    this.seen = () => this.show();
+    document.addEventListener("visibilitychange", this.seen);
     if (images.topics) this.follow();
   },
   beforeUnmount() {
     this.sized?.disconnect();
+    document.removeEventListener("visibilitychange", this.seen);
     this.panel?.close();
     this.images?.removeEventListener("topics", this.follow);
-    taken.delete(this);
+    taken.delete(this.number);
   },
   methods: {
     take(offers) {
       this.offers = offers;
       this.isKnown = true;
-      if (!this.topic) this.topic = this.offered.find((one) => ![...taken.values()].includes(one)) ?? this.offered[0] ?? "";
-      taken.set(this, this.topic);
+      if (!this.topic) this.topic = this.offered.find((one) => ![...taken.values()].flat().includes(one)) ?? this.offered[0] ?? "";
+      taken.set(this.number, this.shown);
     },
     choose(topic) {
       this.others = this.others.filter((one) => one !== topic);
       this.topic = topic;
-      taken.set(this, topic);
       this.stage.fit();
       this.keep();
     },
@@ -172,10 +186,12 @@ export default {
       if (!this.panel) return;
       const ratio = devicePixelRatio || 1;
       const { stage, keys } = this;
-      const asked = keys.map((key, i) => [key, { ...this.views[key], size: this.sizeOf(i, ratio), held: this.held }]);
+      const isSeen = this.$refs.over.clientWidth > 0 && !document.hidden;
+      const asked = !isSeen ? [] : keys.map((key, i) => [key, { ...this.views[key], size: this.sizeOf(i, ratio), held: this.held }]);
       const text = JSON.stringify(asked);
       if (text !== this.asked) this.panel.show(Object.fromEntries(asked));
       this.asked = text;
+      if (!isSeen) return;
       const layers = stage.layout(ratio).map((layer, i) => ({ key: keys[i], ...layer }));
       const [width, height] = [stage.width, stage.height].map((side) => Math.round(side * ratio));
       this.panel.draw({ width, height, layers });
@@ -218,7 +234,8 @@ export default {
       const other = this.known.get(this.keys[1]);
       const apart = first.apart ?? (other ? Number(BigInt(other.stamp) - BigInt(stamp)) / 1e6 : 0);
       const later = apart ? `; the other ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
-      this.facts = `${width} × ${height} ${encoding}, ${Number(stamp) / 1e9} s${later}${first.preview ? "; preview" : ""}`;
+      this.stamp = stamp;
+      this.facts = `${width} × ${height} ${encoding}, ${timeOf(stamp)}${later}${first.preview ? "; preview" : ""}`;
     },
     // Values of what is seen now, as far as they are shown; one question of a kind at a time.
     refresh() {
