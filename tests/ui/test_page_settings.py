@@ -56,6 +56,14 @@ def test_what_changed_before_anybody_looked_is_kept_too(look, page, runtime):
     wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
 
 
+def test_an_older_link_sets_the_3d_view(port, page):
+    with Live(port, "/live/nodes") as live:
+        live.read_until(lambda: "filters" in live.values)
+        answer = live.answer("restore", values={"view": "1,2,3,4,5,6", "3D/Points at most": "5"})
+        assert answer["reason"] == ""
+        assert "six numbers" in live.answer("restore", values={"view": "1,2"})["reason"]
+
+
 def test_a_link_has_the_range_that_is_played(look, page, runtime):
     tab = look(f"{PANEL}#playback%20range/start=1.5&playback%20range/end=4")
     wait_in(tab, lambda: runtime.playback.state.part_s == (1.5, 4.0))

@@ -39,6 +39,7 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
     looking, working = visit(view), visit(own)
     assert [looking.url, working.url] == [view, own]
     assert looking.get_by_role("button", name="Play").is_disabled()
+    assert [tab.get_by_text("Read-only").count() for tab in (looking, working)] == [1, 0]
     assert slider(looking, "Threshold").is_disabled()
     assert slider(working, "Threshold").is_enabled()
     looking.keyboard.press("Space")  # plays

@@ -30,7 +30,7 @@ from ros_visualise.ui.live.board import LiveBoard, Visitor
 from ros_visualise.ui.live.clock import begin_at, end_at, seconds_of
 from ros_visualise.ui.live.declared import actions_of, declaration, sent
 from ros_visualise.ui.live.notices import Notices
-from ros_visualise.ui.live.settings import Settings, shown_specs
+from ros_visualise.ui.live.settings import Settings, by_name, shown_specs
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.shown import texts_of
 from ros_visualise.ui.worker import PageWorker
@@ -97,6 +97,7 @@ class NodesHub:
 
     Attributes:
         settings: the values that differ from how they began.
+        restored: called with all settings of an address, by their places today.
 
     Args:
         notices: where rejections are noted.
@@ -115,6 +116,7 @@ class NodesHub:
     ) -> None:
         self._notices = notices
         self.settings = Settings(wanted)
+        self.restored: Callable[[Mapping[str, Value]], None] = lambda _: None
         self._board = LiveBoard(loop)
         self._run = secrets.token_hex(8)  # by which browsers know the same program
         self._act = act
@@ -210,6 +212,7 @@ class NodesHub:
         if isinstance(request, Restore):
             self.settings.want(request.values)
             self._restore()
+            self.restored(by_name(request.values))
             return {}
         if isinstance(request, Preset):
             return {} if self._graph is None else preset(request.name, self._graph)

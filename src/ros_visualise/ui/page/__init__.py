@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
@@ -78,6 +79,7 @@ class Page:
         )
         self._server.space.urdf = urdf
         self._server.space.apply(by_name(options.arrangement))
+        self._nodes.restored = self._restore_scene
         self._server.offered.wanted = read_layout(str(options.arrangement.get(LAYOUT, "")))
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._content: PageContent | None = None
@@ -93,6 +95,12 @@ class Page:
     def awaited(self) -> bool:
         """True while no browser shows it."""
         return not self._nodes.is_watched
+
+    def _restore_scene(self, settings: Mapping[str, Value]) -> None:
+        """Apply settings of the 3D view in an address of the last release."""
+        of_scene = {p: v for p, v in settings.items() if p.startswith("3d/") or p == "view"}
+        if of_scene:
+            self._server.space.apply(of_scene)
 
     def _settings(self) -> dict[str, Value]:
         """Settings that a layout file holds beside the layout."""
