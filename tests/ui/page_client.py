@@ -42,7 +42,6 @@ CAMERA = {
 
 
 _IMAGES = 4  # that a client shows
-_POSES = {"SetPositionMessage": "position", "SetOrientationMessage": "wxyz"}
 
 
 def addresses(port: int) -> str:
@@ -88,7 +87,6 @@ class Client:
         self._live = ImageClient(port, path, origin)
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
-        self.nodes: dict[str, dict[str, Any]] = {}
         self.commands: list[str] = []  # what the protocol calls them
         self._labels: dict[str, str] = {}
         self.send(CAMERA)
@@ -141,7 +139,6 @@ class Client:
         self._live.socket.socket.close()
 
     def _take(self, message: dict[str, Any]) -> None:
-        self._take_node(message)
         if message["type"] == "RegisterCommandMessage":
             self.commands.append(message["uuid"])
         if "uuid" not in message:
@@ -155,20 +152,6 @@ class Client:
         elif "value" in props and message["uuid"] in self._labels:
             self.values[self._labels[message["uuid"]]] = props["value"]
         self.html += [props["content"]] if isinstance(props.get("content"), str) else []
-
-    def _take_node(self, message: dict[str, Any]) -> None:
-        name, kind = message.get("name"), message["type"]
-        if name is None:
-            return
-        if kind == "RemoveSceneNodeMessage":
-            self.nodes.pop(name, None)
-        elif kind in _POSES:
-            self.nodes.setdefault(name, {})[_POSES[kind]] = np.array(message[_POSES[kind]])
-        elif kind == "SetSceneNodeVisibilityMessage":
-            self.nodes.setdefault(name, {})["visible"] = message["visible"]
-        else:
-            props = message.get("props") or message.get("updates") or {}
-            self.nodes.setdefault(name, {}).update(props)
 
 
 class ImageClient:

@@ -10,7 +10,15 @@ from PIL import Image as Pillow
 from scene_messages import S, tf, transform
 from scene_runtime import Told
 
-from ros_visualise.data import Header, Marker, MarkerArray, MarkerType, PoseStamped, Transforms
+from ros_visualise.data import (
+    Header,
+    Marker,
+    MarkerAction,
+    MarkerArray,
+    MarkerType,
+    PoseStamped,
+    Transforms,
+)
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
@@ -25,7 +33,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
 
 @pytest.fixture
 def runtime():
-    return Told(inputs={"goal": PoseStamped}, tf=Transforms, shapes=MarkerArray)
+    return Told(inputs={"goal": PoseStamped}, tf=Transforms, shapes=MarkerArray, others=MarkerArray)
 
 
 @pytest.fixture
@@ -58,9 +66,9 @@ def visit(chromium, page):
         context.close()
 
 
-def cube(x, number=0, stamp_s=1.0):
+def cube(x, number=0, stamp_s=1.0, alpha=1):
     header = Header(int(stamp_s * S), "map")
-    color = np.array([1, 0, 0, 1], np.float32)
+    color = np.array([1, 0, 0, alpha], np.float32)
     size = np.array([2.0, 2, 2])
     place = np.array([x, 0.0, 0])
     return Marker(
@@ -116,13 +124,15 @@ def test_nothing_is_said_in_the_console_while_much_moves(visit, runtime):
     publish(runtime)
     tab = visit()
     wait_in(tab, lambda: reds(tab))
+    runtime.say(others=MarkerArray((cube(3.0, alpha=0.5),)))  # is drawn last
     texts = [
         Marker(MarkerType.TEXT_VIEW_FACING, text=f"{n}", id=100 + n, header=Header(S, "map"))
         for n in range(20)
     ]
+    everything = Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL)
     for step in range(60):
-        moved = tuple(cube(step / 60, n, 1 + step) for n in range(30))
-        runtime.say(shapes=MarkerArray((*moved, *texts[: step % 20])))
+        moved = tuple(cube(step / 60, n, 1 + step) for n in range(1 + step % 30))
+        runtime.say(shapes=MarkerArray((everything, *moved, *texts[: step % 20])))
         runtime.say(tf=tf(transform("map", "base_link", [0, 0, 0], 1 + step)))
         tab.wait_for_timeout(30)
     packets = int(canvas(tab).get_attribute("data-packets"))

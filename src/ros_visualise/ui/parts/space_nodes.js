@@ -167,8 +167,8 @@ class Copies {
   shape(name) {
     const { geometry } = this.object;
     geometry.dispose();
-    geometry.setIndex(SHAPES[name].index);
-    for (const attribute of ["position", "normal"]) geometry.setAttribute(attribute, SHAPES[name].getAttribute(attribute));
+    geometry.setIndex(SHAPES[name].index.clone()); // its own: who disposes of shared ones breaks the others
+    for (const attribute of ["position", "normal"]) geometry.setAttribute(attribute, SHAPES[name].getAttribute(attribute).clone());
   }
   set({ shape, rows }) {
     if (shape) this.shape(shape);

@@ -179,7 +179,7 @@ class Label(SpaceNode):
     text: str = ""
     color: Color | None = None
     height: float = 0.0
-    pixels: float = 11.0
+    pixels: float = 13.0
     centred: bool = False
 
 
