@@ -189,6 +189,15 @@ def test_a_long_path_is_drawn_whole_in_few_lines(scene, look):
     assert points[-1, 1, 0] == np.float32(1999.9)
 
 
+def test_a_trail_far_from_the_origin_keeps_its_precision(scene, look):
+    far = np.array([691_000.0, 5_334_000.0, 520])  # UTM
+    for step in range(3):
+        draw(scene, odom=odometry(np.add(far, [step * 0.1, 0, 0]), 1 + step))
+    node = look("topics/odom/trail", lambda node: len(node["points"]) >= 2)
+    ends = node["position"] + node["points"].astype(np.float64)
+    assert np.allclose(ends[-1, 1] - far, [0.2, 0, 0], atol=1e-4)
+
+
 def test_a_scan_is_drawn_in_its_frame(scene, look):
     scan = LaserScan([1, np.inf, 2], 0.0, np.pi, np.pi / 2, 0.1, 10.0, header=Header(S, "laser"))
     draw(scene, tf=tf(transform("base_link", "laser", [0, 0, 1], 1)), scan=scan)

@@ -208,8 +208,10 @@ class Axes extends Group {
     const { poses, length, radius, origin } = Object.assign(this.values, values);
     if (!poses) return;
     const [rows, balls] = [[], []];
+    const first = poses.length ? poses.slice(0, 3) : [0, 0, 0]; // rows hold floats of 32 bits, which jump far away
+    for (const { object } of this.parts) object.position.set(...first);
     for (let at = 0; at < poses.length; at += 7) {
-      const [place, turn] = [poses.slice(at, at + 3), poses.slice(at + 3, at + 7)];
+      const [place, turn] = [poses.slice(at, at + 3).map((xyz, i) => xyz - first[i]), poses.slice(at + 3, at + 7)];
       ALONG.forEach((along, i) => {
         const axis = times(turn, along);
         const middle = turned(axis, [0, 0, length / 2]).map((xyz, j) => xyz + place[j]);

@@ -16,6 +16,7 @@ from ros_visualise.ui.scene.drawing import Appearance, Drawing
 
 _MAX_VERTICES = 5000
 _SPACING_M = 0.05
+_FAR_M = 10_000.0
 _NS = 1_000_000_000
 _MAX_SPEED_MPS = 400.0  # faster is a jump
 
@@ -24,12 +25,20 @@ class Line:
     """One line through points, changed in place."""
 
     def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
-        self._lines = scene.add(name, Lines(colors=color))
+        self._scene, self._lines = scene, scene.add(name, Lines(colors=color))
 
     def show(self, vertices: npt.NDArray[np.floating]) -> None:
-        """Replace its points (N, 3); many are thinned evenly."""
+        """Replace its points (N, 3); many are thinned evenly.
+
+        Points far away, as in UTM, are sent from the first one: as 32-bit floats they would jump.
+        """
         kept = thinned(vertices)
-        self._lines.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
+        is_far = len(kept) > 0 and np.abs(kept[0]).max() > _FAR_M
+        origin = kept[0] if is_far else np.zeros(3)
+        kept = kept - origin
+        with self._scene.atomic():
+            self._lines.position = origin
+            self._lines.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
 
 
 class PathDrawing(Drawing):
