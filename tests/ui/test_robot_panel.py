@@ -116,3 +116,23 @@ def test_who_may_only_look_drives_nothing(chromium, husky):
     tab.wait_for_timeout(200)
     assert not husky.velocities
     context.close()
+
+
+def test_behind_another_tab_it_drives_nothing_and_its_keys_are_free(tab, husky, monkeypatch):
+    monkeypatch.setattr(robot, "_LAPSE_S", 20)
+    tab.keyboard.press("m")
+    wait_in(tab, lambda: (-0.8, 0.0, 0.0) in husky.velocities and is_stopped(husky))
+    assert tab.evaluate("rv.clock.state.marks ?? []") == []
+    tabs = "{~tabs~:[{~panel~:~robot~},{~panel~:~files~}],~shown~:0}"
+    tab.goto(husky.url + f"?layout={tabs}")
+    tab.wait_for_selector("[data-hold=forward]")
+    tab.keyboard.down("i")
+    wait_in(tab, lambda: is_driven(husky, (0.8, 0.0, 0.0)))
+    tab.get_by_role("tab", name="Files").click()
+    wait_in(tab, lambda: is_stopped(husky))
+    sent = len(husky.velocities)
+    tab.keyboard.up("i")
+    tab.keyboard.down("i")
+    tab.wait_for_timeout(300)
+    assert len(husky.velocities) == sent
+    tab.keyboard.up("i")

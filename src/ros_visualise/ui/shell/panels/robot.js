@@ -50,7 +50,7 @@ export default {
       closed: () => this.releaseAll(),
     });
     this.listeners = [
-      [document, "keydown", this.keyDown],
+      [window, "keydown", this.keyDown, true], // before other keys of the page, such as M
       [window, "keyup", (event) => this.release(event.code), true],
       [window, "pointerup", (event) => this.release(event.pointerId), true],
       [window, "pointercancel", (event) => this.release(event.pointerId), true],
@@ -66,7 +66,12 @@ export default {
     this.socket.close();
   },
   methods: {
+    isShown() {
+      return this.$el.offsetParent !== null; // else it is behind another tab
+    },
     send() {
+      if (!this.isShown()) this.holding.clear();
+      if (!this.holding.size) clearInterval(this.timer);
       this.held = [...new Set(this.holding.values())];
       this.socket.send({ do: "hold", press: this.press, names: this.held, ...this.speed });
     },
@@ -80,9 +85,7 @@ export default {
       this.send();
     },
     release(what) {
-      if (!this.holding.delete(what)) return;
-      if (!this.holding.size) clearInterval(this.timer);
-      this.send();
+      if (this.holding.delete(what)) this.send();
     },
     releaseAll() {
       for (const what of [...this.holding.keys()]) this.release(what);
@@ -99,9 +102,12 @@ export default {
     keyDown(event) {
       if (event.ctrlKey || event.altKey || event.metaKey || rv.isTyping(event.target)) return;
       const key = event.key.toLowerCase();
-      if (key === "k" && this.state_.moves.length) return this.stop();
+      if (key === "k" && this.state_.moves.length) return this.stop(); // wherever the panel is
       const move = this.state_.moves.find((one) => one.key === key);
-      if (move) this.hold(event.code, move.name);
+      if (!move || !this.isShown()) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      this.hold(event.code, move.name);
     },
     choose({ name }, { target }) {
       this.speed = { ...this.speed, [name]: Number(target.value) };
