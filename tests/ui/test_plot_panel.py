@@ -154,6 +154,11 @@ def test_pictures_have_labels_that_people_read(plot):
     assert {"0", "-0.3", "0.3", "m", "0:06", f"{X} [m]"} <= set(found)
     assert not re.search(r"\de-?\d", " ".join(found))
     assert saved(tab, "PNG")[:4] == b"\x89PNG"
+    tab.get_by_role("button", name="Add an expression").click()
+    field = tab.get_by_role("textbox", name="Expression")
+    field.fill(f'"{X}" * 1e-9')
+    field.press("Enter")
+    wait_in(tab, lambda: {"0", "3e-10", "-3e-10"} <= set(labels(saved(tab, "SVG").decode())))
 
 
 @pytest.mark.parametrize(

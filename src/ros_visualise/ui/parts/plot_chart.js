@@ -14,6 +14,9 @@ export function clock(seconds) {
   return `${seconds < 0 ? "-" : ""}${minutes}:${two(rest)}`;
 }
 
+// A number at an axis, which ECharts has rounded to its step.
+const written = (value) => (value && Math.abs(value) < 1e-3 ? Number(value.toPrecision(10)).toExponential() : String(value));
+
 // A message in binary: its header, and rows of numbers.
 export function unpacked(data) {
   const length = new DataView(data).getUint32(0, true);
@@ -60,7 +63,7 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
     nameTextStyle: { color: ink, fontSize: 10 },
     position: i % 2 ? "right" : "left",
     offset: 46 * Math.floor(i / 2),
-    axisLabel: { ...axisLabel, color: pane.own ? colors[i] : ink },
+    axisLabel: { ...axisLabel, formatter: written, color: pane.own ? colors[i] : ink },
     axisLine,
     splitLine: { show: i === 0, lineStyle: { color: line } },
   }));
@@ -75,7 +78,7 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
     nameGap: 20,
     nameTextStyle: { color: ink, fontSize: 10 },
     splitNumber: Math.max(2, Math.floor(width / 110)),
-    axisLabel: isTime ? { ...axisLabel, formatter: clock, showMaxLabel: false } : axisLabel,
+    axisLabel: isTime ? { ...axisLabel, formatter: clock, showMaxLabel: false } : { ...axisLabel, formatter: written },
     axisLine,
     splitLine: { lineStyle: { color: line } },
   };

@@ -266,12 +266,12 @@ export default {
         this.marked = String(marks);
         this.draw();
       }
-      const isLive = live === true || (position === undefined && duration === undefined);
+      const isLive = live === true || duration == null; // it grows
       if (isLive !== this.isLive) {
         this.isLive = isLive;
         this.request();
       }
-      const present = isLive ? null : position;
+      const present = live ? null : position;
       for (const [id, chart] of this.charts) {
         const [, now, pointed] = chart.element.parentElement.children;
         for (const [line, time] of [[now, present], [pointed, rv.cursor.at]]) {
