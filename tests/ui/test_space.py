@@ -178,6 +178,18 @@ def test_nodes_that_come_and_go_leave_nothing(browse, hub):
     client.read_until(lambda: "/world/more" in client.nodes)
 
 
+def test_too_much_is_reported_and_the_rest_is_drawn(browse, hub, runtime):
+    client = browse()
+    client.read_until(lambda: runtime.asked["/points"] == 1)
+    hub.tree._max_bytes = 20_000
+    runtime.say(odom=odometry([1, 0, 0]), points=cloud(np.ones((9000, 3)), "odom"))
+    client.read_until(
+        lambda: "1 changes rejected: too much for the 3D view" in client.state["notes"]
+    )
+    assert any(line.startswith("/points: ") for line in client.state["notes"])
+    client.read_until(lambda: client.nodes.get("/world/topics/odom/axes", {}).get("visible"))
+
+
 def test_foreign_messages_change_nothing_and_end_nothing(browse, hub, runtime):
     client = browse()
     for text in [

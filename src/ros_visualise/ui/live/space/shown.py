@@ -42,6 +42,7 @@ class ShownScene:
     ) -> None:
         self.scene = Scene(tree, urdf=urdf)
         self.controls = SceneControls(self.scene)
+        self._tree = tree
         self.worker = PageWorker(say, self._refresh, _PERIOD_S)
         self._runtime, self._is_watched, self._tell = runtime, is_watched, tell
         self._graph = runtime.graph
@@ -105,13 +106,16 @@ class ShownScene:
         scene = self.scene
         frames = scene.frames
         has_transforms = bool(frames.tree.frames())
+        lines = notes(frames.fixed, scene.topic_frames, scene.problems, has_transforms)
+        if self._tree.refused:
+            lines.append(f"{self._tree.refused} changes rejected: too much for the 3D view")
         return {
             "has": scene.view.shown,
             "fixed": frames.fixed,
             "controls": [_described(one) for one in self.controls],
             "changed": self.controls.arrangement,
             "goals": self.goals,
-            "notes": notes(frames.fixed, scene.topic_frames, scene.problems, has_transforms),
+            "notes": lines,
         }
 
     def _unthrottled(self) -> bool:
