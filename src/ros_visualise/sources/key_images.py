@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 from av.container import InputContainer
 from av.error import FFmpegError
-from av.video.frame import VideoFrame
+from av.packet import Packet
 from av.video.stream import VideoStream
 
 from ros_visualise.core.errors import OpenError
@@ -18,6 +18,7 @@ from ros_visualise.sources.video_pixels import FrameConverter, Size
 
 _LONGEST = 1280  # pixels
 _MOST_PACKETS = 64
+_KEPT = 16  # images, of some 3 MB each
 
 
 class KeyImages:
@@ -35,6 +36,7 @@ class KeyImages:
             (round(size[0] * shrink) or 1, round(size[1] * shrink) or 1)
         )
         self._opened: tuple[InputContainer, VideoStream] | None = None
+        self._kept: dict[int, Image] = {}  # by the stamps of their packets
         self._lock = threading.Lock()
 
     def at(self, time_ns: int) -> tuple[int, Image] | None:
@@ -51,10 +53,19 @@ class KeyImages:
         if not tick_ns:
             return None
         container.seek(self._origin + int(time_ns / tick_ns), stream=stream)
-        frame = next(_decoded(container, stream), None)
-        if frame is None or frame.pts is None:
+        packet = _key_packet(container, stream)
+        if packet is None or packet.pts is None:
             return None
-        return round((frame.pts - self._origin) * tick_ns), self._converter.image(frame)
+        found = self._kept.pop(packet.pts, None)
+        if found is None:
+            frames = [*stream.decode(packet), *stream.decode(None)]
+            if not frames:
+                return None
+            found = self._converter.image(frames[0])
+        self._kept[packet.pts] = found  # the newest at the end
+        if len(self._kept) > _KEPT:
+            del self._kept[next(iter(self._kept))]
+        return round((packet.pts - self._origin) * tick_ns), found
 
     def _open(self) -> tuple[InputContainer, VideoStream]:
         container = open_container(self._path)
@@ -63,12 +74,7 @@ class KeyImages:
         return container, stream
 
 
-def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    """The frames of the first key packet."""
-    for count, packet in enumerate(container.demux(stream)):
-        if packet.is_keyframe and packet.size:
-            yield from stream.decode(packet)
-            yield from stream.decode(None)
-            return
-        if count > _MOST_PACKETS:
-            return
+def _key_packet(container: InputContainer, stream: VideoStream) -> Packet[VideoStream] | None:
+    """The first key packet from where the file was sought to."""
+    packets = itertools.islice(container.demux(stream), _MOST_PACKETS)
+    return next((packet for packet in packets if packet.is_keyframe and packet.size), None)
