@@ -18,46 +18,18 @@ import threading
 import time
 from pathlib import Path
 
-import msgspec
-import viser
 from throughput import SIZES, make_video
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 SETTINGS = ["fps_control.enabled=false", "filters.threshold_mode=off"]
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (0.0, 0.0, 1.0),
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 10.0,
-    "image_height": 950,
-    "image_width": 1500,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 PORT = 8099
 TOPICS = ("/controlled_stream", "/processed_image", "/edges")
 
 
 def receive(received: list[int]) -> None:
-    """Take all that the page sends until it ends, as a browser's network thread would."""
-    protocol = f"viser-v{viser.__version__}"
-    address = f"ws://127.0.0.1:{PORT}"
-    with connect(f"{address}/viser", subprotocols=[protocol], max_size=None) as page:
-        threading.Thread(target=take_images, args=(address, received), daemon=True).start()
-        page.send(msgspec.msgpack.encode(CAMERA))
-        try:
-            for message in page:
-                received[0] += len(message)
-        except ConnectionClosed:
-            return
-
-
-def take_images(address: str, received: list[int]) -> None:
-    """Take images as panels do, as fast as they come."""
-    with connect(f"{address}/live/images", max_size=None) as live:
+    """Take images until the page ends, as panels do, as fast as they come."""
+    with connect(f"ws://127.0.0.1:{PORT}/live/images", max_size=None) as live:
         views = {topic: {"topic": topic, "size": 720, "boxes": True} for topic in TOPICS}
         live.send(json.dumps({"show": views}))
         try:

@@ -42,7 +42,7 @@ def _visit(process: subprocess.Popen[bytes]) -> int:
     client = Client(_PORT)
     with suppress(WebSocketException):
         client.read_until(lambda: process.poll() is not None, timeout_s=_LONG_S)
-    return client.images
+    return len(client.images)
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def test_an_executable_that_is_ended_while_it_begins_has_not_died(tmp_path, numb
         "numpy.linalg",
         "cv2",
         "av.container",
-        "viser",
+        "nicegui",
         "ros_visualise.ui.page",
     ],
 )

@@ -1,6 +1,7 @@
 """What a browser may send to the page: messages on its connection, and questions."""
 
 import contextlib
+import json
 import logging
 import os
 import socket
@@ -10,10 +11,9 @@ from http.client import HTTPConnection
 from pathlib import Path
 from urllib.parse import quote
 
-import msgspec
-from ui.page_client import CAMERA, TOKEN, Client
-from ui.space_client import SpaceClient
+from ui.page_client import TOKEN
 from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
 
 from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
@@ -21,19 +21,33 @@ from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
 
-_ELEMENT = "00000000-0000-4000-8000-000000000000"
 _MESSAGES = {
-    "camera": CAMERA,
-    "value": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": 10}},
-    "texts": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": ["a", "b"]}},
-    "command": {"type": "CommandTriggerMessage", "uuid": _ELEMENT},
-    "upload": {"type": "FileTransferStartUpload", "transfer_uuid": _ELEMENT, "size_bytes": 9},
+    "/live/nodes": [
+        {"do": "set", "values": {"filters": {"threshold": 90}}, "number": 1},
+        {"do": "act", "node": "filters", "action": "reset"},
+        {"do": "restore", "values": {"filters/threshold": "90"}, "number": 2},
+        {"do": "read", "topics": ["/edges"]},
+    ],
+    "/live/robot": [{"do": "hold", "press": "a", "names": ["forward"], "speed": 1, "turn": 0.5}],
+    "/live/files": [{"do": "open", "name": "nothing.mp4"}],
+    "/live/images": [
+        {"show": {"a": {"topic": "/edges", "size": 100}}},
+        {"ask": 1, "key": "a", "what": "pixels", "at": [0, 0]},
+    ],
+    "/live/clock": [{"seek": 0.5}, {"mark": [0.5, "here"]}, {"range": [0, 1]}],
+    "/live/space": [
+        {"pick": {"ray": [0, 0, 0, 0, 0, 1], "id": 1}},
+        {"set": {"3d/appearance/axes size": 2}},
+        {"view": [1, 2, 3, 4, 5, 6]},
+    ],
+    "/live/plots": [
+        {"number": 1, "views": [{"curve": "/edges:width"}], "from": 0, "to": 1, "columns": 80},
+        {"csv": ["/edges:width"], "from": 0, "to": 1},
+        {"at": 0.5, "curves": ["/edges:width"]},
+    ],
+    "/live/messages": [{"topic": "/edges"}],
 }
-_SPACE = (
-    '{"pick": {"ray": [0, 0, 9, 0, 0, -1], "id": 1, "goal": "/goal"}}',
-    '{"set": {"3d/appearance/axes size": 2}}',
-    '{"view": [1, 2, 3, 4, 5, 6]}',
-)
+_PATHS = list(_MESSAGES)
 _QUESTIONS = (
     "ask=ticks",
     "ask=graph",
@@ -44,8 +58,11 @@ _QUESTIONS = (
 
 def whole_messages(folder: Path) -> list[Path]:
     """A file for each message and question."""
-    files = {f"{name}.msg": msgspec.msgpack.encode(one) for name, one in _MESSAGES.items()}
-    files |= {f"{n}.space": one.encode() for n, one in enumerate(_SPACE)}
+    files = {
+        f"{_PATHS.index(path)}-{n}.msg": json.dumps(one).encode()
+        for path, messages in _MESSAGES.items()
+        for n, one in enumerate(messages)
+    }
     files |= {f"{n}.question": one.encode() for n, one in enumerate(_QUESTIONS)}
     for name, data in files.items():
         (folder / name).write_bytes(data)
@@ -57,18 +74,10 @@ def send(path: Path) -> list[str]:
     shown = _Shown.of_this_process()
     if path.suffix == ".msg":
         with contextlib.suppress(WebSocketException, OSError):  # it may hang up
-            client = Client(shown.port)
-            with contextlib.closing(client):
-                client.read_until(lambda: client.values, timeout_s=60)
-                element = client.elements[0].encode()
-                client.socket.send(path.read_bytes().replace(_ELEMENT.encode(), element))
-                client.socket.ping().wait(20)
-    elif path.suffix == ".space":
-        with contextlib.suppress(WebSocketException, OSError):
-            client = SpaceClient(shown.port, TOKEN)
-            with contextlib.closing(client):
-                client.send(path.read_bytes().decode(errors="replace"))
-                client.read_until(lambda: client.packets)
+            live = _PATHS[int(path.name.partition("-")[0])]
+            with connect(f"ws://127.0.0.1:{shown.port}/{TOKEN}{live}") as socket:
+                socket.send(path.read_bytes().decode(errors="replace"))
+                socket.ping().wait(20)
     else:
         shown.ask(quote(path.read_bytes(), safe="=&/"))
     faults = [] if shown.ask("ask=graph") == 200 else ["it no longer answers"]

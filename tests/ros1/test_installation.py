@@ -64,6 +64,6 @@ def test_missing_packages_are_named():
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith("filters: not installed: ")
     assert done.stderr.endswith(
-        "viser; in a workspace, /usr/bin/python3 -m pip install --user --break-system-packages"
+        "nicegui; in a workspace, /usr/bin/python3 -m pip install --user --break-system-packages"
         " -e 'src/ros_visualise[system,sim,detect]'\n"
     )

@@ -6,7 +6,6 @@ import socket
 from collections.abc import Callable, Iterator
 
 import pytest
-import viser
 from page_client import IMAGES, TOKEN, VIEW_TOKEN
 from space_client import Nodes
 from waiting import wait_for
@@ -17,9 +16,7 @@ from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.server import PageServer
 from ros_visualise.ui.scene.scene import Scene
-from ros_visualise.ui.server.access import access_rules
 
 FLAGS = [
     "--no-sandbox",
@@ -116,14 +113,6 @@ class Clock:
 def clock() -> Clock:
     """The time of the scene."""
     return Clock()
-
-
-@pytest.fixture
-def server(port: int) -> Iterator[viser.ViserServer]:
-    """An empty page."""
-    server = PageServer("127.0.0.1", port, "test", access_rules("127.0.0.1"))
-    yield server.viser
-    server.close()
 
 
 @pytest.fixture

@@ -10,38 +10,18 @@ from email.message import Message
 from http.client import HTTPConnection
 from typing import Any
 
-import msgspec
-import numpy as np
-import viser
-import zstandard
 from waiting import wait_for
 from websockets.sync.client import connect
 
 from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.server.answers import HEADER
-from ros_visualise.ui.shell import VISER
 
 TOKEN = "a-token-of-the-tests_00"
 VIEW_TOKEN = "another-one-to-look-01"
 """What the pages of these tests are opened with (`conftest.tokens`)."""
 IMAGES = "document.querySelectorAll('[data-images]').length == 3"
 """In a browser, when all images of the demo are there."""
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (0.0, 0.0, 0.0),
-    "image_height": 720,
-    "image_width": 1280,
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 10.0,
-    "look_at": (0.0, 0.0, 1.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
-
-
-_IMAGES = 4  # that a client shows
 
 
 def addresses(port: int) -> str:
@@ -69,89 +49,6 @@ def picture(port: int, name: str) -> str:
 def wait_in(tab: Any, check: Callable[[], Any]) -> Any:
     """What the check gives as soon as it gives something, while a browser's tab works."""
     return wait_for(check, sleep=lambda pause_s: tab.wait_for_timeout(1000 * pause_s))
-
-
-class Client:
-    """Connects as a browser does and knows what it was told of: elements by their
-    labels, nodes of the scene by their names."""
-
-    def __init__(
-        self, port: int, path: str = f"/{TOKEN}", origin: str | None = None, query: str = ""
-    ) -> None:
-        self.socket = connect(
-            f"ws://127.0.0.1:{port}{path}{VISER}{query}",
-            subprotocols=[f"viser-v{viser.__version__}"],
-            origin=origin,
-            max_size=None,
-        )
-        self._live = ImageClient(port, path, origin)
-        self.values: dict[str, Any] = {}
-        self.html: list[str] = []
-        self.commands: list[str] = []  # what the protocol calls them
-        self._labels: dict[str, str] = {}
-        self.send(CAMERA)
-
-    def send(self, message: dict[str, Any]) -> None:
-        """Send one message."""
-        self.socket.send(msgspec.msgpack.encode(message))
-
-    @property
-    def images(self) -> int:
-        """The number of images that have come."""
-        return len(self._live.images)
-
-    @property
-    def elements(self) -> list[str]:
-        """What the protocol calls all elements."""
-        return list(self._labels)
-
-    def uuid(self, label: str) -> str:
-        """What the protocol calls an element, the newest of that label."""
-        return [uuid for uuid, known in self._labels.items() if known == label][-1]
-
-    def set(self, label: str, value: Any) -> None:
-        """Move an element, as soon as it is there; no value is too wild."""
-        self.read_until(lambda: label in self._labels.values())
-        uuid = self.uuid(label)
-        self.values[label] = value  # nobody is told of what they moved themselves
-        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
-
-    def read_until(self, check: Callable[[], object], timeout_s: float = 60.0) -> None:
-        """Take in what comes until the check holds."""
-        end_s = time.monotonic() + timeout_s
-        while not check():
-            assert time.monotonic() < end_s, f"it did not come about; there is {self.values}"
-            with contextlib.suppress(TimeoutError):
-                for message in _decode(self.socket.recv(timeout=0.02)):
-                    self._take(message)
-            self._live.take()
-            if list(self._live.shown) != self._live.topics[:_IMAGES]:
-                self._live.show(*self._live.topics[:_IMAGES])
-
-    def close(self) -> None:
-        """Leave."""
-        self.socket.close()
-        self._live.socket.close()
-
-    def vanish(self) -> None:
-        """Lose the connection without a word."""
-        self.socket.socket.close()
-        self._live.socket.socket.close()
-
-    def _take(self, message: dict[str, Any]) -> None:
-        if message["type"] == "RegisterCommandMessage":
-            self.commands.append(message["uuid"])
-        if "uuid" not in message:
-            return
-        props = message.get("props") or message.get("updates") or {}
-        if message["type"] == "GuiRemoveMessage":
-            self.values.pop(self._labels.pop(message["uuid"], None), None)
-        if props.get("label") and "value" in message:
-            self._labels[message["uuid"]] = props["label"]
-            self.values[props["label"]] = message["value"]
-        elif "value" in props and message["uuid"] in self._labels:
-            self.values[self._labels[message["uuid"]]] = props["value"]
-        self.html += [props["content"]] if isinstance(props.get("content"), str) else []
 
 
 class ImageClient:
@@ -205,6 +102,27 @@ class ImageClient:
                 else:
                     self.images.append((facts, body))
                     self.send(got=facts["key"])
+
+
+_IMAGES = 4
+
+
+class Client(ImageClient):
+    """A browser that shows the first images of a graph."""
+
+    def take(self, timeout_s: float = 0.0) -> None:
+        """Take all that has come, and show more if there is more."""
+        super().take(timeout_s)
+        if list(self.shown) != self.topics[:_IMAGES]:
+            self.show(*self.topics[:_IMAGES])
+
+    def close(self) -> None:
+        """Leave."""
+        self.socket.close()
+
+    def vanish(self) -> None:
+        """Lose the connection without a word."""
+        self.socket.socket.close()
 
 
 class ClockClient:
@@ -290,26 +208,3 @@ class Live:
     def said(self, text: str) -> bool:
         """Whether a notice has this text."""
         return any(text in line[3] for line in self.state.get("notices", []))
-
-
-def _decode(packet: bytes) -> list[dict[str, Any]]:
-    length = int.from_bytes(packet[8:16], "little")
-    packed = zstandard.ZstdDecompressor().decompress(packet[16 : 16 + length])
-    content = msgspec.msgpack.decode(packed)
-    buffers, start = [], 16 + length
-    for size in content["binaryBufferLengths"]:
-        start += -start % 8
-        buffers.append(packet[start : start + size])
-        start += size
-    return [_filled(message, buffers) for message in content["messages"]]
-
-
-def _filled(value: Any, buffers: list[bytes]) -> Any:
-    """With flat arrays in the places of what was sent beside the messages."""
-    if isinstance(value, list):
-        return [_filled(one, buffers) for one in value]
-    if not isinstance(value, dict):
-        return value
-    if "__binary_index" in value:
-        return np.frombuffer(buffers[value["__binary_index"]], value["dtype"])
-    return {key: _filled(one, buffers) for key, one in value.items()}

@@ -213,4 +213,4 @@ def test_a_crowd_that_looks_leaves_room_for_its_host(shown, port):
         assert refused.value.response.status_code == 503
         host = Client(port)
         stack.enter_context(closing(host))
-        host.read_until(lambda: host.images >= 3)
+        host.read_until(lambda: len(host.images) >= 3)

@@ -9,7 +9,7 @@ from page_client import wait_in
 from ros_visualise.core import registry
 from ros_visualise.ui.shell.panels import PANELS
 
-BESIDE = "{~row~:[{~panel~:~viser~},{~panel~:~topics~}],~at~:[0.72,0.28]}"
+BESIDE = "{~row~:[{~panel~:~log~},{~panel~:~topics~}],~at~:[0.72,0.28]}"
 
 
 def table(tab):
@@ -17,7 +17,7 @@ def table(tab):
 
 
 def test_the_topics_have_a_line_each_and_stay_in_the_address(browse, page, runtime):
-    tab = browse("?layout={~panel~:~viser~}")
+    tab = browse("?layout={~panel~:~log~}")
     assert table(tab).count() == 0
     tab.get_by_role("button", name="Topics", exact=True).click()
     row = table(tab).get_by_role("row").filter(has_text="/processed_image")
@@ -142,7 +142,7 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     table(tab).wait_for(timeout=60_000)
     tab.get_by_role("tab", name="Topics").focus()  # not the frame, which hears its own keys
     tab.keyboard.press("Control+k")
-    field = tab.get_by_role("searchbox", name="Search")
+    field = tab.get_by_role("searchbox", name="Search the page")
     field.fill("fram")
     tab.get_by_role("option", name="panel Frames").click()
     tab.get_by_text("No transforms yet").wait_for(timeout=60_000)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ros_visualise.core.errors import OpenError
 
-_FROM_PIP = ("numpy", "av", "rosbags", "viser")
+_FROM_PIP = ("numpy", "av", "rosbags", "nicegui")
 
 
 def check_installation() -> None:

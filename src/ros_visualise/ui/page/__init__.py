@@ -145,7 +145,6 @@ class Page:
         assert self._content is not None
         self._server.show(None)
         self._content.close(_LEAVE_S)
-        self._server.empty()
 
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         asked = query.text("ask")

@@ -1,10 +1,8 @@
-"""The page's web server: our answers, uploads and viser, behind the gate."""
+"""The page's web server: our answers, live data and uploads, behind the gate."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-
-import viser
 
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.clock import PageClock
@@ -17,13 +15,11 @@ from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.plots import PlotHub
 from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.live.topics import LIVE_TOPICS
-from ros_visualise.ui.page.embedding import embed
 from ros_visualise.ui.parts import PARTS, part
 from ros_visualise.ui.server.access import AccessRules
 from ros_visualise.ui.server.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
 from ros_visualise.ui.server.door import listen
 from ros_visualise.ui.server.gate import (
-    App,
     Disconnected,
     Gate,
     Receive,
@@ -34,7 +30,7 @@ from ros_visualise.ui.server.gate import (
 )
 from ros_visualise.ui.server.host import PageHost, page_loop
 from ros_visualise.ui.server.uploads import UPLOAD, Pieces
-from ros_visualise.ui.shell import VISER, Shell
+from ros_visualise.ui.shell import Shell
 from ros_visualise.ui.shell.application import NICEGUI, application
 from ros_visualise.ui.shell.offered import OfferedHub
 
@@ -57,7 +53,6 @@ class PageServer:
         more: further hubs.
 
     Attributes:
-        viser: the elements and the scene of the page.
         images: those of its panels.
         topics: the figures of its topics.
         space: its 3D view.
@@ -82,9 +77,6 @@ class PageServer:
     ) -> None:
         self._answer, self._receive = answer, receive
         listening = listen(host, port, flag)
-        self.viser: viser.ViserServer
-        self._embedded: App
-        self.viser, self._embedded = embed(page_loop(), title)
         self.images = ImageHub(page_loop())
         self.topics = Newest(LIVE_TOPICS, page_loop())
         self.clock = PageClock()
@@ -109,13 +101,8 @@ class PageServer:
         for hub in self._hubs.values():
             hub.show(runtime)
 
-    def empty(self) -> None:
-        """Remove everything from the page; browsers stay connected."""
-        self.viser.gui.reset()
-
     def close(self) -> None:
         """Stop without waiting for browsers."""
-        self.viser.stop()
         for hub in self._hubs.values():
             hub.close()
         self.host.close()
@@ -127,7 +114,7 @@ class PageServer:
             await self._upload(query, visit, receive, send)
             return
         path = scope["path"].removeprefix(scope["root_path"]) or "/"
-        if scope["type"] == "http" and path in ("/", VISER):
+        if scope["type"] == "http" and path == "/":
             answer = await self._ask(query, scope, visit)
             if answer is not None:
                 visit.hold(len(answer.body))
@@ -137,8 +124,6 @@ class PageServer:
             await self._hubs[path].serve(scope, receive, send)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
-        elif path == VISER:
-            await self._embedded(scope, receive, send)
         elif path == "/" or path.startswith(NICEGUI):
             scope["path"] = scope["root_path"] + path  # with its last /
             scope["state"]["shell"] = self.shell

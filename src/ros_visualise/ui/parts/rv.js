@@ -1,7 +1,7 @@
 // What all panels use, as window.rv: WebSockets, queries, the clock, the cursor, undo, the workspace.
 (() => {
   const RETRY_MS = 1000;
-  const root = location.pathname.replace(/\/(viser)?$/, "");
+  const root = location.pathname.replace(/\/$/, "");
 
   // A WebSocket of the page that comes back by itself. Text is JSON, binary an ArrayBuffer.
   function live(path, { message = () => {}, open = () => {}, closed = () => {} } = {}) {

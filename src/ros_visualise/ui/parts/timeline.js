@@ -1,4 +1,4 @@
-// The timeline: clock, controls and a bar to scrub. The frames in the page hand their keys on, by rvKey.
+// The timeline: clock, controls and a bar to scrub.
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 0];
 const SKIP_S = 5;
 const MARGIN = 10;
@@ -78,7 +78,6 @@ export default {
     this.sized = new ResizeObserver(() => this.draw());
     this.sized.observe(this.$refs.bar);
     rv.cursor.addEventListener("move", this.pointed);
-    window.rvKey = (event) => this.key(event);
     this.pressed = (event) => this.key(event) && event.preventDefault();
     document.addEventListener("keydown", this.pressed);
   },

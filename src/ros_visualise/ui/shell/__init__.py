@@ -15,9 +15,6 @@ from ros_visualise.ui.shell.panels import kinds
 from ros_visualise.ui.shell.search import Search
 from ros_visualise.ui.shell.workspace import LAYOUT, Workspace, read_layout
 
-VISER = "/viser"
-FOREIGN = "foreign"
-"""Path of viser's page, and its query where another web site may have led to the page around it."""
 _FOLDER = Path(__file__).parent
 _STYLES = [_FOLDER / "page.css", *sorted((_FOLDER / "panels").glob("*.css"))]
 _SCRIPTS = ("rv.js", "nodes.js", "files.js")
@@ -38,7 +35,7 @@ class Shell:
         for name in _SCRIPTS:
             ui.add_head_html(f'<script src="{scope["root_path"]}{PARTS}{name}"></script>')
         if visit.is_foreign:
-            ui.add_body_html(f'<i hidden id="rv-{FOREIGN}"></i>')
+            ui.add_body_html('<i hidden id="rv-foreign"></i>')
         query = parse_qs(scope["query_string"].decode("latin-1"))
         layout = read_layout(query.get(LAYOUT, [""])[0])
         Workspace(kinds(), layout, self._offered.standard, visit.is_viewer)

@@ -26,12 +26,10 @@ def standard_layout(graph: Graph | None) -> Place:
     if graph is None or not graph.members:
         return _tabs(["files", "nodes", "topics"])
     kinds = {name: topic.type for name, topic in graph.topics.items()}
-    has_robot = robot_status(graph)[0] is not None or velocity_topic(graph) is not None
-    left = ["robot", "nodes", "files"] if has_robot else ["nodes", "files"]
     has_scene = bool(topics_of(graph))
     shown = images_to_show(graph)
     images = _column(shown[:_MOST_BESIDE]) if has_scene else _grid(shown[:_MOST_IMAGES])
-    parts: list[tuple[Place, float]] = [(_tabs(left, shown=left.index("nodes")), _LEFT)]
+    parts: list[tuple[Place, float]] = [(_controls(graph), _LEFT)]
     if has_scene:
         is_small = images is not None and is_track(kinds)
         parts.append(({"panel": "space"}, 0.3 if is_small else 0.48))
@@ -42,6 +40,14 @@ def standard_layout(graph: Graph | None) -> Place:
     shares = [share for _, share in parts]
     at = [round(share / sum(shares), 3) for share in shares]
     return {"row": [place for place, _ in parts], "at": at}
+
+
+def _controls(graph: Graph) -> Place:
+    """Parameters and files, below a robot that can be driven."""
+    controls = _tabs(["nodes", "files"])
+    if robot_status(graph)[0] is None and velocity_topic(graph) is None:
+        return controls
+    return {"column": [{"panel": "robot"}, controls], "at": [0.42, 0.58]}
 
 
 def images_to_show(graph: Graph) -> list[str]:
@@ -63,5 +69,5 @@ def _column(topics: Sequence[str]) -> Place | None:
     return {"column": panels} if len(panels) > 1 else next(iter(panels), None)
 
 
-def _tabs(names: Sequence[str], shown: int = 0) -> Place:
-    return {"tabs": [{"panel": name} for name in names], "shown": shown}
+def _tabs(names: Sequence[str]) -> Place:
+    return {"tabs": [{"panel": name} for name in names], "shown": 0}

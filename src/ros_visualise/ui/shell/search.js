@@ -12,7 +12,7 @@ export default {
   template: `
     <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()">
       <q-card class="rv-search" role="search">
-        <input ref="field" v-model="words" type="search" placeholder="Panel, topic, parameter, action or time" aria-label="Search"
+        <input ref="field" v-model="words" type="search" placeholder="Panel, topic, parameter, action or time" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
         <div id="rv-found" role="listbox" aria-label="Results">
           <button v-for="(one, i) in found" :key="one.kind + one.name" role="option" :aria-selected="String(i === at)"

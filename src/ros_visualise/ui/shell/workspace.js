@@ -305,7 +305,7 @@ export default {
         other.shown = other.panels.length - 1;
         return;
       }
-      const along = side === "left" || side === "right" ? "row" : "column";
+      const along = side === "top" || side === "bottom" ? "column" : "row";
       const isFirst = side === "left" || side === "top";
       const share = other ? 0.5 : 0.28;
       const split = (there) => ({ [along]: isFirst ? [place, there] : [there, place], at: isFirst ? [share, 1 - share] : [1 - share, share], key: ++count });

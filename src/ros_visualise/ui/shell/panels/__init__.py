@@ -25,7 +25,7 @@ class Panel(Element):
     Attributes:
         title: on its tab, unless its state has a topic.
         icon: on the button that opens it, by its name among Material Icons.
-        side: where it opens: left, right, top or bottom, with others of this side.
+        side: where it opens: left, middle, right or bottom, with others of this side.
         many: several can be open at once.
     """
 

@@ -8,4 +8,4 @@ from ros_visualise.ui.shell.panels import Panel
 class Files(Panel, component="files.js"):
     """Opens and uploads files, records topics, and saves parameters and the layout."""
 
-    title, icon = "Files", "folder_open"
+    title, icon, side = "Files", "folder_open", "left"

@@ -8,4 +8,4 @@ from ros_visualise.ui.shell.panels import Panel
 class ImagePanel(Panel, component="image.js"):
     """One image topic, or several side by side, under a wipe, or subtracted."""
 
-    title, icon, many = "Image", "image", True
+    title, icon, side, many = "Image", "image", "middle", True

@@ -8,4 +8,4 @@ from ros_visualise.ui.shell.panels import Panel
 class Nodes(Panel, component="nodes.js"):
     """A part for each node, or for those that ``nodes`` in its state names."""
 
-    title, icon, many = "Nodes", "tune", True
+    title, icon, side, many = "Nodes", "tune", "left", True

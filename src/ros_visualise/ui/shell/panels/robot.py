@@ -8,4 +8,4 @@ from ros_visualise.ui.shell.panels import Panel
 class RobotPanel(Panel, component="robot.js"):
     """Buttons that move the robot while they, or their keys, are held."""
 
-    title, icon = "Robot", "smart_toy"
+    title, icon, side = "Robot", "smart_toy", "left"

@@ -10,4 +10,4 @@ from ros_visualise.ui.shell.panels import Panel
 class Space(Panel, component="space.js"):
     """A canvas with the 3D view, and the settings of what is drawn."""
 
-    title, icon, side, many = "3D", "view_in_ar", "left", True
+    title, icon, side, many = "3D", "view_in_ar", "middle", True

@@ -1,0 +1,45 @@
+"""Standard layouts: what a person sees first of a film, a robot, a log of numbers, and nothing."""
+
+import pytest
+
+from ros_visualise.graph import Graph
+from ros_visualise.graph.pipelines import image_pipeline
+from ros_visualise.ui.shell import layouts
+from ros_visualise.ui.shell.layouts import standard_layout
+
+
+def panels(place):
+    """The panels of a layout, in the order of reading."""
+    if "panel" in place:
+        return [place["panel"]]
+    children = next(place[name] for name in ("row", "column", "tabs") if name in place)
+    return [name for child in children for name in panels(child)]
+
+
+def shares(place):
+    """All shares of the rows and columns in a layout."""
+    found = [place["at"]] if "at" in place else []
+    for name in ("row", "column"):
+        for child in place.get(name, ()):
+            found += shares(child)
+    return found
+
+
+def test_a_film_has_its_parameters_beside_its_images():
+    layout = standard_layout(image_pipeline("landscape"))
+    assert panels(layout) == ["nodes", "files", "image", "image", "image"]
+    first, *_ = layout["row"][1]["row"][0]["column"]
+    assert first["state"]["topic"] == "/controlled_stream"
+
+
+def test_nothing_yet_offers_files():
+    for graph in (None, Graph(None, ())):
+        assert panels(standard_layout(graph))[0] == "files"
+
+
+@pytest.mark.parametrize("count", range(1, 7))
+def test_images_share_the_room(count):
+    found = layouts._grid([f"/{number}" for number in range(count)])
+    assert len(panels(found)) == count
+    columns = found.get("row", [found])
+    assert len({len(panels(column)) for column in columns}) <= 2
