@@ -104,3 +104,14 @@ def test_nonsense_ends_nothing(hub, text):
         client.send(text)
         client.send(show="diagnostics")
         assert client.read()["live"]
+
+
+def test_a_bug_ends_the_connection_and_is_raised(hub, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(hub.lines, "after", fail)
+    client = HubClient(hub)
+    client.send(show="log")
+    with pytest.raises(ZeroDivisionError):
+        client._serving.result(60)

@@ -250,6 +250,18 @@ def test_statistics_of_a_topic(client):
     assert values[1][:, 2].sum() == 40
 
 
+def test_statistics_of_damaged_numbers(told, live):
+    views = [{kind: X} for kind in ("histogram", "spectrum", "curve")] + [{"intervals": "/odom"}]
+    show(live, *views)
+    for second, value in enumerate([1, np.nan, np.inf, 1e308, -1e308, 3, 5e-324]):
+        told.say(odom=odometry([value, 0, 0], second))
+    while (one := live.read_until(lambda one: one.get("view") == 0))["summary"]["count"] < 3:
+        pass
+    assert one["summary"]["max"] == 3
+    ((_, rows),) = show(live, X)
+    assert rows[3:5, 1].tolist() == [1e308, -1e308]
+
+
 def test_values_at_the_cursor_are_the_last_until_then(client):
     show(client, LONGITUDE)
     client.send({"at": 7.9, "curves": [LONGITUDE, "/no:x", f'="{LONGITUDE}" - 149']})

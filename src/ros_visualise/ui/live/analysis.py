@@ -11,13 +11,14 @@ from ros_visualise.ui.live.derived import Sampled, aligned
 
 _MOST_SAMPLES = 1 << 20
 _BINS = 60
+_HUGE = 1e140
 _VALUE = "value"
 Summary = dict[str, float]
 
 
 def known(curve: Sampled) -> Sampled:
-    """The samples that are finite numbers."""
-    is_known = np.isfinite(curve.values)
+    """The samples that are finite numbers, with finite squares."""
+    is_known = np.abs(curve.values) < _HUGE
     return Sampled(curve.times_s[is_known], curve.values[is_known])
 
 
@@ -51,7 +52,7 @@ def spectrum(curve: Sampled, count: int) -> Floats:
 
 def histogram(values: Floats) -> tuple[Floats, Summary]:
     """Counts of finite values, (N, 3): both edges of a bin, and its count; and their summary."""
-    values = values[np.isfinite(values)]
+    values = values[np.abs(values) < _HUGE]
     if not len(values):
         return np.empty((0, 3)), {"count": 0}
     low, high = float(values.min()), float(values.max())

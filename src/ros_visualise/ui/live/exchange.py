@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
+
+from uvicorn.protocols.utils import ClientDisconnected
 
 from ros_visualise.ui.server.gate import Receive, Send
 
@@ -22,13 +25,21 @@ async def exchange(
     """
     await receive()  # the request to connect
     await send({"type": "websocket.accept"})
-    task = asyncio.ensure_future(sending)
+    tasks = [asyncio.ensure_future(one) for one in (sending, _hear_all(receive, hear))]
     try:
-        while (message := await receive())["type"] != "websocket.disconnect":
-            hear(message.get("text") or "")
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            with suppress(ClientDisconnected):
+                task.result()  # a bug ends the connection, and is reported
     finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _hear_all(receive: Receive, hear: Callable[[str], object]) -> None:
+    while (message := await receive())["type"] != "websocket.disconnect":
+        hear(message.get("text") or "")
 
 
 def ignore(text: str) -> None:
