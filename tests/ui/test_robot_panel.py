@@ -120,8 +120,10 @@ def test_who_may_only_look_drives_nothing(chromium, husky):
 
 def test_behind_another_tab_it_drives_nothing_and_its_keys_are_free(tab, husky, monkeypatch):
     monkeypatch.setattr(robot, "_LAPSE_S", 20)
-    tab.keyboard.press("m")
-    wait_in(tab, lambda: (-0.8, 0.0, 0.0) in husky.velocities and is_stopped(husky))
+    tab.keyboard.down("m")
+    wait_in(tab, lambda: is_driven(husky, (-0.8, 0.0, 0.0)))
+    tab.keyboard.up("m")
+    wait_in(tab, lambda: is_stopped(husky))
     assert tab.evaluate("rv.clock.state.marks ?? []") == []
     tabs = "{~tabs~:[{~panel~:~robot~},{~panel~:~files~}],~shown~:0}"
     tab.goto(husky.url + f"?layout={tabs}")
