@@ -21,7 +21,7 @@ from ros_visualise.ui.server.pool import Pool
 
 log = logging.getLogger(__name__)
 
-_PERIOD_S = 0.03
+_PERIOD_S, _PLAYING_S = 0.03, 0.09
 _FARTHEST_S = 1e9
 
 
@@ -98,12 +98,15 @@ class PageClock:
             log.warning("%s", error)
 
     async def _send_all(self, send: Send) -> None:
-        shown = ""
+        """Send the state as soon as it changes; the place of what plays a few times a second."""
+        shown: Mapping[str, Any] | None = None
+        shown_s, now_s = -math.inf, asyncio.get_running_loop().time
         while True:
-            state = json.dumps(self.state)
-            if state != shown:
-                shown = state
-                await send({"type": "websocket.send", "text": state})
+            state = self.state
+            is_play = bool(state.get("playing")) and _but_position(state) == _but_position(shown)
+            if state != shown and (not is_play or now_s() - shown_s > _PLAYING_S):
+                shown, shown_s = state, now_s()
+                await send({"type": "websocket.send", "text": json.dumps(state)})
             await asyncio.sleep(_PERIOD_S)
 
     @property
@@ -126,6 +129,10 @@ class PageClock:
             "live": self._live,
             "marks": list(self.marks.names.items()),
         }
+
+
+def _but_position(state: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    return {name: value for name, value in (state or {}).items() if name != "position"}
 
 
 def begin_at(playback: Playback, time_s: float) -> None:
