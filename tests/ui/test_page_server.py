@@ -11,6 +11,7 @@ from threading import Thread
 import pytest
 from page_client import TOKEN, Client, ImageClient, addresses
 from waiting import wait_for
+from websockets.sync.client import connect
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.ui import ViewOptions
@@ -144,3 +145,16 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
     for client in clients:
         client.socket.close()
     wait_for(lambda: not followed)
+
+
+def test_playing_waits_for_the_panels_of_a_browser(page, port):
+    assert page.awaited
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}/live/nodes"):
+        assert page.awaited  # its panels are not there yet
+    client = Client(port)
+    client.read_until(lambda: not page.awaited)
+    client.close()
+    wait_for(lambda: page.awaited)
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}/live/offered") as offered:
+        offered.send('{"seen": true}')
+        wait_for(lambda: not page.awaited)

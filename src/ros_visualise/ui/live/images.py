@@ -45,6 +45,11 @@ class ImageHub:
         self._looking: asyncio.TimerHandle | None = None
         self.topics = json.dumps({"topics": []})
 
+    @property
+    def is_shown(self) -> bool:
+        """True while a browser shows images."""
+        return any(browser.shown for browser in list(self._browsers))
+
     def show(self, runtime: Runtime | None) -> None:
         """Serve this graph from now on, or none; from any thread."""
         surroundings = None if runtime is None else Surroundings(runtime)

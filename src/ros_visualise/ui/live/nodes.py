@@ -149,11 +149,6 @@ class NodesHub:
         finally:
             self._reading.pop(visitor, None)
 
-    @property
-    def is_watched(self) -> bool:
-        """True while a browser shows the page."""
-        return self._board.is_watched
-
     def close(self) -> None:
         """End following the graph."""
         logging.getLogger("ros_visualise").removeHandler(self._notices)

@@ -93,8 +93,8 @@ class Page:
 
     @property
     def awaited(self) -> bool:
-        """True while no browser shows it."""
-        return not self._nodes.is_watched
+        """True until a browser shows it."""
+        return not (self._server.offered.is_seen or self._server.images.is_shown)
 
     def _restore_scene(self, settings: Mapping[str, Value]) -> None:
         """Apply settings of the 3D view in an address of the last release."""

@@ -57,13 +57,19 @@
   class Offered extends EventTarget {
     state = {};
     begin() {
-      live("/live/offered", {
+      this.socket = live("/live/offered", {
+        open: () => this.isSeen && this.seen(),
         message: (state) => {
           this.state = state;
           document.title = state.title;
           this.dispatchEvent(new Event("change"));
         },
       });
+    }
+    // Tell that the panels are there, for which playing waits.
+    seen() {
+      this.isSeen = true;
+      this.socket.send({ seen: true });
     }
   }
 

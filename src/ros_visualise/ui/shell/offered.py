@@ -10,7 +10,7 @@ from typing import Any
 from ros_visualise.core.params import specs
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.live.exchange import exchange, ignore
+from ros_visualise.ui.live.exchange import exchange
 from ros_visualise.ui.server.gate import Receive, Scope, Send
 from ros_visualise.ui.shell.layouts import standard_layout
 
@@ -22,13 +22,14 @@ class OfferedHub:
 
     Attributes:
         title: of the browsers' tabs.
+        is_seen: a browser has had its panels.
         wanted: a layout that a person gave, in place of a standard one, or None.
     """
 
     path = "/live/offered"
 
     def __init__(self, title: str) -> None:
-        self.title = title
+        self.title, self.is_seen = title, False
         self.wanted: object = None
         self._runtime: Runtime | None = None
         self._made: tuple[Graph | None, str] | None = None
@@ -42,8 +43,11 @@ class OfferedHub:
         """Do nothing: it has no thread."""
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve one browser until it leaves; messages from it are ignored."""
-        await exchange(receive, send, self._send_all(send), ignore)
+        """Serve one browser until it leaves; it sends a message when its panels are there."""
+        await exchange(receive, send, self._send_all(send), self._hear)
+
+    def _hear(self, _: str) -> None:
+        self.is_seen = True
 
     @property
     def standard(self) -> object:

@@ -6,6 +6,7 @@ const LEAST = 0.06; // of a row or column
 const NARROW = 700; // pixels, below which panels stand under each other
 const STEP = 0.03; // by which an arrow key moves an edge
 const KEPT_MS = 300;
+const [SEEN_MS, SEEN_STEP_MS] = [3000, 100];
 const LONGEST = 7000; // characters of an address's query
 const SAVED = "ros_visualise layouts";
 
@@ -84,7 +85,7 @@ export default {
         <q-btn v-for="(kind, name) in kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.title"
           :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
         <span class="rv-space"></span>
-        <q-btn flat dense icon="search" aria-label="Search" title="Search (Ctrl+K)" @click="search" />
+        <q-btn flat dense icon="search" aria-label="Search the page" title="Search (Ctrl+K)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
         <q-btn flat dense icon="redo" aria-label="Redo" title="Redo (Ctrl+Shift+Z)" :disable="!redoable" @click="past.redo()" />
         <q-btn flat dense icon="dashboard_customize" aria-label="Layouts" title="Layouts">
@@ -181,6 +182,7 @@ export default {
     rv.past.addEventListener("change", this.stepped);
     this.text = this.written();
     this.tell();
+    this.await(SEEN_MS / SEEN_STEP_MS);
   },
   beforeUnmount() {
     this.sized.disconnect();
@@ -221,6 +223,12 @@ export default {
     },
     search() {
       document.dispatchEvent(new CustomEvent("rv-search"));
+    },
+    // Wait for the panels, but not for long.
+    await(steps) {
+      const isThere = ({ id }) => this.$refs.room?.querySelector(`[data-panel="${id}"]`);
+      if (!steps || this.all().every(isThere)) return setTimeout(() => rv.offered.seen(), SEEN_STEP_MS);
+      setTimeout(() => this.await(steps - 1), SEEN_STEP_MS);
     },
     tell() {
       const panels = this.all().map(({ id, kind, state }) => ({ id, kind, state }));
@@ -272,6 +280,13 @@ export default {
     },
     open(kind, state = {}, beside = null) {
       if (!Object.hasOwn(this.kinds, kind)) return;
+      const { many } = this.kinds[kind];
+      const isSame = (one) => one.kind === kind && (!many || (Object.keys(state).length && JSON.stringify(one.state) === JSON.stringify(state)));
+      const there = [...tabsOf(this.root)].find(({ panels }) => panels.some(isSame));
+      if (there) {
+        there.shown = there.panels.findIndex(isSame);
+        return this.changed();
+      }
       const panel = { id: ++count, kind, state };
       const place = { panels: [panel], shown: 0, key: ++count };
       this.maximal = null;
