@@ -293,9 +293,6 @@ class TestRefusals:
     def test_a_start_after_the_end(self, video):
         assert "lasts 1.00 s" in refused("video", video, *QUICK, "--start", 5)
 
-    def test_a_file_without_a_command(self, video):
-        assert f"ros-visualise video {video}" in refused(video)
-
     def test_commands(self):
         assert "demo" in refused("play")
 
