@@ -219,8 +219,8 @@ LESSON = Lesson(
     only once. His method (1986) has five steps: smooth, differentiate, thin, apply two thresholds,
     and follow the edges.
 
-    Each window shows one step on this picture of {width} x {height} pixels. Move its sliders, and
-    all later steps change too.
+    Each image shows one step on this picture of {width} x {height} pixels. Move the sliders of a
+    step, and all later steps change too.
     """,
     [Step(smoothing), Step(gradient), Step(suppression), Step(thresholds), Step(hysteresis)],
 )

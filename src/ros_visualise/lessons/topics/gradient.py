@@ -185,7 +185,7 @@ LESSON = Lesson(
     "what a gradient is: the gray along a line and its derivative, Gx and Gy, length and direction",
     """
     For a program a picture is a function: it has a gray level at each of {width} x {height} points.
-    Where this function is steep, there is an edge. These windows differentiate it: first along one
+    Where this function is steep, there is an edge. These images differentiate it: first along one
     line, then in both directions.
     """,
     [

@@ -168,7 +168,7 @@ LESSON = Lesson(
     "nodes, topics and messages, publish and subscribe, rates and drops, on the running graph",
     """
     A robot's software is made of many small programs, called nodes, that send each other messages.
-    These windows are nodes themselves, and show the messages that they get: pictures of
+    These images come from nodes themselves, and show the messages that they get: pictures of
     {width} x {height} pixels. Play, pause, change the rate, and watch them.
     """,
     [

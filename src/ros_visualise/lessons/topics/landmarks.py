@@ -202,7 +202,7 @@ LESSON = Lesson(
     "landmarks",
     "how a tag tells where it is: corners, homography, its two poses, covariance as an ellipse",
     """
-    A robot that sees an object of known size and shape can compute its own pose. The windows show
+    A robot that sees an object of known size and shape can compute its own pose. The images show
     how, with a tag: one in your picture of {width} x {height} pixels, or one that is drawn into it.
     """,
     [
