@@ -102,7 +102,7 @@ def test_elsewhere_addresses_are_names(host):
 def test_without_a_token_nobody_is_a_mere_viewer():
     rules = open_to_all()
     assert (rules.token, rules.view_token) == ("", "")
-    for path in ("/", "", "/?look=image", f"/{VIEW_TOKEN}"):
+    for path in ("/", "", "/?layout=x", f"/{VIEW_TOKEN}"):
         assert rules.refusal(path, OWN, None) == ""
         assert not rules.is_viewer(path)
 

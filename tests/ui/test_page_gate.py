@@ -184,7 +184,7 @@ def test_a_proxy_comes_in_by_its_origin(port, runtime):
     page.close()
 
 
-@pytest.mark.parametrize("path", ["/", "/index.html", "/?look=image", "/?ask=graph", "/no/such"])
+@pytest.mark.parametrize("path", ["/", "/index.html", "/?layout=x", "/?ask=graph", "/no/such"])
 def test_without_the_token_nothing_is_answered(page, port, path):
     upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "X-Ros-Visualise": "1"}
@@ -239,7 +239,7 @@ def test_what_other_sites_ask_is_refused_before_any_work(page, port, runtime, mo
     for path in ("/?ask=graph", "/?%61sk=graph", "/?ask=ticks"):
         for headers in (image, link, image | ours, {"Sec-Fetch-Site": "none"}, {}):
             assert get(port, path, **headers)[0] == 403
-    for path in ("/", "/?look=image", "/no/such"):
+    for path in ("/", "/?layout=x", "/no/such"):
         assert get(port, path, **image)[0] == 403
     assert get(port, "/", **link)[0] == 200
     assert not asked

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from typing import Any
 
 from uvicorn.protocols.utils import ClientDisconnected
 
@@ -40,6 +42,15 @@ async def exchange(
 async def _hear_all(receive: Receive, hear: Callable[[str], object]) -> None:
     while (message := await receive())["type"] != "websocket.disconnect":
         hear(message.get("text") or "")
+
+
+def read_object(text: str) -> dict[str, Any] | None:
+    """The JSON object in a text from a browser; None for anything else."""
+    try:
+        message = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) else None
 
 
 def ignore(text: str) -> None:

@@ -16,6 +16,7 @@ from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import Image
 from ros_visualise.ui.live import closeup
 from ros_visualise.ui.live.closeup import Closeup
+from ros_visualise.ui.live.exchange import read_object
 from ros_visualise.ui.live.image_channel import ImageView, Picture
 from ros_visualise.ui.server.answers import READ_ONLY, Refusal
 from ros_visualise.ui.server.gate import Send, Visit
@@ -99,11 +100,8 @@ class ImageBrowser:
 
     def hear(self, text: str) -> None:
         """Handle a message; anything else than those that our pages send is ignored."""
-        try:
-            message = json.loads(text)
-        except (ValueError, RecursionError):
-            return
-        if not isinstance(message, dict):
+        message = read_object(text)
+        if message is None:
             return
         if isinstance(message.get("show"), dict):
             self._show(message["show"])

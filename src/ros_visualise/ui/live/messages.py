@@ -17,7 +17,7 @@ from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.messages.numeric_fields import number_at
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.live.exchange import exchange, wait
+from ros_visualise.ui.live.exchange import exchange, read_object, wait
 from ros_visualise.ui.live.trees import as_ros, tree_of
 from ros_visualise.ui.server.gate import Receive, Scope, Send
 from ros_visualise.ui.server.pool import Pool
@@ -82,11 +82,8 @@ class _MessageReader:
 
     def hear(self, text: str) -> None:
         """Note what it shows; anything else than our pages send is ignored."""
-        try:
-            asked = json.loads(text)
-        except (ValueError, RecursionError):
-            return
-        if isinstance(asked, dict):
+        asked = read_object(text)
+        if asked is not None:
             self._asked, self._sent = asked, None
             self.news.set()
 

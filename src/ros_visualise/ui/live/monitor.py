@@ -20,7 +20,7 @@ from ros_visualise.data.reports import Log
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.diagnostics import StatusMaker
 from ros_visualise.runtime.topics import Subscription
-from ros_visualise.ui.live.exchange import exchange, wait
+from ros_visualise.ui.live.exchange import exchange, read_object, wait
 from ros_visualise.ui.periodic import PeriodicThread
 from ros_visualise.ui.server.gate import Receive, Scope, Send
 
@@ -99,11 +99,7 @@ class MonitorHub:
 
 def _shown(text: str) -> str:
     """The request of a browser; empty for anything else than our pages ask."""
-    try:
-        asked = json.loads(text)
-    except (ValueError, RecursionError):
-        return ""
-    shown = asked.get("show") if isinstance(asked, dict) else None
+    shown = (read_object(text) or {}).get("show")
     return shown if isinstance(shown, str) else ""
 
 

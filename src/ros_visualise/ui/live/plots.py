@@ -27,7 +27,7 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live import analysis
 from ros_visualise.ui.live.curve_set import BadCurve, Curve, CurveSet
 from ros_visualise.ui.live.derived import Sampled
-from ros_visualise.ui.live.exchange import exchange
+from ros_visualise.ui.live.exchange import exchange, read_object
 from ros_visualise.ui.live.units import unit_of
 from ros_visualise.ui.periodic import PeriodicThread
 from ros_visualise.ui.server.gate import Receive, Scope, Send
@@ -125,11 +125,8 @@ class _PlotReader:
 
     def hear(self, text: str) -> None:
         """Note a message; anything else than those that our pages send is ignored."""
-        try:
-            message = json.loads(text)
-        except (ValueError, RecursionError):
-            return
-        if not isinstance(message, dict):
+        message = read_object(text)
+        if message is None:
             return
         if isinstance(message.get("views"), list):
             self._request, self._sent = message, {}

@@ -69,8 +69,7 @@ export default {
     },
     choose(one) {
       if (!one) return;
-      const has = (kind) => Object.hasOwn(this.kinds, kind);
-      const kind = /Image$/.test(one.help) && has("image") ? "image" : has("messages") ? "messages" : "topics";
+      const kind = /Image$/.test(one.help) ? "image" : "messages";
       ({
         panels: () => rv.open(one.panel),
         topics: () => rv.open(kind, { topic: one.name }),
