@@ -18,7 +18,7 @@ from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui import ViewOptions
-from ros_visualise.ui.live.topics import LIVE_TOPICS
+from ros_visualise.ui.live.topics import TopicsHub
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.shell.offered import OfferedHub
 
@@ -79,7 +79,7 @@ def test_an_empty_graph_says_so_until_somebody_comes(client, changing, port):
     changing.show(make("camera", "/image_raw"))
     client.read_until(lambda: changing.looked_at == ["/image_raw"])
     wait_for(lambda: "/image_raw" in picture(port, "graph"))
-    with connect(f"ws://127.0.0.1:{port}/{TOKEN}{LIVE_TOPICS}") as live:
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}{TopicsHub.path}") as live:
         while not any("/image_raw" in row for row in json.loads(live.recv(timeout=60))["rows"]):
             pass
     with connect(f"ws://127.0.0.1:{port}/{TOKEN}{OfferedHub.path}") as live:

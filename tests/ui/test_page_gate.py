@@ -19,7 +19,6 @@ from websockets.sync.client import connect
 from ros_visualise.core import supervision
 from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.page import Page
-from ros_visualise.ui.page.content import PageContent
 
 EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}"></iframe><script>
 window.told = new Promise(tell => {{
@@ -251,7 +250,7 @@ def test_a_bug_in_an_answer_is_said_and_counted_and_ends_nothing(page, port, mon
 
     own = {"X-Ros-Visualise": "1"}
     with monkeypatch.context() as broken:
-        broken.setattr(PageContent, "graph_picture", property(fail))
+        broken.setattr("ros_visualise.ui.page.graph_picture", fail)
         for _ in range(20):  # more than there are threads
             status, _, text = get(port, "/?ask=graph", **own)
             assert (status, "internal error" in text) == (500, True)

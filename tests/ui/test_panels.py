@@ -1,7 +1,6 @@
 """Panels of the page: opened, closed, moved, dragged, undone, and kept in its address."""
 
 import json
-from types import SimpleNamespace
 
 import pytest
 from page_client import wait_in
@@ -38,14 +37,13 @@ def test_the_topics_have_a_line_each_and_stay_in_the_address(browse, page, runti
     wait_in(tab, lambda: table(tab).count() == 1 and f"?layout={BESIDE}" in tab.url)
 
 
-def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page, monkeypatch):
+def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page):
     tab = browse("?layout={~panel~:~topics~}", images=False)
     table(tab).get_by_text("/edges").wait_for(timeout=60_000)
     names = ["/<img src=x onerror=alert(1)>", *(f"/robot/topic_{n:03}" for n in range(500))]
     rows = [[name, "a/B", 1.0, 1.0, None, n, "<b>", 2.5] for n, name in enumerate(names)]
     text = json.dumps({"rows": [*rows, ["/odd", "odd/C"]], "lines": ["<i>gone</i>: ended"]})
-    silent = SimpleNamespace(put=lambda _: None, is_watched=True)
-    monkeypatch.setattr(page._content, "_figures", silent)
+    page._server.topics.show(None)
     page._server.topics.put(text)
     wait_in(tab, lambda: table(tab).get_by_text("onerror=alert").count() == 1)
     assert table(tab).get_attribute("aria-rowcount") == "502"

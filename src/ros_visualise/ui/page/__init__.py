@@ -20,8 +20,9 @@ from ros_visualise.ui.live.robot import RobotHub
 from ros_visualise.ui.live.settings import by_name
 from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.page.browser import Browser
-from ros_visualise.ui.page.content import PageContent
+from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.server import PageServer, url
+from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.scene.urdf import read_urdf
 from ros_visualise.ui.server.access import AccessRules, access_rules
 from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_json
@@ -32,7 +33,6 @@ from ros_visualise.ui.shell.workspace import LAYOUT, read_layout
 
 log = logging.getLogger(__name__)
 
-_CLOSE_S, _LEAVE_S = 0.3, 5.0
 _ANSWERING = 8  # threads: some read a recording
 _QUERIES = ("recorded", "graph", "frames", "ticks")
 
@@ -82,7 +82,6 @@ class Page:
         self._nodes.restored = self._restore_scene
         self._server.offered.wanted = read_layout(str(options.arrangement.get(LAYOUT, "")))
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
-        self._content: PageContent | None = None
         self._runtime: Runtime | None = None
         self._ended = threading.Event()
 
@@ -108,8 +107,8 @@ class Page:
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph, in place of the one before."""
-        if self._content is not None:
-            self._leave()
+        if self._runtime is not None:
+            self._server.show(None)
             self._show(runtime)
             return
         self._show(runtime)
@@ -124,12 +123,6 @@ class Page:
         self._server.show(runtime)
         if self._files.title:
             self._server.offered.title = self._files.title
-        self._content = PageContent(
-            self._server.topics,
-            self._server.space,
-            runtime,
-            self._notices.say,
-        )
 
     def _marks(self) -> Marks:
         """The marks of the file that is shown."""
@@ -140,24 +133,20 @@ class Page:
             log.warning("%s; marks set now are not kept", error)
             return Marks()
 
-    def _leave(self) -> None:
-        """Remove the present graph from the page, and remember the settings."""
-        assert self._content is not None
-        self._server.show(None)
-        self._content.close(_LEAVE_S)
-
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:
         asked = query.text("ask")
         if asked == "recorded":
             return await self._files.answer(query)
         if "ask" not in query:
             return None
-        if self._content is None or self._runtime is None:  # there is a server already
+        shown, scene = self._runtime, self._server.space.scene
+        if shown is None or scene is None:  # there is a server already
             raise Refusal("not ready yet; try again in a moment", 503)
-        if asked in ("graph", "frames"):
-            return as_json({"svg": getattr(self._content, f"{asked}_picture")})
+        if asked == "graph":
+            return as_json({"svg": graph_picture(shown.graph)})
+        if asked == "frames":
+            return as_json({"svg": tree_picture(scene.frames.links.all())})
         if asked == "ticks":
-            shown = self._runtime
             return as_json(await self._querys.do(lambda: ticks(shown.graph, shown.playback)))
         raise Refusal(f"unknown query{did_you_mean(asked, _QUERIES)}", 404)
 
@@ -170,8 +159,6 @@ class Page:
         if self._ended.is_set():
             return
         self._ended.set()
-        if self._content is not None:
-            self._content.close(_CLOSE_S)
         self._server.close()
         self._querys.close()
         self._files.close()

@@ -11,10 +11,9 @@ from ros_visualise.ui.live.hub import Hub
 from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.live.messages import MessageHub
 from ros_visualise.ui.live.monitor import MonitorHub
-from ros_visualise.ui.live.newest import Newest
 from ros_visualise.ui.live.plots import PlotHub
 from ros_visualise.ui.live.space.hub import SpaceHub
-from ros_visualise.ui.live.topics import LIVE_TOPICS
+from ros_visualise.ui.live.topics import TopicsHub
 from ros_visualise.ui.parts import PARTS, part
 from ros_visualise.ui.server.access import AccessRules
 from ros_visualise.ui.server.answers import HEADER, READ_ONLY, Answer, BrowserQuery, Refusal
@@ -78,7 +77,7 @@ class PageServer:
         self._answer, self._receive = answer, receive
         listening = listen(host, port, flag)
         self.images = ImageHub(page_loop())
-        self.topics = Newest(LIVE_TOPICS, page_loop())
+        self.topics = TopicsHub(page_loop())
         self.clock = PageClock()
         self.offered = OfferedHub(title)
         self.shell = Shell(self.offered)
