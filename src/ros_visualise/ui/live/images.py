@@ -136,7 +136,8 @@ class ImageHub:
             self._make_previews(runtime)
         self._runtime, self._surroundings = runtime, surroundings
         self._graph = None if runtime is None else runtime.graph
-        self.topics = json.dumps({"topics": _offers(self._graph) if self._graph else []})
+        if self._graph is not None:  # else the page ends, or shows another one in a moment
+            self.topics = json.dumps({"topics": _offers(self._graph)})
         shown = [one for browser in self._browsers for one in browser.shown.values()]
         for one in shown:
             if not (is_same and self._has(one.view)):
