@@ -2,6 +2,7 @@
 # make test         sets everything up and runs all tests; TESTS=tests/core/test_rate.py runs these
 # make test QUICK=1 runs the tests that need nothing but Python, in two minutes
 # make test-oldest  runs the tests with the oldest versions of all dependencies
+# make docs        builds the documentation in docs/_build/html; LINKS=1 also checks its links to other sites
 # make fuzz         gives damaged input to the commands; ARGS=--help lists its options
 # make soak         runs the program for two hours and reports what grows
 PYTHON ?= python3
@@ -15,7 +16,7 @@ OPENGL := libegl1 libgl1 libgl1-mesa-dri
 # Without a terminal sudo does not ask for a password.
 AS_ROOT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || printf %s -n))
 
-.PHONY: demo test test-oldest fuzz soak clean
+.PHONY: demo test test-oldest docs fuzz soak clean
 
 demo: .venv/.ready
 	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
@@ -41,6 +42,12 @@ test-oldest: .venv-oldest/.ready
 	.venv-oldest/bin/pytest $(PARALLEL) --ignore=tests/ros1 --ignore=tests/ros2 \
 		--ignore=tests/test_newcomer.py $(TESTS)
 
+# Warnings, such as a link that leads nowhere, are errors.
+docs: .venv/.docs
+	.venv/bin/sphinx-build -W --keep-going -q docs docs/_build/html
+	$(if $(LINKS),.venv/bin/sphinx-build -W --keep-going -q -b linkcheck docs docs/_build/links)
+	@echo 'built in docs/_build/html; to read it: .venv/bin/ros-visualise docs'
+
 fuzz: .venv-test/.ready
 	PYTHONPATH=tests:tests/sources/recordings .venv-test/bin/python -m fuzz $(ARGS)
 
@@ -54,6 +61,11 @@ soak: .venv-test/.ready
 		>.venv/pip.log 2>&1 || { echo 'cannot install the Python packages, which takes a' \
 		'network the first time; the reason is in .venv/pip.log' >&2; exit 1; }
 	@.venv/bin/python -c '$(RENDER)' 2>/dev/null || $(call apt_install,$(OPENGL)) || true
+	@touch $@
+
+.venv/.docs: .venv/.ready tests/constraints.txt
+	.venv/bin/pip install --quiet --disable-pip-version-check -c tests/constraints.txt \
+		-e '.[headless,sim,detect,docs]'
 	@touch $@
 
 # With what the tests use beside Python, if it can be installed: a browser, a screen, FFmpeg, ROS 1.

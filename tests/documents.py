@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-DOCUMENTS = (PACKAGE / "README.md", *sorted((PACKAGE / "docs").glob("*.md")))
+DOCUMENTS = (PACKAGE / "README.md", *sorted((PACKAGE / "docs").glob("[!_g]*/*.md")))
 _BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 _ENDS = {";", "&&", "||", "|", "&", "(", ")"}
 

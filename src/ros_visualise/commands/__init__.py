@@ -80,7 +80,7 @@ COMMANDS = Registry(
     first=(
         *("demo", "sim", "video", "camera", "bag", "kitti", "view", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),
-        *("nodes", "plugins", "completion"),
+        *("nodes", "plugins", "docs", "completion"),
     ),
 )
 """All commands, in the order of ``--help``."""

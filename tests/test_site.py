@@ -1,0 +1,75 @@
+"""The documentation builds without a warning, needs nothing from elsewhere, and opens."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from documents import PACKAGE
+
+from ros_visualise.commands import docs, main
+
+ELSEWHERE = re.compile(
+    r"""<(?:script|img|iframe)[^>]+src=["']?(?:https?:)?//[^>]*
+    |<link(?![^>]+rel="(?:canonical|author)")[^>]+href=["']?(?:https?:)?//[^>]*
+    |url\(["']?(?:https?:)?//[^)]*|@import[^;]*//[^;]*""",
+    re.VERBOSE,
+)
+"""What a browser would load from another place."""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site, without the lessons, which tests/lessons exports."""
+    folder = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", PACKAGE / "docs", folder]
+    done = subprocess.run(
+        build, env={"PATH": "/usr/bin:/bin", "QUICK": "1"}, capture_output=True, text=True
+    )
+    assert not done.returncode, done.stderr
+    return folder
+
+
+def test_pages_load_nothing_from_elsewhere(site: Path):
+    pages = [path for kind in ("html", "css", "js") for path in site.rglob(f"*.{kind}")]
+    assert len(pages) > 100
+    for page in pages:
+        found = ELSEWHERE.search(page.read_text(errors="ignore"))
+        assert not found, f"{page.name}: {found and found[0]}"
+
+
+@pytest.mark.parametrize(
+    ("page", "words"),
+    [
+        (
+            "generated/nodes/edge_detector.html",
+            ["l2_gradient", "0 to 800", "only while subscribed"],
+        ),
+        ("generated/commands/trajectory.html", ["--max-difference", "ATE"]),
+        ("generated/messages.html", ["apriltag_ros/msg/AprilTagDetectionArray"]),
+        ("generated/formats.html", ["PX4 flight log", ".ulg"]),
+        ("changes.html", ["Forthcoming"]),
+        ("howto/install.html", ["libgl1", "blob/main/docs/howto/install.md"]),
+    ],
+)
+def test_reference_comes_from_the_declarations(site: Path, page: str, words: list[str]):
+    text = (site / page).read_text()
+    assert [word for word in words if word not in text] == []
+
+
+def test_docs_prints_the_address_of_a_page(site: Path, monkeypatch, capsys):
+    monkeypatch.setattr(docs, "SITES", (site,))
+    assert main(["docs", "--no-open", "edge_detector"]) == 0
+    assert capsys.readouterr().out == f"{(site / 'generated/nodes/edge_detector.html').as_uri()}\n"
+    assert main(["docs", "--no-open", "edge_detecter"]) == 2
+    assert "did you mean edge_detector?" in capsys.readouterr().err
+
+
+def test_docs_without_a_built_site_is_one_line(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(docs, "SITES", (tmp_path,))
+    assert main(["docs"]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.endswith("not built; in a clone of the repository run: make docs")
