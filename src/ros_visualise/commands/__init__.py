@@ -38,6 +38,7 @@ _CHOICE = re.compile(
 _EXAMPLES = """examples:
   ros-visualise demo
   ros-visualise drive.mcap
+  ros-visualise flight.mp4 flight.ulg --offset flight_ulg=1.5
   ros-visualise sim husky --world playpen --mission square
   ros-visualise video flight.mp4 --set filters.threshold=90
   ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
@@ -144,13 +145,18 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _with_command(given: Sequence[str]) -> Sequence[str]:
-    """The arguments with the command that shows what comes first, unless that is a command."""
+    """The arguments with the command that shows the files that come first, if any do."""
     first = given[0] if given else ""
+    if first == "view" and len(given) > 1 and os.path.exists(given[1]):
+        return _with_command(given[1:])
     if first in COMMANDS.names() or first.startswith("-"):
         return given
     if _ADDRESS.match(first) or (first.startswith("/dev/") and os.path.exists(first)):
         return ["camera", *given]
-    return [_command_for(Path(first)), *given] if first and os.path.exists(first) else given
+    if not first or not os.path.exists(first):
+        return given
+    is_several = len(given) > 1 and os.path.exists(given[1])
+    return ["bag" if is_several else _command_for(Path(first)), *given]
 
 
 def _command_for(path: Path) -> str:

@@ -14,7 +14,14 @@ from ros_visualise.running.options import PlayingOptions
 class BagOptions(PlayingOptions):
     """Options of ``bag`` and ``kitti``."""
 
-    input: str = argument("the recording", metavar="PATH")
+    input: Sequence[str] = argument(
+        "the recording; several, also films, are played on one line of time",
+        metavar="PATH",
+        nargs="+",
+    )
+    offset: Sequence[str] = option(
+        [], "move one of several recordings to later; repeatable", metavar="NAME=SECONDS"
+    )
     topics: Sequence[str] = option(
         [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
@@ -36,7 +43,9 @@ def run(options: BagOptions) -> int:
     from ros_visualise.running.graphs import recording
     from ros_visualise.running.play import play
 
-    return play(recording(options.input, options.topics, options.image, options.odom), options)
+    path, *more = options.input
+    chosen = (options.topics, options.image, options.odom)
+    return play(recording(path, *chosen, more, options.offset), options)
 
 
 COMMAND = Command(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
@@ -13,7 +14,9 @@ from ros_visualise.running.arguments import argument
 class KittiOptions(BagOptions):
     """Options of ``kitti``."""
 
-    input: str = argument("folder of a drive, or of a date with one drive", metavar="DIR")
+    input: Sequence[str] = argument(
+        "folder of a drive, or of a date with one drive", metavar="DIR", nargs="+"
+    )
 
 
 COMMAND = Command("play a drive of the KITTI data set", KittiOptions, run)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
@@ -18,7 +18,10 @@ Encoding = Literal["ros1", "cdr"]
 """Encoding of messages: that of ROS 1, or plain CDR of ROS 2."""
 
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
-_HEADER = "std_msgs/msg/Header"
+Stamped = Literal["", "first", "inner"]
+"""Stamps of messages: none, that of the header that they begin with, or further ones inside."""
+
+_HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 _TF = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms"}
 
@@ -106,6 +109,7 @@ class Definitions:
         self.encoding: Encoding = encoding
         self._given: dict[str, str] = {}
         self._starts_with_header: dict[str, bool] = {}
+        self._stamped: dict[str, Stamped] = {}
         self._lock = threading.RLock()
         self._made: BoundedStore | None = None
 
@@ -150,6 +154,7 @@ class Definitions:
                 raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
             self._given[type_name] = text
             self._starts_with_header.clear()
+            self._stamped.clear()
 
     def knows(self, type_name: str) -> bool:
         """True if messages of that type can be read."""
@@ -194,6 +199,21 @@ class Definitions:
         if type_name not in self._starts_with_header:
             self._starts_with_header[type_name] = self._looks_headed(type_name)
         return self._starts_with_header[type_name]
+
+    def stamped(self, type_name: str) -> Stamped:
+        """The stamps that messages of that type have."""
+        if type_name not in self._stamped:
+            _, fields = self._store.fielddefs.get(type_name, ([], []))
+            is_headed = self.starts_with_header(type_name)
+            first: Stamped = "first" if is_headed else ""
+            self._stamped[type_name] = "inner" if self._has_stamp(fields[is_headed:]) else first
+        return self._stamped[type_name]
+
+    def _has_stamp(self, fields: Sequence[tuple[str, Any]]) -> bool:
+        if ("stamp", (Nodetype.NAME, _TIME)) in fields:
+            return True
+        known = self._store.fielddefs
+        return any(self._has_stamp(known[part][1]) for part in parts_of(fields) if part in known)
 
     @property
     def _version(self) -> Literal[1, 2]:

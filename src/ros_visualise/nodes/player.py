@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, make_dataclass, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -12,14 +12,18 @@ from typing import Any
 from ros_visualise.core.errors import DamagedMessage, UsageError, did_you_mean
 from ros_visualise.data import Detections, Image
 from ros_visualise.messages.recorded import content
-from ros_visualise.nodes import NoParams, Source, SourceType, find_source, source
+from ros_visualise.nodes import NoParams, Source, SourceType, find_source, param, source
 from ros_visualise.sources.calibration import Calibration
+from ros_visualise.sources.opening import open_again
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Entry, Recording
+from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.recordings.playing import PlayableRecording
 
 log = logging.getLogger(__name__)
 
+MAX_OFFSET_S = 1e9
+"""Largest offset of a source that is played with others."""
 _LISTED = 3  # of topics that share a reason, and of reasons, so many are named
 _LONG_HOURS = 72  # from here on a gap is printed in days
 
@@ -34,22 +38,35 @@ class Player:
         topics: Collection[str],
         unplayed: Mapping[str, str],
         calibrations: Mapping[str, str],
-        _: NoParams,
+        params: Any,
         playback: Playback,
     ) -> None:
         self._recording, self._unplayed = recording, unplayed
         self._playback = playback
         self._calibrations = {topic: Calibration(url) for topic, url in calibrations.items()}
         playback.step_topics = tuple(topics)
-        self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
+        self._moved: Any = None
+        self._playable = self._placed(params)
         self._say_gaps(self._playable.time.gaps_ns)
         playback.check_start(self._playable.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The recorded messages, each when its time has come."""
-        for _, batch in self._playback.run(self._playable, self._playable.is_frame):
-            for entry in batch:
-                yield entry.topic, self._calibrated(entry)
+        while True:
+            for _, batch in self._playback.run(self._playable, self._playable.is_frame):
+                for entry in batch:
+                    yield entry.topic, self._calibrated(entry)
+            if self._moved is None or not self._playback.take_restart():
+                return
+            params, self._moved = self._moved, None
+            shown_ns = self._playable.time.stamp_ns(self._playback.time_ns())
+            self._playable = self._placed(params)
+            self._playback.seek(self._playable.time.place_ns(shown_ns) / 1e9)
+
+    def configure(self, params: Any, _: Collection[str]) -> None:
+        """Move sources that are played together; what is shown stays as it can."""
+        self._moved = params
+        self._playback.restart()
 
     def report(self) -> dict[str, Any]:
         """Losses, and topics that cannot be played with the reasons."""
@@ -60,6 +77,18 @@ class Player:
     def close(self) -> None:
         """End reading."""
         self._recording.close()
+
+    def _placed(self, params: Any) -> PlayableRecording:
+        """The recording on its line of time, each source with its offset."""
+        recording = self._recording
+        if isinstance(recording, JoinedRecording):
+            recording.move([getattr(params, name) for name in recording.names])
+        topics, playback = self._playback.step_topics, self._playback
+        playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
+        playback.recorded = playable.time
+        if isinstance(recording, JoinedRecording):
+            playback.sources = recording.sources(playable.time)
+        return playable
 
     def _calibrated(self, entry: Entry) -> Any:
         """The recorded message; images with their calibration, if one is given."""
@@ -115,11 +144,41 @@ def player(
     return replace(
         declared,
         make=partial(make, recording, played, unplayed, calibrations),
+        params=_offsets_of(recording) if isinstance(recording, JoinedRecording) else NoParams,
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,
-        recording=recording.path,
+        recording=partial(_open_again, recording),
     )
+
+
+def _open_again(recording: Recording, params: Any) -> Recording:
+    opened = open_again(recording)
+    if isinstance(opened, JoinedRecording):
+        opened.move([getattr(params, name) for name in opened.names])
+    return opened
+
+
+def _offsets_of(recording: JoinedRecording) -> type:
+    """A parameter for the offset of each source."""
+    fields = [
+        (
+            name,
+            float,
+            param(
+                0.0,
+                f"offset of {path.name}, seconds; later where positive",
+                min=-MAX_OFFSET_S,
+                max=MAX_OFFSET_S,
+                slider=(-10, 10),
+                step=0.01,
+                group="offset",
+                label=name,
+            ),
+        )
+        for name, path in zip(recording.names, recording.paths, strict=True)
+    ]
+    return make_dataclass("OffsetParams", fields, frozen=True)
 
 
 def _played(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
@@ -24,7 +25,10 @@ from ros_visualise.running.options import NodeOptions, PlayingOptions, SettingOp
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.opening import is_recording, open_recording
+from ros_visualise.sources.opening import is_recording, open_joined, open_recording
+from ros_visualise.sources.recordings.joined import JoinedRecording
+
+log = logging.getLogger(__name__)
 
 _NONE = "none"
 _PATH = "path"
@@ -41,6 +45,7 @@ class Selection:
         graph: makes its graph: the source, and the nodes that every run of it has. What it opens
             goes on the stack, which closes it if no run comes of it.
         path: its file, folder or device; empty: none.
+        more: what is played with it.
         size: that images are scaled to, also those of what is opened in its place.
         is_recording: its topics are chosen by options.
         another: selects another file in its place; None: as the commands ``bag`` or ``video`` do.
@@ -49,22 +54,63 @@ class Selection:
     name: str
     graph: Callable[[ExitStack], Graph]
     path: str = ""
+    more: tuple[str, ...] = ()
     size: str = ""
     is_recording: bool = False
     another: Callable[[str], Selection] | None = None
 
 
 def recording(
-    path: str, topics: Sequence[str] = (), image: str | None = None, odom: str | None = None
+    path: str,
+    topics: Sequence[str] = (),
+    image: str | None = None,
+    odom: str | None = None,
+    more: Sequence[str] = (),
+    offsets: Sequence[str] = (),
 ) -> Selection:
-    """A recording; without topics all are played, and the first images and odometry are used."""
+    """A recording; without topics all are played, and the first images and odometry are used.
+
+    ``more``: recordings and films that are played with it; ``offsets``: as of ``--offset``.
+    """
+    if offsets and not more:
+        raise UsageError(f"--offset {offsets[0]}: needs several recordings or films")
 
     def graph(undo: ExitStack) -> Graph:
-        opened = undo.enter_context(closing(open_recording(path)))
         chosen = ["" if topic == _NONE else topic for topic in (image, odom)]
-        return recording_pipeline(opened, topics, *chosen)
+        if not more:
+            opened = undo.enter_context(closing(open_recording(path)))
+            return recording_pipeline(opened, topics, *chosen)
+        joined = undo.enter_context(closing(open_joined([Path(one) for one in (path, *more)])))
+        _say_alignment(joined)
+        graph = recording_pipeline(joined, topics, *chosen)
+        return graph.configured({"player": _offsets(offsets, joined)})
 
-    return Selection(Path(path).resolve().name, graph, path, is_recording=True)
+    name = ", ".join(Path(one).resolve().name for one in (path, *more))
+    return Selection(name, graph, path, tuple(more), is_recording=True)
+
+
+def _say_alignment(joined: JoinedRecording) -> None:
+    for name, path, is_aligned in zip(joined.names, joined.paths, joined.is_aligned, strict=True):
+        how = "placed by its stamps" if is_aligned else "begins with the others, no common time"
+        log.info("%s: %s; --offset %s=SECONDS moves it", path.name, how, name)
+        if topics := joined.skipped.get(name):
+            log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))
+
+
+def _offsets(texts: Sequence[str], joined: JoinedRecording) -> dict[str, float]:
+    """Name of a source -> its offset, by the texts of ``--offset``; raises UsageError."""
+    named = {path.name: name for name, path in zip(joined.names, joined.paths, strict=True)}
+    named |= {name: name for name in joined.names}
+    found = {}
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        if name not in named:
+            raise UsageError(f"--offset {text}: give NAME=SECONDS of {', '.join(joined.names)}")
+        try:
+            found[named[name]] = float(value)
+        except ValueError:
+            raise UsageError(f"--offset {text}: {value!r} is not a number of seconds") from None
+    return found
 
 
 def film(path: str, size: str) -> Selection:
@@ -75,14 +121,14 @@ def film(path: str, size: str) -> Selection:
             return image_pipeline("pictures", path=path)
         return film_pipeline(path, **sized_to(size))
 
-    return Selection(Path(path).resolve().name, graph, path, size)
+    return Selection(Path(path).resolve().name, graph, path, size=size)
 
 
 def stream(address: str, size: str) -> Selection:
     """A live camera or a stream; its images are scaled to the size, if any."""
     # the name is not the address, which may hold a password
     build = partial(image_pipeline, "camera", uri=address, **sized_to(size))
-    return Selection("camera", lambda _: build(), address, size)
+    return Selection("camera", lambda _: build(), address, size=size)
 
 
 def sized_to(size: str) -> dict[str, str]:

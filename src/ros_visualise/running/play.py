@@ -43,7 +43,7 @@ def play(selection: Selection, options: PlayingOptions) -> int:
     """Play a source until it ends or a person stops it; 1 if data was lost."""
     split = _split(options)
     targets = [one for target in options.record for one in _files(parse_target(target)[0], split)]
-    check_targets(targets, selection.path or None)
+    check_targets(targets, selection.path, *selection.more)
     set_folder(options.record_dir, options.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     chooser = _chooser(selection.path, options.record_dir)

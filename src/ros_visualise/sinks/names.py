@@ -37,15 +37,15 @@ def record_folder(path: Path) -> Path:
     return path
 
 
-def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
-    """Reject targets that coincide with each other or with the source, under whatever names.
+def check_targets(targets: Sequence[Path], *sources: str | Path | None) -> None:
+    """Reject targets that coincide with each other or with a source, under whatever names.
 
     Args:
         targets: files and folders to write.
-        source: the source; not a file for a camera.
+        sources: what is read; not a file for a camera.
 
     Raises:
-        UsageError: two coincide, one contains the other, or a target contains or is a part of the
+        UsageError: two coincide, one contains the other, or a target contains or is a part of a
             source.
     """
     for number, target in enumerate(targets):
@@ -53,7 +53,9 @@ def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
         if any(_meet(target, other) for other in targets[:number]):
             raise UsageError(f"{target}: already in use; choose another name")
     there = [target for target in targets if os.path.lexists(target)]
-    read = _all_of(_files_read(Path(source))) if source and there else set()
+    read = {
+        one for source in sources if source and there for one in _all_of(_files_read(Path(source)))
+    }
     for target in there:
         if read & _all_of([target], depth=1):
             raise UsageError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from ros_visualise.core.checks import check_name
@@ -12,6 +11,7 @@ from ros_visualise.core.declarations import actions_of, completed, first_line
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.message import Message
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.series import Series
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ class SourceType:
         velocity_axes: the `VELOCITY_AXES` that it follows; for robots only.
         seamless: True if its end leads back to its start, so that it is looped while watched.
         extend: name of a parameter that brings further ones, and the function that adds them.
-        recording: file or folder that it plays, which can be opened again; its outputs are the
+        recording: opens once more what it plays, with its present parameters; its outputs are the
             topics.
         series: outputs that are known in advance, with their playback times.
     """
@@ -56,7 +56,7 @@ class SourceType:
     velocity_axes: tuple[str, ...] = ()
     seamless: bool = False
     extend: tuple[str, Callable[[Any], Any]] | None = None
-    recording: Path | None = None
+    recording: Callable[[Any], Recording] | None = None
     series: Sequence[Series] = ()
 
 

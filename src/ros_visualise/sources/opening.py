@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from contextlib import closing
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, named
 from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.recordings.summary import read_through, summarize
 
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
@@ -34,6 +37,22 @@ def open_source(path: Path) -> Recording:
         return open_film(path)
     except NoVideo:
         raise _neither(path) from None
+
+
+def open_joined(paths: Sequence[Path]) -> JoinedRecording:
+    """Open several recordings and films as one; raises OpenError if one cannot be opened."""
+    with ExitStack() as undo:
+        parts = [undo.enter_context(closing(open_source(path))) for path in paths]
+        joined = JoinedRecording(parts, [_origin_ns(path) for path in paths])
+        undo.pop_all()
+        return joined
+
+
+def open_again(recording: Recording) -> Recording:
+    """Open once more what is open; raises OpenError if that is no longer possible."""
+    if isinstance(recording, JoinedRecording):
+        return open_joined(recording.paths)
+    return open_recording(recording.path)
 
 
 def info(path: Path, check: bool) -> dict[str, Any]:
@@ -93,6 +112,21 @@ def is_recorded_folder(path: Path) -> bool:
 
 def _may_be_video(path: Path) -> bool:
     return os.path.isfile(path) and not is_recording(path)
+
+
+def _origin_ns(path: Path) -> int:
+    """The date of a film's first image, as the film says; 0 if it does not, and for recordings."""
+    if not _may_be_video(path):
+        return 0
+    from ros_visualise.sources.demux import open_container
+
+    with open_container(path) as container:
+        written = container.metadata.get("creation_time", "")
+    try:
+        made = datetime.fromisoformat(written.replace("Z", "+00:00"))
+    except ValueError:
+        return 0
+    return max(round(made.timestamp() * 1e9), 0)
 
 
 def _neither(path: Path) -> OpenError:

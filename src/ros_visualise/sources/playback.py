@@ -46,6 +46,29 @@ class PlaybackState(NamedTuple):
     part_s: tuple[float, float | None]
 
 
+class PlayedSource(NamedTuple):
+    """One of several sources that are played together: its times, and by how much it is moved.
+
+    ``name`` is that of its parameter; ``is_aligned``: by its stamps, before it was moved.
+    """
+
+    name: str
+    title: str
+    begin_s: float
+    end_s: float
+    is_aligned: bool
+
+
+class RecordedTime(Protocol):
+    """The line of time of a recording, whose messages keep their stamps."""
+
+    def place_ns(self, stamp_ns: int) -> int:
+        """The place of a stamp, from the start."""
+
+    def stamp_ns(self, place_ns: int) -> int:
+        """The stamp of a place."""
+
+
 class Sought(NamedTuple):
     """A seek: its number, the number of messages and the position before it, and its target."""
 
@@ -77,6 +100,8 @@ class Playback:
         live_stamps: messages are stamped with the clock's time.
         key_image: returns the time and the image of the key image before a time, ns; the source
             sets it; None: it is not a film.
+        recorded: times of the recording that is played; None: messages are stamped by playback.
+        sources: what is played together, if it is several.
         step_topics: topics of the source that can be stepped through, if it has several.
         step_topic: a step shows the next message of this topic; empty: of any.
 
@@ -111,6 +136,8 @@ class Playback:
         self._length_ns: int | None = None  # as the source declares it, until its end is seen
         self._period_ns = 0
         self._position_ns = round(start_s * 1e9)
+        self.recorded: RecordedTime | None = None
+        self.sources: tuple[PlayedSource, ...] = ()
         self.step_topics: tuple[str, ...] = ()
         self.step_topic = ""
         self.key_image: Callable[[int], tuple[int, Any] | None] | None = None

@@ -102,7 +102,6 @@ class Recording(Protocol):
         size: bytes of all its files.
         start_ns, end_ns: stamps of the first and the last message; equal without messages.
         topics: by name, in the order of their names.
-        loss: what could not be read.
     """
 
     path: Path
@@ -111,7 +110,10 @@ class Recording(Protocol):
     start_ns: int
     end_ns: int
     topics: Mapping[str, TopicInfo]
-    loss: Loss
+
+    @property
+    def loss(self) -> Loss:
+        """Messages and bytes that could not be read."""
 
     @property
     def compression(self) -> str:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.ui.live.curves import SampleStore
 from ros_visualise.ui.live.derived import BadExpression, Expression, Sampled
@@ -89,10 +88,10 @@ class CurveSet:
         source = runtime.graph.source
         self._recorded: dict[str, str] = {}
         self._reader: RecordedCurves | None = None
+        self._line = None if runtime.playback is None else runtime.playback.recorded
         if source is not None and source.type.recording is not None:
             self._recorded = _inverse(source.outputs)
-            played = list(self._recorded.values())
-            self._reader = RecordedCurves(partial(open_recording, source.type.recording), played)
+            self._reader = self._recorded_curves()
         elif source is not None and source.type.series:
             series = source.type.series
             measured = {one.topic for one in series}
@@ -163,6 +162,7 @@ class CurveSet:
 
     def rest(self, all_of_them: bool = False) -> None:
         """Append what has arrived; unsubscribe from topics that were not requested lately."""
+        self._follow_line()
         self._newest.rest(all_of_them)
         self.live.take()
         self.live.rest(all_of_them)
@@ -174,6 +174,22 @@ class CurveSet:
         self.rest(all_of_them=True)
         if self._reader is not None:
             self._reader.close()
+
+    def _recorded_curves(self) -> RecordedCurves:
+        source: Any = self._runtime.graph.source
+        params = self._runtime.parameters[source.name].current
+        return RecordedCurves(partial(source.type.recording, params), [*self._recorded.values()])
+
+    def _follow_line(self) -> None:
+        """Read recorded curves anew where sources that are played together were moved."""
+        line = None if self._runtime.playback is None else self._runtime.playback.recorded
+        if self._reader is None or line is self._line:
+            return
+        with self._lock:
+            self._line = line
+            self._reader.close()
+            self._reader = self._recorded_curves()
+            self._stores = {n: one for n, one in self._stores.items() if n[0] not in self._recorded}
 
     def _begin(self, topic: str, paths: list[str]) -> None:
         is_live = topic not in self._recorded

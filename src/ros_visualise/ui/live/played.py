@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from ros_visualise.graph import Graph
-from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.playing import PlayedTime, played_time
 
 _NS = 1_000_000_000
 
@@ -15,14 +13,13 @@ class PlaybackLine:
 
     Args:
         playback: plays the source.
-        recorded: the times of a recording, whose messages keep them; None: those of playback.
 
     Attributes:
         playback: the same.
     """
 
-    def __init__(self, playback: Playback, recorded: PlayedTime | None) -> None:
-        self.playback, self._recorded = playback, recorded
+    def __init__(self, playback: Playback) -> None:
+        self.playback = playback
 
     @property
     def range_ns(self) -> tuple[int, int] | None:
@@ -39,31 +36,19 @@ class PlaybackLine:
 
     def time_ns(self, place_ns: int) -> int:
         """The time of messages at a place, which counts from the start of the source."""
-        if self._recorded is not None:
-            return self._recorded.stamp_ns(place_ns)
+        if self.playback.recorded is not None:
+            return self.playback.recorded.stamp_ns(place_ns)
         return place_ns + self.playback.start_stamp_ns
 
     def place_ns(self, time_ns: int) -> int:
         """The place of a time."""
-        if self._recorded is not None:
-            return self._recorded.place_ns(time_ns)
+        if self.playback.recorded is not None:
+            return self.playback.recorded.place_ns(time_ns)
         return time_ns - self.playback.start_stamp_ns
 
 
 def playback_line(graph: Graph, playback: Playback | None) -> PlaybackLine | None:
-    """The line of a graph's source; None if it is live.
-
-    Raises:
-        RosVisualiseError, OSError: its recording can no longer be read.
-    """
+    """The line of a graph's source; None if it is live."""
     if playback is None or graph.source is None or graph.live or playback.live_stamps:
         return None
-    path = graph.source.type.recording
-    if path is None:
-        return PlaybackLine(playback, None)
-    recording = open_recording(path)
-    try:
-        played = played_time(recording, list(graph.source.outputs))
-    finally:
-        recording.close()
-    return PlaybackLine(playback, played)
+    return PlaybackLine(playback)

@@ -24,7 +24,7 @@ from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.live.curves import SampleStore, StoreFull
-from ros_visualise.ui.live.played import PlaybackLine, playback_line
+from ros_visualise.ui.live.played import playback_line
 from ros_visualise.ui.live.trees import as_ros
 
 log = logging.getLogger(__name__)
@@ -177,7 +177,6 @@ class LiveCurves:
 
     Attributes:
         now_s: time of the newest message.
-        line: the playback, if the source has one; None if it is live.
     """
 
     def __init__(self, runtime: Runtime, clock: Callable[[], float] = time.monotonic) -> None:
@@ -186,8 +185,6 @@ class LiveCurves:
         self._used_s = 0.0
         self._first_ns: int | None = None
         self._lock = threading.Lock()
-        self._line: PlaybackLine | None = None
-        self._has_line = False
         self.now_s = 0.0
 
     @property
@@ -252,7 +249,7 @@ class LiveCurves:
             one.flush()
 
     def _time_s(self, stamp_ns: int) -> float:
-        line = self._playback_line()
+        line = playback_line(self._runtime.graph, self._runtime.playback)
         if line is None:
             if self._first_ns is None or stamp_ns < self._first_ns - _OTHER_CLOCK_NS:
                 self._first_ns = stamp_ns
@@ -266,14 +263,6 @@ class LiveCurves:
 
     def stamp_ns(self, time_s: float) -> int:
         """The stamp of a time of these curves."""
-        line, place_ns = self._playback_line(), round(time_s * _NS)
+        line = playback_line(self._runtime.graph, self._runtime.playback)
+        place_ns = round(time_s * _NS)
         return place_ns + (self._first_ns or 0) if line is None else line.time_ns(place_ns)
-
-    def _playback_line(self) -> PlaybackLine | None:
-        if not self._has_line:
-            self._has_line = True
-            try:
-                self._line = playback_line(self._runtime.graph, self._runtime.playback)
-            except _UNREADABLE as error:
-                log.warning("curves by the times of arrival: %s", error)
-        return self._line

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.graph import Graph
-from ros_visualise.sources.opening import open_recording
-from ros_visualise.sources.playback import Playback
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.played import playback_line
 
 _BINS = 500
@@ -18,7 +16,7 @@ _MOST_TOPICS = 200
 _NS = 1_000_000_000
 
 
-def ticks(graph: Graph, playback: Playback | None) -> Mapping[str, Any]:
+def ticks(runtime: Runtime) -> Mapping[str, Any]:
     """Topic -> number of messages in each of 500 equal parts of the recording.
 
     Empty for sources other than recordings.
@@ -26,11 +24,11 @@ def ticks(graph: Graph, playback: Playback | None) -> Mapping[str, Any]:
     Raises:
         RosVisualiseError, OSError: the recording can no longer be read.
     """
-    path = None if graph.source is None else graph.source.type.recording
-    line = None if path is None else playback_line(graph, playback)
-    if path is None or line is None or not line.playback.state.duration_s:
+    source, line = runtime.graph.source, playback_line(runtime.graph, runtime.playback)
+    open_it = None if source is None else source.type.recording
+    if source is None or open_it is None or line is None or not line.playback.state.duration_s:
         return {"topics": {}}
-    with closing(open_recording(path)) as recording:
+    with closing(open_it(runtime.parameters[source.name].current)) as recording:
         stamps = recording.stamps_ns()
     edges = np.linspace(0, line.playback.state.duration_s * _NS, _BINS + 1)
     limits_ns = [line.time_ns(round(edge)) for edge in edges]

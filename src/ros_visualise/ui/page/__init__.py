@@ -147,7 +147,7 @@ class Page:
         if asked == "frames":
             return as_json({"svg": tree_picture(scene.frames.links.all())})
         if asked == "ticks":
-            return as_json(await self._querys.do(lambda: ticks(shown.graph, shown.playback)))
+            return as_json(await self._querys.do(lambda: ticks(shown)))
         raise Refusal(f"unknown query{did_you_mean(asked, _QUERIES)}", 404)
 
     def spin(self, timeout_s: float) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from ros_visualise.core.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.base import Runtime
@@ -191,11 +191,7 @@ class FoxgloveHub:
             for member in graph.members
             for action in member.type.actions
         }
-        line = None
-        try:
-            line = playback_line(graph, runtime.playback)
-        except (RosVisualiseError, OSError) as error:
-            log.warning("foxglove: no control of playback: %s", error)
+        line = playback_line(graph, runtime.playback)
         return OfferedGraph(session, runtime, graph, channels, services, line)
 
     def _declare(self, topic: str, kind: TopicType) -> TopicDeclaration | None:

@@ -1,0 +1,103 @@
+"""Messages with all their stamps moved by a time, as if they had been recorded earlier or later."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.data import Header, Path
+from ros_visualise.messages.recorded import Recorded
+
+T = TypeVar("T")
+
+_NS = 1_000_000_000
+_END_S = 2**31  # of what stamps of ROS 2 hold
+_TIME = "builtin_interfaces/msg/Time"
+_STAMP = "stamp"
+_AT = 4  # of the stamp in messages that begin with a header: after the number, or the kind of CDR
+
+
+def restamped(message: T, by_ns: int) -> T:
+    """The message with its stamps later by so much.
+
+    Recorded ones stay bytes, and their stamps of zero, which mean none; those that cannot be
+    decoded stay as they are.
+    """
+    if not by_ns:
+        return message
+    move: Callable[[Any, int], Any] = _recorded if isinstance(message, Recorded) else _plain
+    moved: T = move(message, by_ns)
+    return moved
+
+
+def _recorded(message: Recorded, by_ns: int) -> Recorded:
+    data, definitions = message.data, message.definitions
+    kinds = definitions.stamped(message.type_name)
+    if kinds == "first":
+        data = _patched(data, definitions.encoding == "ros1", by_ns)
+    elif kinds == "inner":
+        with suppress(DamagedMessage):
+            data = definitions.write(message.type_name, _moved(message.message, by_ns))
+    return Recorded(
+        message.type_name,
+        data,
+        definitions,
+        message.stamp_ns + by_ns,
+        message.calibration,
+        message.publish_ns + by_ns,
+        message.sequence,
+    )
+
+
+def _patched(data: bytes | memoryview, is_ros1: bool, by_ns: int) -> bytes | memoryview:
+    """The bytes of a message that begins with its only header."""
+    if len(data) < _AT + 8:
+        return data
+    time = struct.Struct("<II" if is_ros1 or data[1] & 1 else ">II")
+    sec, nanosec = time.unpack_from(data, _AT)
+    stamp_ns = _later(sec * _NS + nanosec, by_ns)
+    patched = bytearray(data)
+    time.pack_into(patched, _AT, *divmod(stamp_ns, _NS))
+    return bytes(patched)
+
+
+def _later(stamp_ns: int, by_ns: int) -> int:
+    return min(max(stamp_ns + by_ns, 1), _END_S * _NS - 1) if stamp_ns else 0
+
+
+def _moved(message: Any, by_ns: int) -> Any:
+    """A decoded message, whose stamps are changed in place."""
+    for one in fields(message):
+        value = getattr(message, one.name)
+        kind = getattr(value, "__msgtype__", "")
+        if kind == _TIME and one.name == _STAMP:
+            stamp_ns = _later(value.sec * _NS + value.nanosec, by_ns)
+            sec, nanosec = divmod(stamp_ns, _NS)
+            setattr(message, one.name, replace(value, sec=sec, nanosec=nanosec))
+        elif kind:
+            _moved(value, by_ns)
+        elif isinstance(value, list):
+            for inner in value:
+                if is_dataclass(inner):
+                    _moved(inner, by_ns)
+    return message
+
+
+def _plain(message: Any, by_ns: int) -> Any:
+    """One of `ros_visualise.data`, or a part of one."""
+    if isinstance(message, Header):
+        return replace(message, stamp_ns=max(message.stamp_ns + by_ns, 0))
+    if isinstance(message, tuple):
+        return tuple(_plain(one, by_ns) for one in message)
+    if not is_dataclass(message) or isinstance(message, type):
+        return message
+    now = {one.name: getattr(message, one.name) for one in fields(message) if one.init}
+    later = {name: _plain(value, by_ns) for name, value in now.items()}
+    if isinstance(message, Path):
+        later["stamps_ns"] = message.stamps_ns + by_ns
+    changed = {name: value for name, value in later.items() if value is not now[name]}
+    return replace(message, **changed) if changed else message

@@ -1,0 +1,187 @@
+"""Several recordings and films on one line of time."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import re
+from collections import Counter
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.messages.restamped import restamped
+from ros_visualise.sources.playback import PlayedSource, RecordedTime
+from ros_visualise.sources.recordings import Entry, Extra, Loss, Recording, TopicInfo
+
+log = logging.getLogger(__name__)
+
+_A_DATE_NS = 10**18  # in 2001; stamps before it count from the start of something
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+
+class JoinedRecording:
+    """Recordings as one: messages in the order of their stamps, which are moved to one clock.
+
+    Recordings that overlap keep their stamps, others begin together. Topics keep their names; those
+    of several recordings are below the name of theirs. Transforms are those of the first that has
+    any: others would move the same frames. One that fails ends by itself, which is a loss.
+
+    Args:
+        parts: they are open, and closed with it.
+        origins_ns: of each part, the date of stamp 0 where its stamps are no dates, else 0.
+
+    Attributes:
+        names: of the parts, valid in names of topics and parameters.
+        is_aligned: of each part, if it is aligned by its stamps.
+        skipped: names of parts -> their transforms, which are skipped.
+        spans_ns: of each part, the stamps of its first and its last message.
+    """
+
+    def __init__(self, parts: Sequence[Recording], origins_ns: Sequence[int]) -> None:
+        self._parts = parts
+        self.paths = [one.path for one in parts]
+        self.names = part_names(self.paths)
+        self.path = Path(", ".join(path.name for path in self.paths))
+        self.format = ", ".join(dict.fromkeys(one.format for one in parts))
+        self.size = sum(one.size for one in parts)
+        self.skipped: dict[str, list[str]] = {}
+        self._places = self._place_topics()
+        self._failures: list[str] = []
+        placed = zip(parts, self._places, strict=True)
+        named = {name: one.topics[own] for one, at in placed for name, own in at.items()}
+        self.topics: Mapping[str, TopicInfo] = dict(sorted(named.items()))
+        spans_ns = [
+            (one.start_ns + by_ns, one.end_ns + by_ns)
+            for one, by_ns in zip(parts, origins_ns, strict=True)
+        ]
+        dated = [one.start_ns >= _A_DATE_NS for one in parts]
+        first_ns, last_ns = spans_ns[dated.index(True) if any(dated) else 0]
+        self.is_aligned = [start <= last_ns and first_ns <= end for start, end in spans_ns]
+        self._alignments_ns = [
+            by_ns if is_aligned else by_ns + first_ns - start
+            for by_ns, is_aligned, (start, _) in zip(
+                origins_ns, self.is_aligned, spans_ns, strict=True
+            )
+        ]
+        self.move([0.0] * len(parts))
+
+    def move(self, offsets_s: Sequence[float]) -> None:
+        """Move each part to so much later; not while it is read."""
+        offsets_ns = [round(offset_s * 1e9) for offset_s in offsets_s]
+        self._shifts_ns = np.add(self._alignments_ns, offsets_ns).tolist()
+        moved = zip(self._parts, self._shifts_ns, strict=True)
+        self.spans_ns = [(one.start_ns + by_ns, one.end_ns + by_ns) for one, by_ns in moved]
+        self.start_ns = min(start_ns for start_ns, _ in self.spans_ns)
+        self.end_ns = max(end_ns for _, end_ns in self.spans_ns)
+
+    def sources(self, line: RecordedTime) -> tuple[PlayedSource, ...]:
+        """The parts on the line of a playback."""
+        return tuple(
+            PlayedSource(name, path.name, line.place_ns(start) / 1e9, line.place_ns(end) / 1e9, own)
+            for name, path, (start, end), own in zip(
+                self.names, self.paths, self.spans_ns, self.is_aligned, strict=True
+            )
+        )
+
+    @property
+    def loss(self) -> Loss:
+        """The losses of all parts."""
+        loss = Loss()
+        for one in self._parts:
+            loss.add("", one.loss.messages, one.loss.bytes)
+            for note in one.loss.notes:
+                loss.add(f"{one.path.name}: {note}")
+        for note in self._failures:
+            loss.add(note)
+        return loss
+
+    @property
+    def compression(self) -> str:
+        return ", ".join(dict.fromkeys(one.compression for one in self._parts))
+
+    def read(
+        self,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        topics: Collection[str] | None = None,
+    ) -> Generator[Entry, None, None]:
+        numbers = range(len(self._parts))
+        readings = [self._read(number, start_ns, stop_ns, topics) for number in numbers]
+        try:
+            yield from heapq.merge(*readings, key=lambda entry: entry.stamp_ns)
+        finally:
+            for reading in readings:
+                reading.close()
+
+    def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        found: dict[str, npt.NDArray[np.int64]] = {}
+        for one, places, by_ns in zip(self._parts, self._places, self._shifts_ns, strict=True):
+            own_ns = one.stamps_ns()
+            found |= {name: own_ns[own] + by_ns for name, own in places.items()}
+        return found
+
+    def extras(self) -> Iterator[Extra]:
+        return chain(*(one.extras() for one in self._parts))
+
+    def close(self) -> None:
+        for one in self._parts:
+            one.close()
+
+    def _place_topics(self) -> list[dict[str, str]]:
+        """Names of topics -> their own names in a part, for each part."""
+        counts: Counter[str] = Counter()
+        played = []
+        for name, one in zip(self.names, self._parts, strict=True):
+            moving = [topic for topic, info in one.topics.items() if info.type.name in _TRANSFORMS]
+            again = [topic for topic in moving if topic in counts]
+            if again:
+                self.skipped[name] = again
+            played.append([topic for topic in one.topics if topic not in again])
+            counts.update(played[-1])
+        return [
+            {own if counts[own] == 1 else f"/{name}{own}": own for own in topics}
+            for name, topics in zip(self.names, played, strict=True)
+        ]
+
+    def _read(
+        self, number: int, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
+    ) -> Generator[Entry, None, None]:
+        """The messages of one part; if it fails, that is noted."""
+        part, by_ns = self._parts[number], self._shifts_ns[number]
+        names = {own: name for name, own in self._places[number].items()}
+        wanted = [own for own, name in names.items() if topics is None or name in topics]
+        if not wanted:
+            return
+        begin_ns, end_ns = (at if at is None else at - by_ns for at in (start_ns, stop_ns))
+        try:
+            with closing(part.read(begin_ns, end_ns, wanted)) as entries:
+                for topic, stamp_ns, message in entries:
+                    yield Entry(names[topic], stamp_ns + by_ns, restamped(message, by_ns))
+        except supervision.ERRORS as error:
+            if not isinstance(error, (RosVisualiseError, OSError)):
+                supervision.note(part.path.name, error)
+            note = f"{part.path.name}: ended early: {error or type(error).__name__}"
+            if note not in self._failures:
+                self._failures.append(note)
+                log.warning("%s", note)
+
+
+def part_names(paths: Sequence[Path]) -> list[str]:
+    """A name for each file: without its suffix where these names differ; valid in topics."""
+    for words in ([path.stem for path in paths], [path.name for path in paths]):
+        names = [_as_name(word) for word in words]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{name}_{number}" for number, name in enumerate(names, 1)]
+
+
+def _as_name(word: str) -> str:
+    name = re.sub("[^A-Za-z0-9]+", "_", word).strip("_")
+    return name if name[:1].isalpha() else f"source_{name}".strip("_")
