@@ -34,7 +34,7 @@ RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2", "zenoh"}]
 EVERYWHERE = {
     *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "tqdm"),
     *("pyapriltags", "argcomplete", "fastapi", "nicegui", "uvicorn"),
-    *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "websockets", "msgspec"),
+    *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "websockets", "msgspec", "cbor2"),
     "onnxruntime",
     *sys.stdlib_module_names,
 }

@@ -32,6 +32,7 @@ T = TypeVar("T")
 
 _OPTION = re.compile("--[a-z][a-z-]*")
 _ADDRESS = re.compile("[a-z][a-z0-9+.-]*://", re.IGNORECASE)
+_SERVER = re.compile("wss?://", re.IGNORECASE)
 _CHOICE = re.compile(
     r"argument (?P<what>.*): invalid choice: '(?P<given>.*?)' \(choose from (?P<there>.*)\)"
 )
@@ -43,6 +44,7 @@ _EXAMPLES = """examples:
   ros-visualise video flight.mp4 --set filters.threshold=90
   ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
   ros-visualise camera rtsp://192.168.1.10/stream
+  ros-visualise ws://192.168.1.10:8765
   ros-visualise bag drive.bag --image /camera/image_raw
   ros-visualise kitti 2011_09_26/2011_09_26_drive_0009_sync
   ros-visualise explain canny photo.jpg
@@ -79,7 +81,7 @@ COMMANDS = Registry(
     __name__,
     holding(Command, "COMMAND"),
     first=(
-        *("demo", "sim", "video", "camera", "bag", "kitti", "view", "explain"),
+        *("demo", "sim", "video", "camera", "live", "bag", "kitti", "view", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),
         *("nodes", "plugins", "docs", "completion"),
     ),
@@ -151,6 +153,8 @@ def _with_command(given: Sequence[str]) -> Sequence[str]:
         return _with_command(given[1:])
     if first in COMMANDS.names() or first.startswith("-"):
         return given
+    if _SERVER.match(first):
+        return ["live", *given]
     if _ADDRESS.match(first) or (first.startswith("/dev/") and os.path.exists(first)):
         return ["camera", *given]
     if not first or not os.path.exists(first):

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from ros_visualise.commands import Command
 from ros_visualise.running.arguments import argument, option
-from ros_visualise.running.options import PlayingOptions
+from ros_visualise.running.options import TopicOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class BagOptions(PlayingOptions):
+class BagOptions(TopicOptions):
     """Options of ``bag`` and ``kitti``."""
 
     input: Sequence[str] = argument(
@@ -21,20 +21,6 @@ class BagOptions(PlayingOptions):
     )
     offset: Sequence[str] = option(
         [], "move one of several recordings to later; repeatable", metavar="NAME=SECONDS"
-    )
-    topics: Sequence[str] = option(
-        [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
-    )
-    image: str | None = option(
-        None,
-        "topic whose images go through the nodes (default: the first in gray or colour)",
-        metavar="TOPIC|none",
-    )
-    odom: str | None = option(
-        None,
-        "topic that the path is drawn from (default: the first odometry), or two frames as"
-        " /tf:PARENT.CHILD",
-        metavar="TOPIC|none",
     )
 
 

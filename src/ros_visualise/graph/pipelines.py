@@ -31,6 +31,8 @@ from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.sources.servers.connection import Connection
+from ros_visualise.sources.servers.source import server_source
 from ros_visualise.sources.trajectories import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.vision.reshape import Size
 
@@ -112,6 +114,30 @@ def recording_pipeline(
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
     odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
+    return _topics_pipeline(declared, image, odom, pair)
+
+
+def server_pipeline(
+    connection: Connection,
+    topics: Collection[str] = (),
+    image: str | None = None,
+    odom: str | None = None,
+) -> Graph:
+    """A server of messages, in place of a recording; see `recording_pipeline`."""
+    declared = server_source(connection, topics)
+    kinds = declared.outputs.items()
+    images = sorted((name for name, cls in kinds if cls is Image), key=made_topics().__contains__)
+    if image is None:
+        image = next(iter(images), None)
+    else:
+        image = _choose(declared, "--image", image, (Image,))
+    odom = _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
+    return _topics_pipeline(declared, image, odom)
+
+
+def _topics_pipeline(
+    declared: SourceType, image: str | None, odom: str | None, pair: NamedPair | None = None
+) -> Graph:
     outputs = _kept_apart(declared.outputs, IMAGE_NODES if image else (), odom)
     path = None
     if pair:

@@ -13,10 +13,16 @@ from typing import Any, NamedTuple
 
 from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.core.params import specs
+from ros_visualise.core.printing import without_secrets
 from ros_visualise.data import Image
 from ros_visualise.graph import IMAGE_NODES, Graph
 from ros_visualise.graph.landmarks import with_tags
-from ros_visualise.graph.pipelines import film_pipeline, image_pipeline, recording_pipeline
+from ros_visualise.graph.pipelines import (
+    film_pipeline,
+    image_pipeline,
+    recording_pipeline,
+    server_pipeline,
+)
 from ros_visualise.graph.presets import preset
 from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathParams
@@ -27,6 +33,8 @@ from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import is_recording, open_joined, open_recording
 from ros_visualise.sources.recordings.joined import JoinedRecording
+from ros_visualise.sources.servers import is_server
+from ros_visualise.sources.servers.connection import Connection
 
 log = logging.getLogger(__name__)
 
@@ -113,6 +121,19 @@ def _offsets(texts: Sequence[str], joined: JoinedRecording) -> dict[str, float]:
     return found
 
 
+def server(
+    address: str, topics: Sequence[str] = (), image: str | None = None, odom: str | None = None
+) -> Selection:
+    """A server of live messages; otherwise as `recording`."""
+
+    def graph(undo: ExitStack) -> Graph:
+        connection = undo.enter_context(closing(Connection(address)))
+        chosen = ["" if topic == _NONE else topic for topic in (image, odom)]
+        return server_pipeline(connection, topics, *chosen)
+
+    return Selection(without_secrets(address), graph, address)
+
+
 def film(path: str, size: str) -> Selection:
     """A film, or a folder of pictures; its images are scaled to the size, if any."""
 
@@ -169,7 +190,7 @@ def following(
     assert runtime.playback is not None
     state, source = runtime.playback.state, runtime.graph.source
     if isinstance(path, str):
-        selected = stream(path, selection.size)
+        selected = server(path) if is_server(path) else stream(path, selection.size)
     elif selection.another is not None:
         selected = selection.another(str(path))
     elif is_recording(path):

@@ -246,6 +246,26 @@ class PlayingOptions(
 
 
 @dataclass(frozen=True, kw_only=True)
+class TopicOptions(PlayingOptions):
+    """Options of a command that plays topics."""
+
+    topics: Sequence[str] = option(
+        [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
+    )
+    image: str | None = option(
+        None,
+        "topic whose images go through the nodes (default: the first in gray or colour)",
+        metavar="TOPIC|none",
+    )
+    odom: str | None = option(
+        None,
+        "topic that the path is drawn from (default: the first odometry), or two frames as"
+        " /tf:PARENT.CHILD",
+        metavar="TOPIC|none",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class SizedOptions(PlayingOptions):
     """Options of a command whose images may be scaled."""
 

@@ -15,8 +15,8 @@ SUFFIXES = (*suffixes(), *VIDEOS)
 """Suffixes of files that can be opened."""
 _MOST = 500  # files of a folder that are offered
 _MOST_RECENT = 10
-_STREAM = re.compile(r"(rtsps?|rtmp|https?|udp|srt)://\S+|/dev/video\d{1,3}|test")
-"""Addresses of cameras that may be opened: URLs, devices and the test pattern."""
+_STREAM = re.compile(r"(rtsps?|rtmp|https?|udp|srt|wss?)://\S+|/dev/video\d{1,3}|test")
+"""Addresses that may be opened: URLs of streams and servers, devices and the test pattern."""
 
 
 class FileChooser:

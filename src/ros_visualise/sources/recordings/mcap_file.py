@@ -86,7 +86,7 @@ class McapFile:
         self.counts: Mapping[int, int] = index.counts
         self.compressions: Collection[str] = index.compressions or {"none"}
         self.channels: Mapping[int, Channel] = {
-            number: _describe(channel, index.schemas.get(channel.schema_id), schemas)
+            number: describe_channel(channel, index.schemas.get(channel.schema_id), schemas)
             for number, channel in index.channels.items()
         }
         self._damaged: set[int] = set()
@@ -250,7 +250,7 @@ def _contents(found: list[Place]) -> tuple[Counter[int], list[int]]:
     return counts, [stamp_ns for stamp_ns, *_ in found[:1] + found[-1:]]
 
 
-def _describe(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
+def describe_channel(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
     """A channel as its messages are to be read; its schema is added to those of the recording."""
     encoding = channel.message_encoding
     if encoding not in _LANGUAGES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -32,9 +33,14 @@ _Types = dict[str, Any]
 
 
 class Schemas:
-    """Makes one `Definitions` per encoding, and another where two definitions of a name differ."""
+    """Makes one `Definitions` per encoding, and another where two definitions of a name differ.
 
-    def __init__(self) -> None:
+    Args:
+        most_text: most letters of all definitions together.
+    """
+
+    def __init__(self, most_text: int = sys.maxsize) -> None:
+        self._text_left = most_text
         self._spaces: dict[Encoding, list[tuple[Definitions, _Types]]] = {}
         self._found: dict[tuple[Encoding, str, str, bool], Definitions] = {}
         self._undecoded: dict[tuple[Encoding, str, str], Undecoded] = {}
@@ -77,6 +83,9 @@ class Schemas:
         return replace(channel, definitions=definitions, digest=given or _digest(definitions, name))
 
     def _define(self, encoding: Encoding, type_name: str, text: str, is_idl: bool) -> Definitions:
+        self._text_left -= len(text)
+        if self._text_left < 0:
+            raise DamagedMessage(f"{type_name}: too many definitions before it")
         spaces = self._spaces.setdefault(encoding, [(Definitions(encoding), {})])
         if not text.strip() and spaces[0][0].knows(type_name):
             text = spaces[0][0].text(type_name)

@@ -10,7 +10,7 @@ export default {
           <option value="">Choose a file</option>
           <option v-for="name in all.files" :key="name">{{ name }}</option>
         </select>
-        <label class="rv-field">Address<input :disabled="readOnly" placeholder="rtsp://…, /dev/video0 or test" @keydown.enter="address"
+        <label class="rv-field">Address<input :disabled="readOnly" placeholder="ws://…, rtsp://…, /dev/video0 or test" @keydown.enter="address"
           title="URL of a stream, device of a camera, or test for a test pattern; Enter opens it"></label>
         <p v-if="all.recent.length > 1" class="rv-note">Recent:
           <template v-for="path in all.recent.slice(1)" :key="path"><button class="rv-link" :title="path" :disabled="readOnly"

@@ -1,0 +1,178 @@
+"""A client of the Foxglove WebSocket protocol, both of its subprotocols.
+
+Source: "Foxglove WebSocket protocol v1", docs/spec.md of github.com/foxglove/ws-protocol until July
+2025.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import msgspec
+from mcap.records import Channel as McapChannel
+from mcap.records import Schema
+from msgspec import Meta, Struct
+
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.filling import fill
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.sources.recordings.mcap_file import describe_channel
+from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.storage import Channel
+from ros_visualise.sources.servers import Frame, Received
+
+SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+_MESSAGE = 1
+_HEAD = struct.Struct("<BIQ")
+_OWN_HEAD = struct.Struct("<BI")
+_MOST_CHANNELS = 5000
+
+_Number = Annotated[int, Meta(ge=0, lt=2**32)]
+
+
+class _Advert(Struct, rename="camel"):
+    id: _Number
+    topic: str
+    encoding: str
+    schema_name: str = ""
+    schema: str = ""
+    schema_encoding: str | None = None
+
+
+class _TextMessage(Struct, rename="camel"):
+    """Any message in JSON, as far as it is of use here."""
+
+    op: str
+    channels: list[_Advert] = []
+    channel_ids: list[_Number] = []
+    capabilities: list[str] = []
+    supported_encodings: list[str] | None = None
+    level: int = 0
+    message: str = ""
+
+
+_DECODER = msgspec.json.Decoder(_TextMessage)
+
+
+class FoxgloveDialect:
+    """See `ros_visualise.sources.servers.Dialect`."""
+
+    def __init__(self, schemas: Schemas) -> None:
+        self._schemas = schemas
+        self.channels: dict[str, Channel] = {}
+        self.is_listed = self.accepts = False
+        self.notes: list[str] = []
+        self._numbers: dict[str, int] = {}  # topic -> channel
+        self._subscribed: dict[int, Channel] = {}  # channel, also the subscription's number
+        self._published: dict[tuple[str, str], int] = {}
+        self._encodings = ["cdr"]
+
+    def begin(self) -> Iterator[Frame]:
+        return iter(())
+
+    def follow(self, topics: Mapping[str, Channel]) -> Iterator[Frame]:
+        added = {
+            self._numbers[topic]: channel
+            for topic, channel in self.channels.items()
+            if self._numbers[topic] not in self._subscribed
+            and topic in topics
+            and channel.definitions is not None
+            and channel.is_like(topics[topic])
+        }
+        if added:
+            self._subscribed |= added
+            numbers = [{"id": number, "channelId": number} for number in added]
+            yield _text("subscribe", subscriptions=numbers)
+
+    def hear(self, frame: Frame, now_ns: int) -> Received | None:
+        if isinstance(frame, str):
+            self._hear_text(frame)
+            return None
+        if not frame or frame[0] != _MESSAGE:
+            return None
+        if len(frame) < _HEAD.size:
+            raise DamagedMessage("a message without its head")
+        _, number, log_ns = _HEAD.unpack_from(frame)
+        channel = self._subscribed.get(number)
+        if channel is None or channel.definitions is None:
+            return None  # it was on its way
+        data = memoryview(frame)[_HEAD.size :]
+        stamp_ns = min(log_ns, 2**63 - 1) or now_ns
+        message = Recorded(channel.type_name, data, channel.definitions, stamp_ns)
+        return Received(channel.topic, message)
+
+    def publish(self, topic: str, type_name: str, values: Mapping[str, Any]) -> Iterator[Frame]:
+        is_ros1 = "cdr" not in self._encodings and "ros1" in self._encodings
+        encoding: Encoding = "ros1" if is_ros1 else "cdr"
+        types = self._types(topic, type_name, encoding)
+        data = types.write(type_name, fill(types.store, type_name, values))
+        key = topic, type_name
+        if key not in self._published:
+            self._published[key] = len(self._published) + 1
+            declared = {
+                "id": self._published[key],
+                "topic": topic,
+                "encoding": encoding,
+                "schemaName": type_name,
+                "schema": types.text(type_name),
+                "schemaEncoding": "ros1msg" if encoding == "ros1" else "ros2msg",
+            }
+            yield _text("advertise", channels=[declared])
+        yield _OWN_HEAD.pack(_MESSAGE, self._published[key]) + bytes(data)
+
+    def _types(self, topic: str, type_name: str, encoding: Encoding) -> Definitions:
+        """The definitions of a type: those of the server's channels, else ROS's own."""
+        alike = (one for one in self.channels.values() if one.type_name == type_name)
+        found = self.channels.get(topic) or next(alike, None)
+        known = None if found is None else found.definitions
+        if known is not None and known.encoding == encoding and known.knows(type_name):
+            return known
+        return self._schemas.define(encoding, type_name, "")
+
+    def _hear_text(self, frame: str) -> None:
+        try:
+            heard = _DECODER.decode(frame)
+        except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors
+            raise DamagedMessage(f"malformed: {error}") from None
+        if heard.op == "serverInfo":
+            self.accepts = "clientPublish" in heard.capabilities
+            self._encodings = heard.supported_encodings or ["cdr"]
+        elif heard.op == "advertise":
+            self.is_listed = True
+            for advert in heard.channels:
+                self._advertise(advert)
+        elif heard.op == "unadvertise":
+            for topic in [t for t, number in self._numbers.items() if number in heard.channel_ids]:
+                self._subscribed.pop(self._numbers.pop(topic), None)
+                del self.channels[topic]
+        elif heard.op == "status" and heard.level > 0:
+            self.notes.append(heard.message)
+
+    def _advertise(self, advert: _Advert) -> None:
+        if advert.topic in self.channels:
+            return
+        if len(self.channels) >= _MOST_CHANNELS:
+            raise DamagedMessage(f"more than {_MOST_CHANNELS} topics")
+        self._numbers[advert.topic] = advert.id
+        self.channels[advert.topic] = _described(advert, self._schemas)
+
+
+def _described(advert: _Advert, schemas: Schemas) -> Channel:
+    """A channel, as that of an MCAP file."""
+    encoding = advert.schema_encoding
+    if encoding is None:  # of older servers
+        encoding = {"cdr": "ros2msg", "ros1": "ros1msg"}.get(advert.encoding, "")
+    is_text = encoding in ("ros1msg", "ros2msg", "ros2idl")
+    data = advert.schema.encode("utf-8", "replace") if is_text else b""
+    schema = Schema(id=1, name=advert.schema_name, encoding=encoding, data=data)
+    channel = McapChannel(
+        id=1, topic=advert.topic, message_encoding=advert.encoding, metadata={}, schema_id=1
+    )
+    return describe_channel(channel, schema, schemas)
+
+
+def _text(op: str, **fields: Any) -> str:
+    return msgspec.json.encode({"op": op, **fields}).decode()
