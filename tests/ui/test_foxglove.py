@@ -49,12 +49,13 @@ class Viewer:
         self.socket.send(json.dumps({"op": op, **fields}))
 
     def wait(self, kind, check=lambda message: True):
-        """The newest message of a kind for which the check holds."""
+        """The next message of a kind for which the check holds, whatever of others came before."""
         end_s = time.monotonic() + 60
         while True:
             for number, (known, message) in enumerate(self.heard):
                 if known == kind and check(message):
-                    del self.heard[: number + 1]
+                    older = [one for one in self.heard[:number] if one[0] != kind]
+                    self.heard = older + self.heard[number + 1 :]
                     return message
             assert time.monotonic() < end_s, f"no {kind} came"
             self._take()
