@@ -365,7 +365,7 @@ class TestRefusals:
         assert "neither TUM's 8 numbers" in refused(times)
         assert "neither TUM's 8 numbers" in refused(source, "--truth", times)
         robot = [bag / "evo_tf_example.bag", "--topic=/tf:odom.base_link"]
-        assert "--max-difference" in refused(*robot, "--truth", tum)
+        assert "maximum difference" in refused(*robot, "--truth", tum)
         assert "choose from /tf" in refused(*robot, "--truth", "/nothing")
         assert "has no topics" in refused(source, "--truth", "/nothing")
         assert "has no topics" in refused(source, "--topic", "/odom")
@@ -378,10 +378,15 @@ class TestRefusals:
         assert "is in use" in refused(source, truth, "--truth", truth, "--overwrite")
 
     @pytest.mark.parametrize("delta", ["1", "0f", "1.5f", "-1m", "5 m", "nans", "1km"])
-    def test_deltas(self, run, compared, capsys, delta):
+    def test_deltas(self, refused, compared, delta):
+        said = refused(*compared["kitti"], f"--delta={delta}")
+        assert "give a number of poses as 1f, or 10m, 5deg, 1s" in said
+
+    def test_too_many_arguments_name_the_help_of_the_command(self, run, capsys):
         with pytest.raises(SystemExit):
-            run(*compared["kitti"], f"--delta={delta}")
-        assert "give poses as 1f, or 10m, 5deg, 1s" in capsys.readouterr().err
+            run("a.bag", "b.tum", "c.tum")
+        said = capsys.readouterr().err
+        assert said.endswith("unrecognized arguments: c.tum; see ros-visualise trajectory --help\n")
 
     def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
         source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"

@@ -14,7 +14,7 @@ from ros_visualise.core.supervision import Supervisor
 PATIENCE_S = 30.0
 ROOT = Path(ros_visualise.__file__).parent
 STARTS_THREADS = {"Thread", "Timer", "start_new_thread", "ThreadPoolExecutor"}
-OF_FUTURES = {"commands/convert/conversion.py", "sources/recordings/series.py"}
+OF_FUTURES = {"running/conversion.py", "sources/recordings/series.py"}
 """Whoever takes a message there gets what its making raised."""
 COMMAND = """
 import sys

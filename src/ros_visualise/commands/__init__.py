@@ -132,7 +132,10 @@ class _Parser(argparse.ArgumentParser):
             name = text.partition("=")[0]
             if _OPTION.fullmatch(name) and not any(one.startswith(name) for one in options):
                 self.error(f"no option {name}{did_you_mean(name, options, listed=False)}")
-        return super().parse_known_args(args, namespace)
+        found, extra = super().parse_known_args(args, namespace)
+        if extra and self._subparsers is None:  # the error of a command names its own help
+            self.error(f"unrecognized arguments: {' '.join(extra)}")
+        return found, extra
 
     def error(self, message: str) -> NoReturn:
         found = _CHOICE.search(message)

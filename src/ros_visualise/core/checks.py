@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.core.message import Message, topic_kinds
+from ros_visualise.core.params import specs
 from ros_visualise.core.synchronizer import EACH, Latest, SyncPolicy
 
 
@@ -38,6 +40,52 @@ def check_sync(name: str, sync: SyncPolicy, inputs: Mapping[str, type]) -> None:
         raise UsageError(f"node {name}: {sync} needs several inputs; this node has {there}")
     if isinstance(sync, Latest) and sync.trigger not in inputs:
         raise UsageError(f"node {name}: no input {sync.trigger!r}; choose from {', '.join(inputs)}")
+
+
+def check_params(what: str, params: Any) -> None:
+    """Check that parameters are a frozen dataclass of ``param(...)`` with valid defaults."""
+    known = getattr(params, "__name__", repr(params))
+    if not (isinstance(params, type) and dataclasses.is_dataclass(params)):
+        raise UsageError(f"{what}: params={known}: write @dataclass(frozen=True) above the class")
+    if not params.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        raise UsageError(f"{what}: {known} can be changed; write @dataclass(frozen=True) above it")
+    for field in dataclasses.fields(params):
+        if "help" not in field.metadata:
+            raise UsageError(
+                f"{what}: {known}.{field.name}: write {field.name}: TYPE = param(DEFAULT, HELP)"
+            )
+    for spec in specs(params):
+        try:
+            spec.coerce(spec.default)
+        except ParameterError as error:
+            raise UsageError(f"{what}: {known}: the default {error}") from None
+
+
+def check_topics(name: str, topics: Mapping[str, str]) -> None:
+    """Check the topics that a declaration gives to outputs."""
+    for output, topic in topics.items():
+        if not re.fullmatch("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", topic):
+            raise UsageError(
+                f"node {name}: topics={{{output!r}: {topic!r}}}: no name of a topic; write /NAME"
+            )
+
+
+def check_inputs(
+    name: str, target: Any, inputs: Sequence[str], sync: SyncPolicy, extras: Sequence[str]
+) -> None:
+    """Check that the step takes the inputs: all at once or, if each comes alone, any of them."""
+    if sync != EACH or len(inputs) < 2:
+        check_step(name, target, [*inputs, *extras])
+        return
+    for port in inputs:
+        try:
+            check_step(name, target, [port, *extras])
+        except UsageError as error:
+            raise UsageError(
+                f"{error}: every message comes alone; to match them by their stamps add"
+                f" sync=Exact(), Approximate(SECONDS) or Latest({inputs[0]!r}),"
+                " else give every input the default None"
+            ) from None
 
 
 def check_calibrated(name: str, calibrated: bool, inputs: Mapping[str, type[Message]]) -> None:

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import inspect
-import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from ros_visualise.core.checks import (
     check_calibrated,
+    check_inputs,
     check_kinds,
     check_made,
     check_name,
-    check_step,
+    check_params,
     check_sync,
+    check_topics,
 )
+from ros_visualise.core.deprecation import deprecated
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.message import Message
 from ros_visualise.core.synchronizer import EACH, SyncPolicy
-
-log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -120,7 +120,7 @@ def node(
             policy without inputs to match, or a class or step with the wrong arguments.
     """
     if join is not None:
-        log.warning("node %s: join= is deprecated; use sync=", name)
+        deprecated(f"node {name}: join=", "sync=")
         sync = join
     check_name(f"node {name}", name)
     for port in (*on_demand, *latched, *(topics or {})):
@@ -129,14 +129,15 @@ def node(
     check_kinds(name, inputs)
     check_kinds(name, outputs)
     check_sync(name, sync, inputs)
+    check_params(f"node {name}", params)
+    check_topics(name, topics or {})
     check_calibrated(name, calibrated, inputs)
     extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
     transforms = {port: Message.kinds[kind] for port, kind in TRANSFORMS.items() if frames}
 
     def declare(target: T) -> T:
         check_made(name, target)
-        for given in [[port] for port in inputs] if sync == EACH else [[*inputs]]:
-            check_step(name, target, [*given, *extras])
+        check_inputs(name, target, [*inputs], sync, extras)
         is_class = isinstance(target, type)
         make: Any = lambda _: _Function(target)  # noqa: E731
         if is_class:
@@ -163,6 +164,19 @@ def node(
         return target
 
     return declare
+
+
+def declaration_of(target: Any) -> NodeType:
+    """The declaration of a node, or of a function or class that was decorated as one.
+
+    Raises:
+        UsageError: neither.
+    """
+    found = getattr(target, "declared", target)
+    if not isinstance(found, NodeType):
+        name = getattr(target, "__name__", repr(target))
+        raise UsageError(f"{name}: not a node; decorate it with @node(NAME, inputs=, outputs=)")
+    return found
 
 
 def action(help: str) -> Callable[[T], T]:

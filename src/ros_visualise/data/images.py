@@ -163,6 +163,20 @@ class Image(Message):
         """More than one channel."""
         return len(self.data.shape) == 3
 
+    def _repr_png_(self) -> bytes:
+        """The picture that a notebook shows: 8 bits, measurements from their least to largest."""
+        pixels = self.pixels[..., :3] if self.is_color else self.pixels
+        if self.encoding in MEASUREMENTS:
+            finite = np.where(np.isfinite(pixels), pixels, np.nan)
+            low, high = np.nanmin(finite, initial=np.inf), np.nanmax(finite, initial=-np.inf)
+            pixels = np.nan_to_num((finite - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
+            pixels = pixels if pixels.shape[2:] in ((), (3,)) else pixels[..., 0]
+        elif pixels.dtype == np.uint16:
+            pixels = (pixels >> 8).astype(np.uint8)
+        order = slice(None, None, -1 if self.encoding.startswith("rgb") else 1)
+        shown = np.ascontiguousarray(pixels[..., order] if pixels.ndim == 3 else pixels)
+        return cv2.imencode(".png", shown)[1].tobytes()
+
     def fields(self) -> dict[str, Any]:
         pixels = np.ascontiguousarray(self.pixels)
         return {

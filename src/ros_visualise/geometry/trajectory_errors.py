@@ -9,12 +9,14 @@ IV; M. Grupp, evo, https://github.com/MichaelGrupp/evo.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations, se3
 
@@ -30,6 +32,28 @@ class Delta(NamedTuple):
 
     amount: float
     unit: str
+
+    def __str__(self) -> str:
+        return f"{self.amount:g}{self.unit}"
+
+    @property
+    def words(self) -> str:
+        """The distance in words, as ``1 frame`` or ``10 m``."""
+        name = DELTA_UNITS[self.unit]
+        return f"{self.amount:g} {'frame' if self.amount == 1 and self.unit == 'f' else name}"
+
+
+NEXT = Delta(1, "f")
+"""From each pose to the next."""
+
+
+def parse_delta(text: str) -> Delta:
+    """The distance that a text such as ``10m`` gives; raises UsageError."""
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(f|m|deg|s)", text)
+    amount = float(found[1]) if found else 0.0
+    if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
+        raise UsageError(f"delta {text!r}: give a number of poses as 1f, or 10m, 5deg, 1s")
+    return Delta(amount, found[2])
 
 
 @dataclass(frozen=True)

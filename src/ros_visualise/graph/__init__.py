@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
 from ros_visualise.core import params
-from ros_visualise.core.declarations import TRANSFORMS
+from ros_visualise.core.declarations import TRANSFORMS, declaration_of
 from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
 from ros_visualise.core.message import Message
 from ros_visualise.data import Image
@@ -222,7 +222,10 @@ class Graph:
         return graph._with_one_picture()
 
     def insert(
-        self, added: NodeType, after: str, topics: Mapping[str, str] = MappingProxyType({})
+        self,
+        added: NodeType | Callable[..., Any],
+        after: str,
+        topics: Mapping[str, str] = MappingProxyType({}),
     ) -> Graph:
         """The same graph with a node among the others.
 
@@ -233,13 +236,14 @@ class Graph:
         subscribers of the main output subscribe to that instead.
 
         Args:
-            added: the new node.
+            added: the new node, or a function or class that was decorated as one.
             after: the node that it comes after.
             topics: input -> topic. An output whose topic is taken publishes on ``/NODE/OUTPUT``.
 
         Raises:
             UsageError: no such node or topic, the name is taken, or nothing fits an input.
         """
+        added = declaration_of(added)
         before = self.node(after)
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"a node {added.name!r} already exists; choose another name")

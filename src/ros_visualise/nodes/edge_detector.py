@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -22,6 +24,8 @@ from ros_visualise.vision.edges import (
     to_levels,
 )
 from ros_visualise.vision.threads import fit_threads
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -112,8 +116,16 @@ def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
     }
 
 
+@cache
+def _remark_swapped(low: int, high: int) -> None:
+    text = "edge_detector: low=%d is above high=%d, so they are swapped: set low=%d and high=%d"
+    log.warning(text, low, high, high, low)
+
+
 def _detect(gray: Pixels, p: EdgeParams) -> Pixels:
     aperture = p.aperture.value
+    if p.low > p.high and not p.auto:
+        _remark_swapped(p.low, p.high)
     if p.method is Method.CANNY:
         return canny(
             smooth(gray, p.sigma),

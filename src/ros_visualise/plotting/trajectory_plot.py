@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import cycle, zip_longest
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.data import Floats, Path
 from ros_visualise.plotting.axes import PlotAxes
@@ -45,7 +46,7 @@ class PlottedTrajectory:
     name: str
     path: Path
     is_truth: bool = False
-    errors: tuple[Floats, Floats] | None = None
+    errors: tuple[npt.NDArray[np.int64], Floats] | None = None
 
 
 def plot_trajectories(

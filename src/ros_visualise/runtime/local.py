@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.core import supervision
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.data import ParameterEvent
 from ros_visualise.graph import Graph, Member, Node
@@ -115,13 +116,22 @@ class LocalRuntime:
         """True if the source, a node or a recording failed."""
         return (
             self._broken
-            or (self._source is not None and self._source.failed)
-            or any(node.runner.failed for node in self._nodes.values())
+            or bool(self.errors)
             or any(recording.error for recording in self._recordings)
         )
 
+    @property
+    def errors(self) -> dict[str, BaseException]:
+        """Node or source -> its first error."""
+        found = {name: node.runner.error for name, node in self._nodes.items()}
+        if self._source is not None:
+            found[self._source.name] = self._source.error
+        return {name: error for name, error in found.items() if error is not None}
+
     def topic(self, name: str) -> Topic:
-        """A topic of the graph or an input of it, to listen to."""
+        """A topic of the graph or an input of it, to listen to; raises UsageError."""
+        if name not in self._topics:
+            raise UsageError(f"no topic {name!r}{did_you_mean(name, self._topics)}")
         return self._topics[name]
 
     def wait_until_taken(self, topic: str, timeout_s: float) -> None:
@@ -132,9 +142,9 @@ class LocalRuntime:
 
     def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message."""
-        inbox = Inbox(lossless=False, keep=depth)
-        self._topics[topic].connect(inbox, latched=True)
-        return Subscription(topic, inbox, partial(self._topics[topic].disconnect, inbox))
+        inbox, found = Inbox(lossless=False, keep=depth), self.topic(topic)
+        found.connect(inbox, latched=True)
+        return Subscription(topic, inbox, partial(found.disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic that comes from outside."""

@@ -16,6 +16,7 @@ from ros_visualise.data import Image, Transforms
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
+from ros_visualise.nodes import NodeType
 from ros_visualise.runtime.counters import NodeCounter
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.rejections import origin, require_header
@@ -37,7 +38,7 @@ class NodeRunner:
 
     An error in a step costs that one message, which is counted as dropped under ``error``; errors
     elsewhere, as in ``tick`` or ``finish``, are counted separately. Each is logged once for its
-    place in the code, and sets ``failed``.
+    place in the code; ``error`` is the first.
 
     Raises:
         RosVisualiseError: the node cannot start.
@@ -48,7 +49,7 @@ class NodeRunner:
         self.counter = NodeCounter()
         self.frames = FrameTree()
         self.own_frames: set[str] = set()  # published by the node: it does not wait for them
-        self.failed = False
+        self.error: BaseException | None = None
         self.stateless = node.type.stateless
         self._type = node.type
         self._parameters = parameters
@@ -72,7 +73,7 @@ class NodeRunner:
                 self._warn_if_uncalibrated(messages)
             with self._at_state:
                 self._reset_if_time_jumped(packet)
-                given = self._by_output(self._ask(packet, messages))
+                given = by_output(self._type, self._ask(packet, messages))
             outputs = self._passing(given)
         except DamagedMessage:
             self.counter.dropped["damaged"] += 1
@@ -138,7 +139,7 @@ class NodeRunner:
     def _ask_between_steps(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
         try:
             with self._at_state:
-                given = self._by_output(ask())
+                given = by_output(self._type, ask())
                 outputs = self._passing(given)
         except _ERRORS as error:
             self.counter.errors += 1
@@ -171,12 +172,6 @@ class NodeRunner:
             given["frames"] = self.frames
         return self._state.step(**given)
 
-    def _by_output(self, answer: Any) -> Mapping[str, Any]:
-        """The messages of an answer by their outputs; None for an output without a message."""
-        if answer is None:
-            return NOTHING
-        return answer if isinstance(answer, dict) else {next(iter(self._type.outputs), ""): answer}
-
     def _passing(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """The valid messages of an answer; others are counted as errors."""
         return {name: message for name, message in given.items() if self._passes(name, message)}
@@ -184,26 +179,18 @@ class NodeRunner:
     def _passes(self, name: str, message: Any) -> bool:
         try:
             if message is not None:
-                self._require(name, message)
+                require_output(self._type, name, message)
+                if isinstance(message, Transforms):
+                    self.own_frames.update(one.child_frame_id for one in message.transforms)
         except _ERRORS as error:
             self._fail(error, name)
             return False
         return True
 
-    def _require(self, name: str, message: Any) -> None:
-        """Check that a message can be published.
-
-        Raises:
-            DamagedMessage: the output is not declared, or not of this type.
-        """
-        declared = self._type.outputs
-        if name not in declared or not isinstance(message, declared[name]):
-            wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in declared.items())
-            given = f"{name or 'something'}: {type(message).__name__}"
-            raise DamagedMessage(f"answers with {given}, but declares {wanted or 'nothing'}")
-        require_header(message)
-        if isinstance(message, Transforms):
-            self.own_frames.update(one.child_frame_id for one in message.transforms)
+    @property
+    def failed(self) -> bool:
+        """True after an error."""
+        return self.error is not None
 
     def _is_outdated(self, packet: Packet) -> bool:
         """True if time has jumped since, as a message of another input has shown."""
@@ -215,7 +202,7 @@ class NodeRunner:
         self._epoch = packet.epoch
 
     def _fail(self, error: BaseException, topic: str = "") -> None:
-        self.failed = True
+        self.error = self.error or error
         self._log(error, topic)
 
     def _log(self, error: BaseException, topic: str = "") -> None:
@@ -227,6 +214,27 @@ class NodeRunner:
         bug = None if isinstance(error, RosVisualiseError) else error
         what = error if bug is None else f"{type(error).__name__}: {error}"
         log.error("%s: %s (further occurrences suppressed)", where, what, exc_info=bug)
+
+
+def by_output(declared: NodeType, answer: Any) -> Mapping[str, Any]:
+    """The messages of an answer by their outputs; None for an output without a message."""
+    if answer is None:
+        return NOTHING
+    return answer if isinstance(answer, dict) else {next(iter(declared.outputs), ""): answer}
+
+
+def require_output(declared: NodeType, name: str, message: Any) -> None:
+    """Check that a message can be published.
+
+    Raises:
+        DamagedMessage: the output is not declared, or not of this type.
+    """
+    outputs = declared.outputs
+    if name not in outputs or not isinstance(message, outputs[name]):
+        wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in outputs.items())
+        given = f"{name or 'something'}: {type(message).__name__}"
+        raise DamagedMessage(f"answers with {given}, but declares {wanted or 'nothing'}")
+    require_header(message)
 
 
 def make_state(name: str, make: Callable[[], T]) -> T:

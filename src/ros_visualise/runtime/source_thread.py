@@ -42,7 +42,7 @@ class SourceThread:
         on_published: called after that, with its number and topic.
 
     Attributes:
-        failed: True after an error.
+        error: the first; None without any.
 
     Raises:
         OpenError: the source cannot be opened.
@@ -57,7 +57,7 @@ class SourceThread:
         on_message: Callable[[], None],
         on_published: Callable[[int, str], None],
     ) -> None:
-        self.failed = False
+        self.error: BaseException | None = None
         self.name = node.name
         self._type = node.type
         self._parameters = parameters
@@ -126,10 +126,10 @@ class SourceThread:
             work()
         except RosVisualiseError as error:
             log.error("%s", error)
-            self.failed = True
-        except supervision.ERRORS:
+            self.error = self.error or error
+        except supervision.ERRORS as error:
             log.exception("%s broke", self.name)
-            self.failed = True
+            self.error = self.error or error
 
     def _publish_all(self) -> None:
         number = 0
@@ -154,7 +154,7 @@ class SourceThread:
             require_header(message)
         except DamagedMessage as error:
             self._rejected.add(port, error)
-            self.failed = True
+            self.error = self.error or error
             return False
         return True
 

@@ -60,10 +60,16 @@ class Subscription:
         """Number of messages that were replaced by newer ones before they were taken."""
         return self._inbox.dropped
 
-    def take(self, timeout_s: float, decode: bool = True) -> Any | None:
-        """The oldest message that waits; None if none came in time or the topic ended.
+    @property
+    def ended(self) -> bool:
+        """True if the topic has ended and nothing waits: `take` gives nothing more."""
+        return self._inbox.ended
 
-        Recorded messages are decoded if ``decode`` is set; damaged ones are skipped.
+    def take(self, timeout_s: float, decode: bool = True) -> Any | None:
+        """The oldest message that waits; None if none came in time or the topic has ended.
+
+        `ended` tells the two apart. Recorded messages are decoded if ``decode`` is set; damaged
+        ones are skipped.
         """
         end_s = time.monotonic() + timeout_s
         while (packet := self._inbox.take(max(0.0, end_s - time.monotonic()))) is not None:

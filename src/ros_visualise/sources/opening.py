@@ -12,6 +12,7 @@ from typing import Any
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, named
+from ros_visualise.sources.pictures import is_pictures, recorded_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.recordings.summary import read_through, summarize
@@ -27,9 +28,14 @@ class NoRecording(OpenError):
 
 
 def open_source(path: Path) -> Recording:
-    """Open a recording, or a video as a recording; raises OpenError if it cannot be opened."""
+    """Open a recording, or a video or pictures as one; raises OpenError if it cannot be opened."""
     if not _may_be_video(path):
-        return open_recording(path)
+        try:
+            return open_recording(path)
+        except NoRecording:
+            if not is_pictures(path):
+                raise
+            return recorded_pictures(path)
     from ros_visualise.sources.demux import NoVideo  # PyAV takes a while to import
     from ros_visualise.sources.telemetry import open_film
 

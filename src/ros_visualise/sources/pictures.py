@@ -6,6 +6,7 @@ import contextlib
 import logging
 import os
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,16 @@ import numpy as np
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_file
 from ros_visualise.core.regular_files import natural, read_file
-from ros_visualise.data import Image, Pixels
+from ros_visualise.data import Header, Image, Pixels
+from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.sources.series import DamagedFile, Series
 from ros_visualise.vision.color import encoding_of
 from ros_visualise.vision.compression import decodable
 
 log = logging.getLogger(__name__)
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".pgm", ".jp2")
+_TOPIC, _FRAME = "/image_raw", "camera_optical"
 _GIVEN = "give a picture (.jpg, .png, .tif and others), or a folder of them"
 _AS_SHOWN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # upright, as its EXIF data says
 
@@ -103,6 +107,23 @@ class Pictures:
                 if str(error) not in self.faults:
                     log.warning("%s", error)
                     self.faults.append(str(error))
+
+
+def recorded_pictures(path: Path) -> SeriesRecording:
+    """The pictures of a folder as a recording, one each second."""
+    pictures = Pictures(path, 1.0)
+
+    def image(index: int) -> Image:
+        try:
+            found = read_picture(pictures.files[index])
+        except OpenError as error:
+            raise DamagedFile(pictures.files[index], str(error)) from None
+        return replace(found, header=Header(pictures.stamp_ns(index), _FRAME))
+
+    stamps_ns = np.array([pictures.stamp_ns(n) for n in range(len(pictures.files))], np.int64)
+    series = Series(_TOPIC, Image, stamps_ns, image, slow=True)
+    size = sum(file.stat().st_size for file in pictures.files)
+    return SeriesRecording(path, "pictures", size, [series])
 
 
 def _files(path: Path) -> list[Path]:

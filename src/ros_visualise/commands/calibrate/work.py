@@ -77,12 +77,10 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
         ]
     if request.asked and not any(map(is_live, options.input)):
         return STOPPED
-    if not collector.found:
-        raise OpenError(
-            f"{options.input[0]}: no board in {counted(collector.seen, 'image')}:"
-            f" no {collector.finder.tried}; check --pattern and --size"
-        )
-    found = calibrate(collector.views, Lens(options.model))
+    try:
+        found = calibrate(collector.checked_views, Lens(options.model))
+    except UsageError as error:
+        raise UsageError(f"{options.input[0]}: {error}") from None
     better = better_lens(found)
     files: dict[Path, bytes] = {}
     if options.output is not None:

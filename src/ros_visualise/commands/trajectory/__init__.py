@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,15 +9,6 @@ from pathlib import Path
 from ros_visualise.commands import Command
 from ros_visualise.running.arguments import argument, not_negative, option
 from ros_visualise.running.options import MemoryOptions
-
-
-def _delta(text: str) -> tuple[float, str]:
-    """An amount, and one of `geometry.trajectory_errors.DELTA_UNITS`."""
-    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(f|m|deg|s)", text)
-    amount = float(found[1]) if found else 0.0
-    if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
-        raise ArgumentTypeError(f"{text!r}: give poses as 1f, or 10m, 5deg, 1s")
-    return amount, found[2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +34,10 @@ class ComparisonOptions:
         type=not_negative,
         metavar="S",
     )
-    delta: tuple[float, str] = option(
+    delta: str = option(
         "1f",
         "distance between the two poses that RPE compares: 1f (from one pose to the next), "
         "10m, 5deg, 1s (default: %(default)s)",
-        type=_delta,
         metavar="N",
     )
 

@@ -6,11 +6,12 @@ from dataclasses import asdict
 from typing import Any
 
 from ros_visualise.commands.trajectory import TrajectoryOptions
-from ros_visualise.commands.trajectory.comparison import Comparison
 from ros_visualise.core.printing import counted
+from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import from_parts
-from ros_visualise.geometry.trajectory_errors import DELTA_UNITS, PoseErrors, statistics
+from ros_visualise.geometry.trajectory_errors import PoseErrors, statistics
 from ros_visualise.geometry.travel import Travel
+from ros_visualise.sources.comparison import Comparison
 from ros_visualise.sources.trajectories import Trajectory
 
 _COLUMNS = ("rmse", "mean", "median", "std", "min", "max")
@@ -32,7 +33,7 @@ def to_json(
         "without_attitude": found.without_attitude,
     }
     if compared is not None:
-        report["errors"] = _errors(compared, options)
+        report["errors"] = _errors(compared)
     return report
 
 
@@ -74,63 +75,57 @@ def summary(found: Trajectory) -> list[str]:
     return lines
 
 
-def table(compared: Comparison, truth: Trajectory, options: TrajectoryOptions) -> list[str]:
+def table(compared: Comparison, truth: Trajectory) -> list[str]:
     """The errors, as the package evo defines them."""
-    rows = [["", *_COLUMNS]]
-    for name, errors in _measures(compared, options).items():
+    rows = [["", *_COLUMNS, "pairs"]]
+    for name, errors in _measures(compared).items():
         numbers = statistics(errors)
-        rows.append([name, *(f"{numbers[column]:.6f}" for column in _COLUMNS)])
+        row = [name, *(f"{numbers[column]:.6f}" for column in _COLUMNS)]
+        rows.append([*row, str(len(errors))])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth, options)}"]
+    lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth)}"]
     lines += [
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
     if not compared.turns:
         lines.append("(one of them has no attitudes: no rotation, and no RPE)")
     elif compared.rpe is None:
-        lines.append(f"(no two poses are {_apart(options)} apart: no RPE)")
+        lines.append(f"(no two poses are {compared.delta.words} apart: no RPE)")
     return lines
 
 
-def _how(compared: Comparison, truth: Trajectory, options: TrajectoryOptions) -> str:
+def _how(compared: Comparison, truth: Trajectory) -> str:
     pairs = counted(len(compared.moments), "pose")
     frames = compared.trajectory.path.header.frame_id, truth.path.header.frame_id
-    if options.align == "none":
+    if compared.align == "none":
         differ = all(frames) and frames[0] != frames[1]
         how = f"not aligned{f', though the frames are {frames[0]} and {frames[1]}' * differ}"
     else:
-        scale = f", scale {compared.alignment.scale:.6f}" if options.align == "sim3" else ""
-        how = f"aligned by {options.align}{scale}"
+        scale = f", scale {compared.alignment.scale:.6f}" if compared.align == "sim3" else ""
+        how = f"aligned by {compared.align}{scale}"
     apart = f" at most {compared.apart_s:.4f} s apart" if truth.stamped else ""
     return f"{pairs}{apart}, {how}"
 
 
-def _apart(options: TrajectoryOptions) -> str:
-    amount, unit = options.delta
-    name = DELTA_UNITS[unit]
-    return f"{amount:g} {name[:-1] if amount == 1 and unit == 'f' else name}"
-
-
-def _measures(compared: Comparison, options: TrajectoryOptions) -> dict[str, Any]:
+def _measures(compared: Comparison) -> dict[str, Floats]:
     found = {"ATE (m)": compared.ate.translation_m}
     if compared.turns:
         found["ATE (deg)"] = compared.ate.rotation_deg
     if compared.rpe is not None:
-        found[f"RPE (m) over {_apart(options)}"] = compared.rpe.translation_m
-        found[f"RPE (deg) over {_apart(options)}"] = compared.rpe.rotation_deg
+        found[f"RPE (m) over {compared.delta.words}"] = compared.rpe.translation_m
+        found[f"RPE (deg) over {compared.delta.words}"] = compared.rpe.rotation_deg
     return found
 
 
-def _errors(compared: Comparison, options: TrajectoryOptions) -> dict[str, Any]:
+def _errors(compared: Comparison) -> dict[str, Any]:
     alignment = compared.alignment
-    amount, unit = options.delta
     return {
         "poses": len(compared.moments),
         "apart_s": compared.apart_s,
-        "align": options.align,
+        "align": compared.align,
         "scale": alignment.scale,
         "T_truth_frame": from_parts(alignment.rotation, alignment.translation_xyz).tolist(),
-        "delta": f"{amount:g}{unit}",
+        "delta": str(compared.delta),
         "ate": _values(compared.ate, compared.turns),
         "rpe": _values(compared.rpe, compared.turns),
     }
@@ -140,4 +135,9 @@ def _values(errors: PoseErrors | None, turns: bool) -> dict[str, Any] | None:
     if errors is None:
         return None
     rotation = statistics(errors.rotation_deg) if turns else None
-    return {"translation_m": statistics(errors.translation_m), "rotation_deg": rotation}
+    translation = statistics(errors.translation_m)
+    return {
+        "pairs": len(errors.translation_m),
+        "translation_m": translation,
+        "rotation_deg": rotation,
+    }

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.commands.trajectory import TrajectoryOptions
-from ros_visualise.commands.trajectory.comparison import Comparison, compare
 from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_inputs
 from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import escaped, print_json, print_result, print_status
+from ros_visualise.geometry.trajectory_errors import parse_delta
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import (
     Plane,
@@ -26,6 +26,7 @@ from ros_visualise.running.interruptible import interruptible
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.trajectory import FORMATS, save
+from ros_visualise.sources.comparison import Comparison, compare
 from ros_visualise.sources.trajectories import Trajectory
 
 _ROWS = 28  # of what is drawn in a terminal
@@ -52,6 +53,7 @@ def assess(options: TrajectoryOptions) -> int:
 
 def _check(options: TrajectoryOptions) -> None:
     """Reject wrong usage before anything is read."""
+    parse_delta(options.delta)
     if options.align != "none" and options.truth is None:
         raise UsageError(
             f"--align {options.align}: needs the true trajectory: add --truth TOPIC|FILE"
@@ -76,9 +78,13 @@ def _check(options: TrajectoryOptions) -> None:
 
 def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
     inputs = read_inputs(options)
-    truth = inputs.truth
+    truth, delta = inputs.truth, parse_delta(options.delta)
+
+    def against(truth: Trajectory, found: Trajectory) -> Comparison:
+        return compare(found, truth, options.align, delta, options.max_difference)
+
     return inputs, [
-        (found, compare(found, truth, options) if truth else None) for found in inputs.trajectories
+        (found, against(truth, found) if truth else None) for found in inputs.trajectories
     ]
 
 
@@ -148,5 +154,5 @@ def _lines(
         lines += summary(found)
     for _, one in compared:
         if one is not None and inputs.truth is not None:
-            lines += ["", *table(one, inputs.truth, options)]
+            lines += ["", *table(one, inputs.truth)]
     return lines

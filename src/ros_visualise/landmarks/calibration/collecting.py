@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.printing import counted
 from ros_visualise.data import Image, Pixels
 from ros_visualise.landmarks.calibration.boards import Board
 from ros_visualise.landmarks.calibration.finder import BoardFinder
@@ -63,6 +65,16 @@ class ViewCollector:
         """The kept views, of the most frequent reading of the board and image size."""
         chosen = (self.finder.board, self.size)
         return [view for view in self._gallery.views if (view.board, view.size) == chosen]
+
+    @property
+    def checked_views(self) -> list[BoardView]:
+        """The kept views; raises UsageError if no image showed the board."""
+        if not self.found:
+            raise UsageError(
+                f"no board in {counted(self.seen, 'image')}: no {self.finder.tried}; check pattern"
+                " and size"
+            )
+        return self.views
 
     @property
     def alike(self) -> int:

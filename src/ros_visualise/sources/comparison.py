@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Path
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import (
+    NEXT,
     Delta,
     Indices,
     PoseErrors,
     Similarity,
+    Stamps,
     absolute_errors,
     align,
     associate,
@@ -34,6 +35,7 @@ class Comparison:
     Attributes:
         trajectory: the whole trajectory, aligned.
         alignment: the transform that aligned it.
+        align, delta: how it was aligned, and which poses were paired.
         moments: stamps (N,), or numbers, of the compared poses.
         apart_s: largest difference of the stamps of two compared poses.
         ate: errors of each compared pose.
@@ -43,39 +45,56 @@ class Comparison:
 
     trajectory: Trajectory
     alignment: Similarity
-    moments: Floats
+    align: str
+    delta: Delta
+    moments: Stamps
     apart_s: float
     ate: PoseErrors
     rpe: PoseErrors | None
     turns: bool
 
 
-def compare(found: Trajectory, truth: Trajectory, options: TrajectoryOptions) -> Comparison:
+def compare(
+    found: Trajectory,
+    truth: Trajectory,
+    how: str = "none",
+    delta: Delta = NEXT,
+    max_difference_s: float = 0.01,
+) -> Comparison:
     """Compare with the truth.
+
+    Args:
+        found, truth: both in order of their stamps.
+        how: one of `ros_visualise.geometry.trajectory_errors.ALIGNMENTS`.
+        delta: distance between the poses whose motion is compared.
+        max_difference_s: of the stamps of two compared poses.
 
     Raises:
         UsageError: no matching poses, or they cannot be aligned like that.
     """
     turns = found.turns and truth.turns
-    if options.align == "origin" and not turns:
+    if how == "origin" and not turns:
         without = found if truth.turns else truth
-        raise UsageError(f"--align origin: {without.topic} has no attitudes; take se3")
-    of_truth, of_found = _pairs(found, truth, round(options.max_difference * _NS))
+        raise UsageError(f"{without.topic}: has no attitudes to align by the origin; take se3")
+    of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
-        alignment = align(T_truth, T[of_found], options.align)
+        alignment = align(T_truth, T[of_found], how)
     except ValueError as error:
-        hint = "take --align origin" if turns else "take --align none"
-        raise UsageError(f"{found.topic}: --align {options.align}: {error}; {hint}") from None
+        other = "origin" if turns else "none"
+        why = f"cannot align by {how}: {error}; take {other}"
+        raise UsageError(f"{found.topic}: {why}") from None
     T = alignment.apply(T)
     stamps_ns = found.path.stamps_ns[of_found]
-    begins = chain(stamps_ns, T[of_found], Delta(*options.delta))
+    begins = chain(stamps_ns, T[of_found], delta)
     has_pairs = turns and len(begins) > 1
     apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
     return Comparison(
-        _moved(found, T) if options.align != "none" else found,
+        _moved(found, T) if how != "none" else found,
         alignment,
-        (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.float64),
+        how,
+        delta,
+        (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.int64),
         float(apart_ns) / _NS,
         absolute_errors(T_truth, T[of_found]),
         relative_errors(T_truth, T[of_found], begins) if has_pairs else None,
@@ -109,7 +128,7 @@ def _why_none(found: Trajectory, truth: Trajectory, most_ns: int) -> str:
     )
     return (
         f"no poses within {most_ns / _NS:g} s of each other: {', '.join(spans)};"
-        " --max-difference allows more"
+        " a larger maximum difference allows more"
     )
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
-from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage, OpenError, UsageError, did_you_mean
+from ros_visualise.core.printing import counted
 from ros_visualise.data import Image
 from ros_visualise.messages.latched import says
-from ros_visualise.sinks import Recorder
+from ros_visualise.sinks import Profile, Recorder, encoding_of, kind_of, open_recorder
+from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sources.recordings import Entry, Recording
 
+_NS = 1_000_000_000
 _BATCH_BYTES = 1 << 20
 _MOST_AHEAD = 16
 
@@ -34,6 +39,7 @@ class Conversion:
     One thread runs it, others may look at it and stop it.
 
     Attributes:
+        unwritable: topic -> why none of its messages can be written.
         written: topic -> messages that were written.
         skipped: topic -> messages that could not be written.
         reasons: topic -> why the first of them could not.
@@ -42,6 +48,7 @@ class Conversion:
     recording: Recording
     part: RecordingPart
     recorder: Recorder
+    unwritable: Mapping[str, str]
     written: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -57,6 +64,39 @@ class Conversion:
     def messages(self) -> int:
         """Number of messages written by now."""
         return sum(self.written.values())
+
+    @property
+    def losses(self) -> list[str]:
+        """Losses, for people, a line each."""
+        lines = [f"{self.recording.path}: {note}" for note in self.recording.loss.notes]
+        lines += [f"{topic}: skipped: {reason}" for topic, reason in self.unwritable.items()]
+        return lines + [
+            f"{topic}: {counted(count, 'message')} skipped: {self.reasons[topic]}"
+            for topic, count in self.skipped.items()
+        ]
+
+    def report(self, losses: Sequence[str]) -> dict[str, Any]:
+        """Everything that was written and lost, as ``convert --json`` prints it."""
+        recording, path = self.recording, self.recorder.path
+        files = list(path.iterdir()) if path.is_dir() else [path]
+        skipped = sum(recording.topics[topic].messages for topic in self.unwritable)
+        skipped += sum(self.skipped.values())
+        return {
+            "path": str(path),
+            "format": "folder" if path.is_dir() else kind_of(path),
+            "messages": self.messages,
+            "bytes": sum(file.stat().st_size for file in files if file.exists()),
+            "topics": {
+                topic: {"type": recording.topics[topic].type.name, "messages": self.written[topic]}
+                for topic in self.part.topics
+            },
+            "unplaced": dict(self.recorder.unplaced),
+            "lost": {
+                "messages": recording.loss.messages + skipped,
+                "bytes": recording.loss.bytes,
+                "notes": list(losses),
+            },
+        }
 
     def run(self) -> None:
         """Copy, and finish the new recording, even if copying ends early.
@@ -104,6 +144,87 @@ class Conversion:
             for entry in _latched_before(self.recording, part.topics, part.start_ns):
                 yield entry._replace(stamp_ns=part.start_ns)
         yield from self.recording.read(part.start_ns, part.stop_ns, part.topics)
+
+
+def choose_part(
+    recording: Recording,
+    topics: Collection[str] = (),
+    start_s: float | None = None,
+    duration_s: float | None = None,
+) -> RecordingPart:
+    """The part of a recording with these topics, by default all, and in this range of time.
+
+    Raises:
+        UsageError: no such topic, or the recording ends before the start.
+    """
+    for name in topics:
+        if name not in recording.topics:
+            hint = did_you_mean(name, recording.topics)
+            raise UsageError(f"{recording.path}: no topic {name}{hint}")
+    chosen = tuple(topic for topic in recording.topics if not topics or topic in topics)
+    if start_s is None and duration_s is None:
+        return RecordingPart(chosen)
+    start_ns = recording.start_ns + round((start_s or 0) * _NS)
+    if start_ns > recording.end_ns:
+        length_s = (recording.end_ns - recording.start_ns) / _NS
+        raise UsageError(
+            f"cannot start at {start_s:g} s: {recording.path} ends after {length_s:.3f} s"
+        )
+    stop_ns = None if duration_s is None else start_ns + round(duration_s * _NS)
+    return RecordingPart(chosen, start_ns if start_s else None, stop_ns)
+
+
+def begin_conversion(
+    recording: Recording,
+    part: RecordingPart,
+    target: Path,
+    *,
+    named: Collection[str] = (),
+    profile: Profile | None = None,
+    compression: str | None = None,
+    overwrite: bool = False,
+) -> Conversion:
+    """Open the new recording, with the topics that it can store; see `sinks.open_recorder`.
+
+    Raises:
+        OpenError: it exists or cannot be written, or no topic can.
+        UsageError: unknown topic, compression or kind of file.
+    """
+    if kind_of(target) == "mp4":
+        raise UsageError(
+            f"{target}: convert writes no videos; use ros-visualise bag SRC --record {target}"
+        )
+    unwritable = _find_unwritable(recording, part, Encoder(encoding_of(target, profile)))
+    types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
+    if unwritable and not types:
+        reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
+        raise OpenError(f"{recording.path}: no topic can be written: {reasons}")
+    recorder = open_recorder(
+        target,
+        types,
+        overwrite,
+        named=named,
+        profile=profile,
+        compression=compression,
+        live=False,
+    )
+    return Conversion(recording, replace(part, topics=tuple(types)), recorder, unwritable)
+
+
+def _find_unwritable(recording: Recording, part: RecordingPart, encoder: Encoder) -> dict[str, str]:
+    """Topic -> why its messages cannot be written."""
+    found = {}
+    for topic in part.topics:
+        info, definitions = recording.topics[topic], recording.topics[topic].type.definitions
+        is_copied = definitions is not None and definitions.encoding == encoder.encoding
+        if info.unreadable and not is_copied:
+            found[topic] = info.unreadable
+            continue
+        try:
+            encoder.declare(info.type)
+        except DamagedMessage as error:
+            found[topic] = str(error)
+    return found
 
 
 def _latched_before(recording: Recording, topics: Collection[str], start_ns: int) -> list[Entry]:

@@ -1,0 +1,14 @@
+"""Former names, which are still taken for one release."""
+
+from __future__ import annotations
+
+import warnings
+
+
+def deprecated(old: str, new: str) -> None:
+    """Warn the caller of our caller that a name goes with the next minor version.
+
+    It is a FutureWarning, as Python shows these to everybody; a DeprecationWarning in somebody's
+    node would not be seen.
+    """
+    warnings.warn(f"{old} is deprecated; use {new}", FutureWarning, stacklevel=3)
