@@ -4,6 +4,7 @@ ros-visualise sim husky --mission square --node examples/04_nearest_obstacle.py:
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -42,13 +43,13 @@ def nearest(
     found = xyz[np.argmin(np.linalg.norm(xyz, axis=1))]
     distance = float(np.linalg.norm(found))
     is_soon = odom.linear_xyz @ found / distance * params.soon > distance
-    look = {"header": Header(stamp_ns, base), "color_rgba": np.array([1, not is_soon, 0, 1])}
+    draw = partial(
+        Marker, header=Header(stamp_ns, base), color_rgba=np.array([1, not is_soon, 0, 1])
+    )
     line = np.array([np.zeros(3), found])
     return MarkerArray(
         (
-            Marker(MarkerType.SPHERE, found, scale_xyz=np.full(3, 0.3), **look),
-            Marker(
-                MarkerType.LINE_STRIP, points_xyz=line, scale_xyz=np.full(3, 0.03), id=1, **look
-            ),
+            draw(MarkerType.SPHERE, found, scale_xyz=np.full(3, 0.3)),
+            draw(MarkerType.LINE_STRIP, points_xyz=line, scale_xyz=np.full(3, 0.03), id=1),
         )
     )

@@ -8,7 +8,7 @@ rosrun ros_visualise node examples/05_own_source.py:Ball
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -35,7 +35,7 @@ class BallParams:
 class Ball:
     """A ball that falls, bounces and comes to rest, until somebody kicks it."""
 
-    duration_ns = None  # it never ends
+    duration_ns: int | None = None  # it never ends
 
     def __init__(self, params: BallParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
@@ -50,7 +50,7 @@ class Ball:
         for stamp_ns, image in self._playback.run(self):
             yield "image", replace(image, header=Header(stamp_ns, "camera"))
 
-    def read(self, start_ns: int) -> Iterator[tuple[int, Image]]:
+    def read(self, start_ns: int) -> Generator[tuple[int, Image], None, None]:
         """(Time, image) without end: what `Playback.run` plays."""
         time_ns = start_ns
         while True:
@@ -76,7 +76,7 @@ class Ball:
 
 def main(port: int) -> None:
     """Show the ball on the page until Ctrl-C."""
-    graph = alone(Ball.declared).insert(find_node("edge_detector"), after="ball")
+    graph = alone(Ball).insert(find_node("edge_detector"), after="ball")
     runtime = LocalRuntime(graph, Playback())
     view = open_view("web", ViewOptions(port=port))
     try:

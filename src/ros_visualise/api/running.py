@@ -32,7 +32,7 @@ class NodeFailed(RosVisualiseError):
 
 
 def pipeline(path: str | PathLike[str]) -> Graph:
-    """The graph that ``ros-visualise PATH`` runs.
+    """The graph that ``ros-visualise THING`` runs.
 
     `Graph.insert` adds a node to it, `Graph.configured` sets parameters.
 

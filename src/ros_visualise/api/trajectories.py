@@ -34,7 +34,7 @@ class TrajectoryErrors:
         ate_m: (N,) absolute trajectory error of each, metres.
         ate_deg: (N,) of their attitudes, degrees; None if these are unknown.
         rpe_m, rpe_deg: (P,) relative pose errors; None without attitudes, or without pairs.
-        aligned: the trajectory as it was compared.
+        aligned: the trajectory in the place in which it was compared.
     """
 
     stamps_ns: npt.NDArray[np.int64]

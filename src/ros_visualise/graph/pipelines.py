@@ -286,11 +286,13 @@ def _choose(
     return wanted or None
 
 
-def alone(declared: NodeType | SourceType) -> Graph:
-    """One node by itself, on the topics that it has in the pipelines.
+def alone(declared: Any) -> Graph:
+    """One node or source by itself, on the topics that it has in the pipelines.
 
-    A node that is in none takes topics with the names of its inputs.
+    A node that is in none takes topics with the names of its inputs. ``declared`` is a declaration,
+    or a function or class with one.
     """
+    declared = getattr(declared, "declared", declared)
     if isinstance(declared, SourceType):
         return Graph(place_source(declared), ())
     if declared.name in IMAGE_NODES:

@@ -58,6 +58,8 @@ def image_topic(recording: Recording, wanted: str | None) -> str:
         there = f"choose from {', '.join(topics)}" if topics else "it has no images"
         raise UsageError(f"{recording.path}: no topic {wanted} of images; {there}")
     found = first_image(recording, topics)
+    if found is None:  # some films do not say how many images they have
+        found = next((topic for topic in topics if _first_message(recording, topic)), None)
     if found is None:
         raise UsageError(f"{recording.path}: holds no images")
     return found
