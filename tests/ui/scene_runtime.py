@@ -18,6 +18,7 @@ class Told:
     name = ""
     diagnostic_topics: ClassVar = {}
     playback = None
+    publishes = False
 
     def __init__(self, inputs=None, **kinds):
         inputs = inputs or {}

@@ -13,13 +13,14 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.data.fields import field_names
 from ros_visualise.messages.bounded import FILLER
 
 _DTYPES = {"byte": "u1", "char": "u1", "octet": "u1", "float32": "f4", "float64": "f8"}
 _FLOATS = ("float32", "float64")
 _SAME_AS = {"secs": "sec", "nsecs": "nanosec"}  # of ROS 1
 _ARRAYS = (list, tuple, np.ndarray, bytes)
-_MOST_SHOWN = 100_000  # fields
+_MOST_FIELDS = 2000
 
 
 def fill(store: Typestore, type_name: str, values: Any) -> Any:
@@ -36,10 +37,21 @@ def fill(store: Typestore, type_name: str, values: Any) -> Any:
     return _message(store, type_name, values, "")
 
 
-def default_values(store: Typestore, type_name: str) -> dict[str, Any]:
-    """Values for `fill` that make an empty message: every field of the type, in its order."""
-    count = iter(range(_MOST_SHOWN))
-    return _defaults(store, type_name, count)
+def plain(message: Any) -> Any:
+    """The values of a message, as `fill` takes them."""
+    if isinstance(message, np.ndarray | np.generic):
+        return message.tolist()
+    if isinstance(message, list | tuple):
+        return [plain(one) for one in message]
+    if isinstance(message, str | bool | int | float):
+        return message
+    names = field_names(message.__class__).values()
+    return {name: plain(getattr(message, name)) for name in names if name != FILLER}
+
+
+def described(store: Typestore, type_name: str) -> list[dict[str, Any]]:
+    """The fields of a type: ``name``, ``type``, and ``fields`` or the default ``value``."""
+    return list(_described(store, type_name, iter(range(_MOST_FIELDS))))
 
 
 def _message(store: Typestore, type_name: str, values: Any, place: str) -> Any:
@@ -137,20 +149,19 @@ def _float(base: str, value: Any, place: str) -> float:
 _INFINITE = (math.inf, -math.inf)
 
 
-def _defaults(store: Typestore, type_name: str, count: Iterator[int]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, kind in store.fielddefs[type_name][1]:
-        if name != FILLER and next(count, None) is not None:
-            found[name] = _default(store, kind, count)
-    return found
-
-
-def _default(store: Typestore, kind: Any, count: Iterator[int]) -> Any:
-    sort, about = kind
-    if sort == Nodetype.NAME:
-        return _defaults(store, about, count)
-    if sort == Nodetype.SEQUENCE:
-        return []
-    if sort == Nodetype.ARRAY:
-        return [_default(store, about[0], count) for _ in range(about[1])]
-    return _single(about[0], ..., "")
+def _described(store: Typestore, type_name: str, left: Iterator[int]) -> Iterator[dict[str, Any]]:
+    fields: Any = store.fielddefs[type_name][1]
+    for name, (sort, about) in fields:
+        if name == FILLER or next(left, None) is None:
+            continue
+        if sort == Nodetype.NAME:
+            yield {"name": name, "type": about, "fields": list(_described(store, about, left))}
+        elif sort == Nodetype.BASE:
+            yield {"name": name, "type": about[0], "value": _single(about[0], ..., "")}
+        else:
+            is_array, (element, size) = sort == Nodetype.ARRAY, about
+            kind = element[1] if element[0] == Nodetype.NAME else element[1][0]
+            length = size if is_array else f"<={size}" if size else ""
+            one = {} if element[0] == Nodetype.NAME else _single(kind, ..., "")
+            value = [one] * size if is_array else []
+            yield {"name": name, "type": f"{kind}[{length}]", "value": value}

@@ -79,6 +79,7 @@ def view_options(
         chooser=chooser,
         token=options.token,
         urdf=options.urdf,
+        control=options.allow_control,
     )
 
 

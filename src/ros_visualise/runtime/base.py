@@ -48,8 +48,16 @@ class Runtime(Protocol):
             depth: number of messages that may wait to be taken; 1 is always the newest.
         """
 
+    @property
+    def publishes(self) -> bool:
+        """True if `publish` takes any topic, and messages of any type as `Recorded`."""
+
     def publish(self, topic: str, message: Any) -> None:
-        """Publish a message on a topic that comes from outside the graph; see ``graph.inputs``."""
+        """Publish a message on a topic that comes from outside the graph; see ``graph.inputs``.
+
+        Raises:
+            RosVisualiseError: it cannot be published.
+        """
 
     def act(self, node: str, action: str) -> None:
         """Run an action of a node."""

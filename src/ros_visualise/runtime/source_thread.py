@@ -14,7 +14,7 @@ from ros_visualise.core.errors import DamagedMessage, ParameterError, RosVisuali
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.core.rate import Steady
 from ros_visualise.graph import SourceNode
-from ros_visualise.messages.recorded import recorded_ns
+from ros_visualise.messages.recorded import Recorded, recorded_ns
 from ros_visualise.nodes import Source
 from ros_visualise.runtime.counters import NodeCounter
 from ros_visualise.runtime.ingress import Epochs
@@ -112,6 +112,10 @@ class SourceThread:
     def receive(self, port: str, message: Any) -> None:
         """Hand a message to an input of the source."""
         self._source.receive(port, message)
+
+    def publish(self, topic: str, message: Recorded) -> None:
+        """Publish a message where the source comes from."""
+        self._source.publish(topic, message)
 
     def awaits(self, port: str) -> bool:
         """True if the source needs the answers to its messages on an input."""

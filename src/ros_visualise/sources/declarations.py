@@ -10,7 +10,7 @@ from ros_visualise.core.checks import check_name
 from ros_visualise.core.declarations import actions_of, completed, first_line
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.message import Message
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.series import Series
 
@@ -39,6 +39,7 @@ class SourceType:
         recording: opens once more what it plays, with its present parameters; its outputs are the
             topics.
         series: outputs that are known in advance, with their playback times.
+        publishes: True if messages can be published where it comes from, by `Source.publish`.
     """
 
     name: str
@@ -58,6 +59,7 @@ class SourceType:
     extend: tuple[str, Callable[[Any], Any]] | None = None
     recording: Callable[[Any], Recording] | None = None
     series: Sequence[Series] = ()
+    publishes: bool = False
 
 
 class Source(Protocol):
@@ -87,6 +89,9 @@ class Source(Protocol):
     def report(self) -> dict[str, Any]:
         """Figures for the run report."""
 
+    def publish(self, topic: str, message: Recorded) -> None:
+        """Publish a message where the source comes from; may be called from any thread."""
+
 
 class _SourceDefaults:
     """Defaults of a source's optional methods."""
@@ -105,6 +110,9 @@ class _SourceDefaults:
 
     def report(self) -> dict[str, Any]:
         return {}
+
+    def publish(self, topic: str, message: Recorded) -> None:
+        pass
 
 
 def source(

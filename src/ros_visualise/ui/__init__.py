@@ -61,6 +61,7 @@ class ViewOptions:
         chooser: the files that can be opened from the page; None: none.
         token: the page opens by addresses with a token only.
         urdf: a file that describes the robot to draw.
+        control: browsers may publish any messages.
 
     Raises:
         OpenError: the folder to record to is missing.
@@ -78,6 +79,7 @@ class ViewOptions:
     chooser: FileChooser | None = None
     token: bool = True
     urdf: Path | None = None
+    control: bool = False
 
     def __post_init__(self) -> None:
         record_folder(self.record_dir)

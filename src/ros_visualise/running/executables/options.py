@@ -12,7 +12,17 @@ from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
 
 OPTIONS = (
-    *("view", "host", "port", "token", "allow_origin", "window", "record_dir", "overwrite"),
+    *(
+        "view",
+        "host",
+        "port",
+        "token",
+        "allow_origin",
+        "allow_control",
+        "window",
+        "record_dir",
+        "overwrite",
+    ),
     *("image_transport", "jpeg_quality", "start", "duration", "stay"),
     *("clock", "max_memory", "params"),
 )
@@ -32,7 +42,9 @@ def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
         address, port = str(host.option("host", "127.0.0.1")), number(host, "port", 8080)
         origins = named_in(host, "allow_origin", "none")
         token = switch(host, "token", True)
+        control = switch(host, "allow_control", False)
         options = replace(options, host=address, port=int(port), origins=origins, token=token)
+        options = replace(options, control=control)
     elif name == "windows":
         options = replace(options, place=str(host.option("window", "")))
     set_folder(options.record_dir, bool(host.option("overwrite", False)))

@@ -17,7 +17,7 @@ from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.core.params import Parameters, Value
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.graph import Graph, TopicSpec
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.runtime.diagnostics import DiagnosticsReader
 from ros_visualise.runtime.ingress import Numbering
@@ -59,6 +59,7 @@ class RemoteRuntime:
     """
 
     playback = None
+    publishes = True
 
     def __init__(self, transport: Transport, compressed: bool = False) -> None:
         self._transport = transport
@@ -75,7 +76,7 @@ class RemoteRuntime:
         self._relays: dict[str, Relay] = {}
         self._recordings = Recordings(self._connect, self._disconnect)
         self._listeners: dict[RecorderThread, dict[str, Listener]] = {}
-        self._publishers: dict[str, Publisher] = {}
+        self._publishers: dict[tuple[str, str], Publisher] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
         manage_memory()
@@ -96,10 +97,12 @@ class RemoteRuntime:
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic of the graph."""
-        if topic not in self._publishers:
-            kind = TopicType(message.type_name)
-            self._publishers[topic] = self._transport.advertise(topic, kind)
-        self._publishers[topic].publish(message)
+        key = topic, message.type_name
+        if key not in self._publishers:
+            definitions = message.definitions if isinstance(message, Recorded) else None
+            kind = TopicType(message.type_name, definitions)
+            self._publishers[key] = self._transport.advertise(topic, kind)
+        self._publishers[key].publish(message)
 
     def act(self, node: str, action: str) -> None:
         """Run an action of a node, by its service.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings.storage import Channel
@@ -52,11 +52,11 @@ class Dialect(Protocol):
             DamagedMessage: it is malformed.
         """
 
-    def publish(self, topic: str, type_name: str, values: Mapping[str, Any]) -> Iterator[Frame]:
-        """Frames that publish a message; see `ros_visualise.messages.filling.fill`.
+    def publish(self, topic: str, message: Recorded) -> Iterator[Frame]:
+        """Frames that publish a message.
 
         Raises:
-            DamagedMessage: the type cannot hold the values, or is unknown.
+            DamagedMessage: the server cannot take this type.
         """
 
 

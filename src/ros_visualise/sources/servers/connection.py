@@ -7,7 +7,6 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.sync.client import ClientConnection, connect
@@ -17,6 +16,7 @@ from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage, OpenError, Unreachable
 from ros_visualise.core.limits import max_memory, unpacked_limit
 from ros_visualise.core.printing import sized, without_secrets
+from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel
 from ros_visualise.sources.servers import Dialect, Received
@@ -94,11 +94,11 @@ class Connection:
                 self._waiting_bytes -= received.message.nbytes if received else 0
             yield received
 
-    def publish(self, topic: str, type_name: str, values: Mapping[str, Any]) -> None:
+    def publish(self, topic: str, message: Recorded) -> None:
         """Publish a message at the server; from any thread.
 
         Raises:
-            DamagedMessage: the type is unknown, or cannot hold the values.
+            DamagedMessage: the server cannot take this type.
             Unreachable: the server has left, or takes no messages.
         """
         socket, dialect = self._socket, self._dialect
@@ -108,7 +108,7 @@ class Connection:
             raise Unreachable(f"{self.name}: takes no messages")
         try:
             with self._publishing:
-                for frame in dialect.publish(topic, type_name, values):
+                for frame in dialect.publish(topic, message):
                     socket.send(frame)
         except (ConnectionClosed, OSError):
             raise Unreachable(f"{self.name}: the connection was lost") from None

@@ -16,9 +16,9 @@ from mcap.records import Schema
 from msgspec import Meta, Struct
 
 from ros_visualise.core.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions, Encoding
-from ros_visualise.messages.filling import fill
-from ros_visualise.messages.recorded import Recorded
+from ros_visualise.messages.definitions import Encoding
+from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sources.recordings.mcap_file import describe_channel
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel
@@ -69,6 +69,7 @@ class FoxgloveDialect:
         self._subscribed: dict[int, Channel] = {}  # channel, also the subscription's number
         self._published: dict[tuple[str, str], int] = {}
         self._encodings = ["cdr"]
+        self._encoders: dict[Encoding, Encoder] = {}
 
     def begin(self) -> Iterator[Frame]:
         return iter(())
@@ -104,33 +105,20 @@ class FoxgloveDialect:
         message = Recorded(channel.type_name, data, channel.definitions, stamp_ns)
         return Received(channel.topic, message)
 
-    def publish(self, topic: str, type_name: str, values: Mapping[str, Any]) -> Iterator[Frame]:
+    def publish(self, topic: str, message: Recorded) -> Iterator[Frame]:
         is_ros1 = "cdr" not in self._encodings and "ros1" in self._encodings
         encoding: Encoding = "ros1" if is_ros1 else "cdr"
-        types = self._types(topic, type_name, encoding)
-        data = types.write(type_name, fill(types.store, type_name, values))
-        key = topic, type_name
+        encoder = self._encoders.setdefault(encoding, Encoder(encoding))
+        declared = encoder.declare(TopicType(message.type_name, message.definitions))
+        data = encoder.encode(message)
+        key = topic, declared.name
         if key not in self._published:
             self._published[key] = len(self._published) + 1
-            declared = {
-                "id": self._published[key],
-                "topic": topic,
-                "encoding": encoding,
-                "schemaName": type_name,
-                "schema": types.text(type_name),
-                "schemaEncoding": "ros1msg" if encoding == "ros1" else "ros2msg",
-            }
-            yield _text("advertise", channels=[declared])
+            about = {"id": self._published[key], "topic": topic, "encoding": encoding}
+            about |= {"schemaName": declared.name, "schema": declared.text}
+            about["schemaEncoding"] = "ros1msg" if is_ros1 else "ros2msg"
+            yield _text("advertise", channels=[about])
         yield _OWN_HEAD.pack(_MESSAGE, self._published[key]) + bytes(data)
-
-    def _types(self, topic: str, type_name: str, encoding: Encoding) -> Definitions:
-        """The definitions of a type: those of the server's channels, else ROS's own."""
-        alike = (one for one in self.channels.values() if one.type_name == type_name)
-        found = self.channels.get(topic) or next(alike, None)
-        known = None if found is None else found.definitions
-        if known is not None and known.encoding == encoding and known.knows(type_name):
-            return known
-        return self._schemas.define(encoding, type_name, "")
 
     def _hear_text(self, frame: str) -> None:
         try:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Encoding
-from ros_visualise.messages.filling import fill
+from ros_visualise.messages.filling import fill, plain
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings.schemas import Schemas, ros_name
 from ros_visualise.sources.recordings.storage import Channel
@@ -75,16 +75,15 @@ class RosbridgeDialect:
             return Received(topic, Recorded(channel.type_name, data, channel.definitions, now_ns))
         return None
 
-    def publish(self, topic: str, type_name: str, values: Mapping[str, Any]) -> Iterator[Frame]:
-        channel = self.channels.get(topic) or self._described(topic, type_name, "")
-        if channel.unreadable or channel.type_name != type_name:
-            raise DamagedMessage(channel.unreadable or f"{topic} is of {channel.type_name}")
-        self._written(type_name, channel, values)  # a server that rejects it says that too late
-        key = topic, type_name
+    def publish(self, topic: str, message: Recorded) -> Iterator[Frame]:
+        channel = self.channels.get(topic)
+        if channel is not None and channel.type_name != message.type_name:
+            raise DamagedMessage(f"{topic} is of type {channel.type_name}")
+        key = topic, message.type_name
         if key not in self._published:
             self._published.add(key)
-            yield _text("advertise", topic=topic, type=self._sent(type_name))
-        yield _text("publish", topic=topic, msg=values)
+            yield _text("advertise", topic=topic, type=self._sent(message.type_name))
+        yield _text("publish", topic=topic, msg=plain(message.message))
 
     def _written(self, type_name: str, channel: Channel, values: Any) -> memoryview:
         types = channel.definitions

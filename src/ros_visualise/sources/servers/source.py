@@ -9,7 +9,7 @@ from typing import Any
 
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.messages.qos import LATCHED, VOLATILE
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.declarations import SourceType
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings.storage import Channel
@@ -39,6 +39,10 @@ class ServerSource:
     def report(self) -> dict[str, Any]:
         """Dropped messages."""
         return {"dropped": self._connection.report()}
+
+    def publish(self, topic: str, message: Recorded) -> None:
+        """Publish a message at the server."""
+        self._connection.publish(topic, message)
 
     def receive(self, port: str, message: Any) -> None:
         """It has no inputs."""
@@ -78,6 +82,7 @@ def server_source(connection: Connection, topics: Collection[str] = ()) -> Sourc
         doc="Messages of a server.",
         latched=frozenset(topic for topic, kind in types.items() if kind.qos.transient_local),
         ros=types,
+        publishes=True,
     )
 
 

@@ -16,6 +16,7 @@ from ros_visualise.ui.live.files import FilesHub
 from ros_visualise.ui.live.marks import Marks
 from ros_visualise.ui.live.nodes import NodesHub
 from ros_visualise.ui.live.notices import Notices
+from ros_visualise.ui.live.publish import PublishHub
 from ros_visualise.ui.live.robot import RobotHub
 from ros_visualise.ui.live.settings import by_name
 from ros_visualise.ui.live.ticks import ticks
@@ -63,6 +64,7 @@ class Page:
         robot = RobotHub(loop, self._notices.say)
         self._nodes = NodesHub(loop, self._notices, robot.act, options.arrangement)
         files = FilesHub(loop, self._notices.say, self._files, self._settings)
+        publish = PublishHub(loop, self._notices.say, options.control)
         self._querys = Pool("page answers", _ANSWERING)
         self.url = url(host, port, rules.token)
         self.view_url = url(host, port, rules.view_token) if options.token else ""
@@ -75,7 +77,7 @@ class Page:
             options.flag,
             self._answer,
             self._files.receive,
-            more=[robot, self._nodes, files],
+            more=[robot, self._nodes, files, publish],
         )
         self._server.space.urdf = urdf
         self._server.space.apply(by_name(options.arrangement))
