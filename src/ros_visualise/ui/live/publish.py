@@ -159,7 +159,7 @@ class PublishHub:
         self._ticks += 1
 
     def _publish(self, form: _Form, repeated: _Repeated) -> bool:
-        """Publish a message of a form; False if that fails, which its browser is told."""
+        """Publish a message of a form; False if that fails, with the reason sent."""
         request, runtime = repeated.request, self._runtime
         try:
             if runtime is None or not (runtime.publishes or request.topic in runtime.graph.inputs):
