@@ -27,6 +27,14 @@ def quoted(beginning: str) -> str:
     return str(found)
 
 
+def steps(path: Path) -> Iterator[tuple[str, str, str]]:
+    """(Language, text, name of the file that the sentence before names) of each block of code."""
+    text = path.read_text()
+    for found in _BLOCK.finditer(text):
+        named = re.findall("`([^`]+)`", text[: found.start()].rstrip().rpartition("\n\n")[2])
+        yield found[1], found[2].replace("\\\n", " "), named[-1] if named else ""
+
+
 def prose(path: Path) -> str:
     """A document without its blocks of code."""
     return _BLOCK.sub("", path.read_text())

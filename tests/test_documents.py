@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from documents import DOCUMENTS, PACKAGE, block, commands, prose
+from documents import DOCUMENTS, PACKAGE, block, commands, prose, steps
 
 from ros_visualise.commands import COMMANDS, _parser
 from ros_visualise.running.executables import names
@@ -20,6 +20,9 @@ from ros_visualise.running.executables import names
 OTHERS = ("CONTRIBUTING.md", "benchmarks/README.md", "benchmarks/ros2/README.md")
 LINKED = tuple(PACKAGE / name for name in ("README.md", *OTHERS, "training/README.md"))
 """Beside those of docs, whose links the build of the site checks."""
+WRITTEN = {name for path in DOCUMENTS for _, _, name in steps(path)}
+"""Files that a tutorial has its reader write."""
+
 MOST_LINES = 150
 """Of the README, which a newcomer reads whole."""
 
@@ -70,7 +73,7 @@ def anchors(path: Path) -> set[str]:
 def test_command_lines_parse(words, nodes):
     if len(words) < 2:
         # what the text names, not a whole call; or something to show
-        assert {*words} <= {*COMMANDS.names(), "THING", "drive.mcap"}
+        assert {*words} <= {*COMMANDS.names(), "THING", "drive.mcap", "photo.jpg"}
         return
     _parser(words).parse_args(words)
     options = list(pairwise(words))
@@ -80,7 +83,10 @@ def test_command_lines_parse(words, nodes):
             node, param = value.partition("=")[0].split(".")
             assert node in own or param in nodes[node] or node == "camera", value
         if name == "--node":
-            assert value.partition("@")[0] in nodes or (PACKAGE / value.partition(":")[0]).exists()
+            file = value.partition(":")[0]
+            assert (
+                value.partition("@")[0] in {*nodes} or file in WRITTEN or (PACKAGE / file).exists()
+            )
 
 
 @pytest.mark.parametrize("words", [*called("roslaunch"), *called("ros2")])
