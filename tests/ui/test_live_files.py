@@ -76,7 +76,7 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser
     upload(port, pieces, upload="a.mp4", size=len(VIDEO), open="a.mp4")
     assert (tmp_path / "there/a.mp4").read_bytes() == VIDEO
     assert (tmp_path / "there/a.SRT").read_bytes() == b"12:00"
-    assert chooser.take() == tmp_path / "there/a.mp4"
+    assert chooser.take().what == tmp_path / "there/a.mp4"
     assert chooser.take() is None
 
 
@@ -250,10 +250,10 @@ def test_what_was_opened_is_offered_again(client, chooser, tmp_path):
         client.send("open", name=name)
     here = f"{tmp_path}/here"
     client.read_until(lambda: client.state["recent"] == [f"{here}/a.bag", f"{here}/b.bag"])
-    assert chooser.take() == tmp_path / "here/a.bag"
+    assert chooser.take().what == tmp_path / "here/a.bag"
     for name in ("rtsp://me:secret@camera/stream", "/dev/video0"):
         client.send("open", name=name)
-        wait_for(lambda name=name: chooser.take() == name)
+        wait_for(lambda name=name: chooser.take() == (name, False))
     client.read_until(lambda: client.state["recent"][0] == "/dev/video0")
     assert "secret" not in str(client.got)
 
@@ -281,6 +281,6 @@ def test_what_is_there_is_opened_however_it_is_called_and_among_many(tmp_path, m
     (tmp_path / "z.mp4").touch()
     for path in (Path("z.mp4"), tmp_path / "z.mp4", Path(f"../{tmp_path.name}/z.mp4")):
         chooser.ask(path)
-        assert chooser.take() == tmp_path / "z.mp4"
+        assert chooser.take().what == tmp_path / "z.mp4"
     with pytest.raises(UsageError, match="cannot be opened"):
         chooser.ask(tmp_path.parent / "z.mp4")

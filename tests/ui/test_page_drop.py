@@ -39,8 +39,8 @@ def test_drop_record_and_download(browse, chooser, tmp_path):
     while asked is None:
         tab.wait_for_timeout(50)
         asked = chooser.take()
-    assert asked == tmp_path / "a.mp4"
-    assert asked.read_bytes() == bytes([7]) * SIZE
+    assert asked == (tmp_path / "a.mp4", False)
+    assert asked.what.read_bytes() == bytes([7]) * SIZE
     assert (tmp_path / "a.srt").read_bytes() == b"12:00"
 
     tab.get_by_role("button", name="● Record").click()

@@ -11,7 +11,7 @@ from typing import Any
 
 from ros_visualise.core.errors import DamagedMessage, UsageError, did_you_mean
 from ros_visualise.data import Detections, Image
-from ros_visualise.messages.recorded import content
+from ros_visualise.messages.recorded import TopicType, content
 from ros_visualise.nodes import NoParams, Source, SourceType, find_source, param, source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.opening import open_again
@@ -149,6 +149,7 @@ def player(
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,
         recording=partial(_open_again, recording),
+        shown=_first_images(recording, types) if isinstance(recording, JoinedRecording) else (),
     )
 
 
@@ -157,6 +158,14 @@ def _open_again(recording: Recording, params: Any) -> Recording:
     if isinstance(opened, JoinedRecording):
         opened.move([getattr(params, name) for name in opened.names])
     return opened
+
+
+def _first_images(recording: JoinedRecording, types: Mapping[str, TopicType]) -> list[str]:
+    """The first topic of images of each source that has any."""
+    found = (
+        [t for t in part if t in types and types[t].data_class is Image] for part in recording.parts
+    )
+    return [images[0] for images in found if images]
 
 
 def _offsets_of(recording: JoinedRecording) -> type:

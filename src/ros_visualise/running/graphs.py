@@ -179,17 +179,24 @@ def graph_of(selection: Selection, options: NodeOptions) -> Graph:
 
 
 def following(
-    selection: Selection, options: PlayingOptions, path: Path | str, runtime: LocalRuntime
+    selection: Selection,
+    options: PlayingOptions,
+    path: Path | str,
+    runtime: LocalRuntime,
+    adds: bool = False,
 ) -> tuple[Selection, PlayingOptions, Graph]:
     """A source opened from the page, its options, and its graph with the current parameters.
 
-    A path is a file, a text the address of a stream.
+    A path is a file, a text the address of a stream. If it ``adds``, the file is played with those
+    of before.
 
     ``selection``, ``options`` and ``runtime`` are those of the run before. Raises as `graph_of`.
     """
     assert runtime.playback is not None
     state, source = runtime.playback.state, runtime.graph.source
-    if isinstance(path, str):
+    if adds:
+        selected = _joined(selection, str(path), runtime)
+    elif isinstance(path, str):
         selected = server(path) if is_server(path) else stream(path, selection.size)
     elif selection.another is not None:
         selected = selection.another(str(path))
@@ -210,6 +217,18 @@ def following(
     )
     graph = graph_of(selected, options)
     return selected, options, graph.configured(_current_settings(runtime, graph))
+
+
+def _joined(selection: Selection, path: str, runtime: LocalRuntime) -> Selection:
+    """A selection with another file; the offsets of those that are played stay."""
+    if not os.path.exists(selection.path) or selection.another is not None:
+        raise UsageError(f"{path}: can only be added to a recording or a film")
+    offsets, source = [], runtime.graph.source
+    if source is not None and runtime.playback is not None:
+        moved = runtime.parameters[source.name].current
+        offsets = [f"{one.title}={getattr(moved, one.name)}" for one in runtime.playback.sources]
+    joined = recording(selection.path, more=[*selection.more, path], offsets=offsets)
+    return replace(joined, size=selection.size)
 
 
 def _current_settings(runtime: LocalRuntime, graph: Graph) -> dict[str, dict[str, Any]]:

@@ -29,7 +29,7 @@ from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.parts import Split, existing_parts, parse_split, part_path
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view, read_arrangement
-from ros_visualise.ui.file_chooser import FileChooser
+from ros_visualise.ui.file_chooser import FileChooser, Wanted
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ def play(selection: Selection, options: PlayingOptions) -> int:
     check_targets(targets, selection.path, *selection.more)
     set_folder(options.record_dir, options.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
-    chooser = _chooser(selection.path, options.record_dir)
+    chooser = _chooser(selection, options.record_dir)
     viewed = view_options(options, options.record_dir, selection.name, chooser)
     transport = interruptible(lambda: join(options, "pipeline"))
     with closing(transport) if transport else nullcontext():
@@ -96,11 +96,13 @@ def _files(path: Path, split: Split | None) -> list[Path]:
     return list({0: part_path(path, 0), **existing_parts(path)}.values())
 
 
-def _chooser(path: str, folder: Path) -> FileChooser:
+def _chooser(selection: Selection, folder: Path) -> FileChooser:
     """Files to open instead: those beside the file, or else in the current folder."""
-    given = Path(path)
+    given = Path(selection.path)
     is_file = os.path.exists(given) and given.name != ""
-    return FileChooser(given.parent if is_file else Path(), folder, given if is_file else None)
+    chooser = FileChooser(given.parent if is_file else Path(), folder, given if is_file else None)
+    chooser.more = [Path(path) for path in selection.more]
+    return chooser
 
 
 def _run(played: _Played, view: View, chooser: FileChooser) -> int:
@@ -170,12 +172,16 @@ class _Played:
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
-    def follow(self, path: Path | str, request: StopRequest) -> bool:
-        """Open another file or stream in its place; True if that worked, else it is logged."""
-        opening = partial(self._open_next, path)
+    def follow(self, wanted: Wanted, request: StopRequest) -> bool:
+        """Open what a person wants; True if that worked, else it is logged."""
+        opening = partial(self._open_next, wanted)
         try:
             opened = opened_within(
-                without_secrets(str(path)), _OPEN_S, request, opening, lambda late: late[-1].stop()
+                without_secrets(str(wanted.what)),
+                _OPEN_S,
+                request,
+                opening,
+                lambda late: late[-1].stop(),
             )
         except RosVisualiseError as error:
             log.error("%s", error)
@@ -189,9 +195,15 @@ class _Played:
         self.recordings = []
         return True
 
-    def _open_next(self, path: Path | str) -> tuple[Selection, PlayingOptions, Running]:
-        selection, options, graph = following(self.selection, self.options, path, self.runtime)
-        return selection, options, self._opening(options, graph)
+    def _open_next(self, wanted: Wanted) -> tuple[Selection, PlayingOptions, Running]:
+        selection, options, graph = following(
+            self.selection, self.options, wanted.what, self.runtime, wanted.adds
+        )
+        process = self._opening(options, graph)
+        before, now = self.runtime.playback, process.runtime.playback
+        if wanted.adds and before is not None and now is not None:
+            now.seek(before.state.position_s - before.lead_s + now.lead_s)
+        return selection, options, process
 
 
 def _play(played: _Played, view: View, request: StopRequest, chooser: FileChooser) -> bool:
@@ -207,9 +219,9 @@ def _play(played: _Played, view: View, request: StopRequest, chooser: FileChoose
         while not (played.is_over or view.closed):
             if request.asked:
                 return True
-            path = chooser.take()
-            if path is not None and played.follow(path, request):
-                chooser.current = path
+            wanted = chooser.take()
+            if wanted is not None and played.follow(wanted, request):
+                chooser.opened(wanted)
                 view.open(played.runtime)
                 played.process.start()
             view.spin(_SPIN_S)

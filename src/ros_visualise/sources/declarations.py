@@ -40,6 +40,7 @@ class SourceType:
             topics.
         series: outputs that are known in advance, with their playback times.
         publishes: True if messages can be published where it comes from, by `Source.publish`.
+        shown: outputs of images that a page shows from the start; empty: one of them.
     """
 
     name: str
@@ -60,6 +61,7 @@ class SourceType:
     recording: Callable[[Any], Recording] | None = None
     series: Sequence[Series] = ()
     publishes: bool = False
+    shown: Sequence[str] = ()
 
 
 class Source(Protocol):

@@ -160,6 +160,11 @@ class Playback:
             )
 
     @property
+    def lead_s(self) -> float:
+        """The beginning of the first source, if several are played together."""
+        return self.sources[0].begin_s if self.sources else 0.0
+
+    @property
     def is_outdated(self) -> bool:
         """True if what is being read is not wanted any more.
 

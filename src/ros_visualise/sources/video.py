@@ -392,10 +392,9 @@ class VideoRecording:
         self.compression = self._video.info.codec
         self.loss = Loss()
         self.start_ns, self.end_ns = 0, self._video.duration_ns or 0
-        kind = TopicType("sensor_msgs/msg/Image")
-        self.topics: Mapping[str, TopicInfo] = {
-            _TOPIC: TopicInfo(kind, self._video.info.frames or 0)
-        }
+        kind, info = TopicType("sensor_msgs/msg/Image"), self._video.info
+        count = info.frames or round(self.end_ns * info.fps / 1e9) or 1  # it has an image
+        self.topics: Mapping[str, TopicInfo] = {_TOPIC: TopicInfo(kind, count)}
 
     def read(
         self,

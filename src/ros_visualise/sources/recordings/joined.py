@@ -81,6 +81,11 @@ class JoinedRecording:
         self.start_ns = min(start_ns for start_ns, _ in self.spans_ns)
         self.end_ns = max(end_ns for _, end_ns in self.spans_ns)
 
+    @property
+    def parts(self) -> Sequence[Collection[str]]:
+        """The topics of each part."""
+        return self._places
+
     def sources(self, line: RecordedTime) -> tuple[PlayedSource, ...]:
         """The parts on the line of a playback."""
         return tuple(

@@ -37,6 +37,7 @@ class PageClock:
     def __init__(self) -> None:
         self._playback: Playback | None = None
         self._live = False
+        self._player = ""
         self.marks = Marks()
         self._writing = Pool("marks", 1)
         self._actions: Mapping[str, Callable[[Playback, Any], None]] = {
@@ -59,6 +60,8 @@ class PageClock:
         """Show the playback of this graph, if it has one; a live source can only be paused."""
         self._playback = None if runtime is None else runtime.playback
         self._live = runtime is not None and runtime.graph.live
+        source = None if runtime is None else runtime.graph.source
+        self._player = "" if source is None else source.name
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
@@ -88,6 +91,7 @@ class PageClock:
         if not isinstance(name, str):
             raise ValueError(name)
         at_s = playback.state.position_s if at is None else seconds_of(at)
+        at_s = max(at_s - playback.lead_s, 0.0)  # they are those of the first source
         writing = self._write(partial(self.marks.set, at_s, name))
         asyncio.run_coroutine_threadsafe(writing, page_loop())
 
@@ -127,7 +131,9 @@ class PageClock:
             "topics": playback.step_topics,
             "topic": playback.step_topic,
             "live": self._live,
-            "marks": list(self.marks.names.items()),
+            "marks": [(at_s + playback.lead_s, name) for at_s, name in self.marks.names.items()],
+            "player": self._player,
+            "sources": [one._asdict() for one in playback.sources],
         }
 
 

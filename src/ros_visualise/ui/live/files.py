@@ -32,9 +32,10 @@ _MOST = 5000  # topics
 
 
 class Open(Asked, tag="open"):
-    """Open one of the files that are offered, or a stream."""
+    """Open one of the files that are offered, or a stream; or add a file to what is played."""
 
     name: Text
+    add: bool = False
 
 
 class Record(Asked, tag="record"):
@@ -110,16 +111,16 @@ class FilesHub:
     def _hear(self, text: str) -> None:
         request = understand(_DECODER, text)
         if isinstance(request, Open):
-            self._worker.ask(object(), partial(self._open, request.name))
+            self._worker.ask(object(), partial(self._open, request))
         elif isinstance(request, Save):
             self._worker.ask(object(), partial(self._save, request))
         elif request is not None:
             self._worker.ask(object(), partial(self._record, request))
 
-    def _open(self, name: str) -> None:
+    def _open(self, request: Open) -> None:
         if self._files.chooser is None:
             raise UsageError("this page opens no files")
-        self._files.chooser.ask_for(name)
+        self._files.chooser.ask_for(request.name, request.add)
 
     def _record(self, request: Record | StopRecording) -> None:
         if self._recorder is None:

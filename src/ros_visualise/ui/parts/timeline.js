@@ -29,6 +29,11 @@ export default {
         <div v-for="[topic, counts] in rows" :key="topic" class="rv-tick-row" :title="topic">
           <span>{{ topic }}</span><canvas :ref="(canvas) => canvas && drawRow(canvas, counts)"></canvas></div>
       </div>
+      <div v-for="one in sources" :key="one.name" class="rv-source" :title="one.title + (one.aligned ? ', placed by its stamps' : ', begins with the others')">
+        <span class="rv-span" :class="{ 'rv-held': one.isHeld }" :style="{ left: place(one.begin), right: rest(one.end) }" @pointerdown="hold($event, one)">{{ one.title }}</span>
+        <label>offset<input type="number" step="0.01" :value="one.offset" :disabled="readOnly" :aria-label="'Offset of ' + one.title + ', seconds'"
+          @keydown.stop @change="move(one, Number($event.target.value))">s</label>
+      </div>
       <div ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
         :aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
         @pointerdown="grab" @pointermove="hover" @pointerleave="leave"><canvas ref="canvas"></canvas>
@@ -62,9 +67,16 @@ export default {
     </div>`,
   props: { readOnly: Boolean },
   data() {
-    return { state: {}, isKnown: false, scrubbed: null, pointer: null, marked: "", rows: [] };
+    return { state: {}, isKnown: false, held: null, offsets: {}, scrubbed: null, pointer: null, marked: "", rows: [] };
   },
   computed: {
+    sources() {
+      return (this.state.sources ?? []).map((one) => {
+        const by = this.held?.name === one.name ? this.held.by : 0;
+        const offset = Number(((this.offsets[one.name] ?? 0) + by).toFixed(3));
+        return { ...one, begin: one.begin_s + by, end: one.end_s + by, aligned: one.is_aligned, offset, isHeld: !!by };
+      });
+    },
     shown() { return this.scrubbed ?? this.state.position ?? 0; },
     end() { return Math.max(this.state.duration ?? 0, this.shown, 0.01); },
     time() { return clock(this.shown); },
@@ -74,6 +86,7 @@ export default {
   },
   mounted() {
     rv.clock.addEventListener("change", this.heard);
+    rv.nodes.addEventListener("change", this.moved);
     this.heard();
     this.sized = new ResizeObserver(() => this.draw());
     this.sized.observe(this.$refs.bar);
@@ -83,13 +96,18 @@ export default {
   },
   beforeUnmount() {
     rv.clock.removeEventListener("change", this.heard);
+    rv.nodes.removeEventListener("change", this.moved);
     this.sized.disconnect();
     rv.cursor.removeEventListener("move", this.pointed);
     document.removeEventListener("keydown", this.pressed);
   },
   methods: {
+    moved() {
+      this.offsets = rv.nodes.values[this.state.player] ?? {};
+    },
     heard() {
       this.state = rv.clock.state;
+      this.moved();
       this.isKnown = "position" in this.state;
       if (this.isGrabbed !== true) this.scrubbed = null;
       this.$nextTick(this.draw);
@@ -132,6 +150,28 @@ export default {
     clock,
     place(at) {
       return `calc(${MARGIN}px + ${at / this.end} * (100% - ${2 * MARGIN}px))`;
+    },
+    rest(at) {
+      return `calc(${MARGIN}px + ${1 - at / this.end} * (100% - ${2 * MARGIN}px))`;
+    },
+    // Move a source that is played with others.
+    move({ name }, offset) {
+      if (Number.isFinite(offset)) rv.nodes.set(this.state.player, name, offset);
+    },
+    hold(event, one) {
+      if (this.readOnly || event.button !== 0) return;
+      const { target, clientX } = event;
+      const width = this.$refs.bar.clientWidth - 2 * MARGIN;
+      target.setPointerCapture(event.pointerId);
+      this.held = { name: one.name, by: 0 };
+      target.onpointermove = (moved) => (this.held = { name: one.name, by: ((moved.clientX - clientX) / width) * this.end });
+      const release = ({ type }) => {
+        target.onpointermove = target.onpointerup = target.onpointercancel = null;
+        const { by } = this.held;
+        this.held = null;
+        if (type === "pointerup" && by) this.move(one, Number((one.offset + by).toFixed(3)));
+      };
+      target.onpointerup = target.onpointercancel = release;
     },
     mark() {
       this.act({ mark: [null, `Mark ${(this.state.marks ?? []).length + 1}`] });

@@ -35,11 +35,8 @@ class PageFiles:
     @property
     def title(self) -> str:
         """The title of the page while it shows a file or a stream."""
-        current = None if self.chooser is None else self.chooser.current
-        if current is None:
-            return ""
-        # the name of a stream is not its address, which may hold a password
-        return f"{current.name if isinstance(current, Path) else 'camera'} - ros_visualise"
+        name = "" if self.chooser is None else self.chooser.title
+        return f"{name} - ros_visualise" if name else ""
 
     def recorded(self, path: Path) -> None:
         """Offer a recording for download: a file, or a folder as a ZIP file."""

@@ -51,9 +51,11 @@ def _controls(graph: Graph) -> Place:
 
 
 def images_to_show(graph: Graph) -> list[str]:
-    """One topic of each node with images, but for nodes that are aside."""
+    """Topics that the source shows, and one of each node with images that is not aside."""
+    source = graph.source
+    first = [] if source is None else [source.outputs[port] for port in source.type.shown]
     found = [first_shown(graph, one) for one in graph.members if not one.aside]
-    return [topic for topic in dict.fromkeys(found) if topic is not None]
+    return [topic for topic in dict.fromkeys([*first, *found]) if topic is not None]
 
 
 def _grid(topics: Sequence[str]) -> Place | None:

@@ -10,11 +10,12 @@ export default {
           <option value="">Choose a file</option>
           <option v-for="name in all.files" :key="name">{{ name }}</option>
         </select>
+        <label v-if="isAddable" class="rv-check"><input v-model="adds" type="checkbox" :disabled="readOnly">Add to what is played, on the same timeline</label>
         <label class="rv-field">Address<input :disabled="readOnly" placeholder="ws://…, rtsp://…, /dev/video0 or test" @keydown.enter="address"
           title="URL of a stream, device of a camera, or test for a test pattern; Enter opens it"></label>
         <p v-if="all.recent.length > 1" class="rv-note">Recent:
           <template v-for="path in all.recent.slice(1)" :key="path"><button class="rv-link" :title="path" :disabled="readOnly"
-            @click="ask({ do: 'open', name: path })">{{ base(path) }}</button> </template></p>
+            @click="openIt(path)">{{ base(path) }}</button> </template></p>
         <p class="rv-note"><label class="rv-upload" :class="{ 'rv-disabled': readOnly }">Upload a file<input ref="input" type="file" hidden multiple
           :disabled="readOnly" :accept="all.suffixes.join(',')" @change="upload"></label> or drop it anywhere on the page:
           {{ all.uploads || "up to " + all.gib + " GiB, into " + all.folder }}</p>
@@ -53,9 +54,10 @@ export default {
   props: { state: Object, readOnly: Boolean },
   data: () => ({
     all: { files: [], recent: [], topics: [], links: [], suffixes: [], opens: false, recording: false, text: "", uploads: "", folder: "", gib: 0, saved: "" },
-    clock: rv.clock.state, name: "", split: "", off: [], more: [], names: {}, progress: {},
+    clock: rv.clock.state, name: "", split: "", off: [], more: [], names: {}, progress: {}, adds: false,
   }),
   computed: {
+    isAddable() { return !this.clock.live && this.clock.duration != null; },
     chosen() { return this.all.topics.filter(([name, usual]) => (usual && !this.off.includes(name)) || this.more.includes(name)).map(([name]) => name); },
     ends: () => [["Set start", "begin"], ["Set end", "end"], ["Clear", "whole"]],
     saves: () => [["Parameters", "YAML file for --params and launch files"], ["Layout", "YAML file for --layout"]],
@@ -78,11 +80,15 @@ export default {
       rv.clock.act(action);
     },
     open({ target }) {
-      if (target.value) this.ask({ do: "open", name: target.value });
+      if (target.value) this.openIt(target.value);
       target.value = "";
     },
+    openIt(name) {
+      this.ask({ do: "open", name, add: this.adds && this.isAddable });
+      this.adds = false;
+    },
     address({ target }) {
-      if (target.value.trim()) this.ask({ do: "open", name: target.value.trim() });
+      if (target.value.trim()) this.openIt(target.value.trim());
       target.value = "";
     },
     upload({ target }) {
