@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_mcaps import numbered, write_mcap
+from sentences import holds, shown
 
 from ros_visualise.commands import main
 from ros_visualise.data import (
@@ -107,6 +108,66 @@ def test_an_imu_is_told_by_its_numbers():
     assert "100 measurements per second" in texts[0]
     density = float(texts[1].partition("gyroscope")[2].partition("N = ")[2].split()[0])
     assert density == pytest.approx(0.02 / 10, rel=0.05)
+
+
+def allan_text(rates):
+    """The lesson's text on an IMU whose rates and accelerations are these, 10 a second."""
+    told, allan = None, sensors.Allan.declared.make(None)
+    for number, rate in enumerate(rates):
+        imu = Imu(UP, np.full(3, rate), np.full(3, rate), header=stamped(number / 10))
+        told = allan.step(imu, None) or told
+    return " ".join(told["text"].text.split())
+
+
+def test_of_white_noise_the_density_and_the_least_of_the_curve_are_printed():
+    random = np.random.default_rng(3)
+    white = random.normal(0, 0.02, 3000) + 3e-4 * np.cumsum(random.normal(0, 1, 3000))
+    text = allan_text(white)
+    density = float(text.partition("gyroscope, rad/s N = ")[2].split()[0])
+    assert density == pytest.approx(0.02 * 10**-0.5, rel=0.15)
+    floor, time_s = shown(text, "floor = N at N s")
+    _, bias = shown(text, "floor / N = N")
+    assert bias == pytest.approx(floor / 0.664, rel=0.01)
+    assert time_s < 300
+    assert floor < 0.02
+
+
+def test_a_curve_that_does_not_fall_has_no_noise_density():
+    text = allan_text(np.cumsum(np.random.default_rng(4).normal(0, 0.1, 1500)))
+    assert "no white noise: slope +0." in text
+    assert "N =" not in text.partition("gyroscope")[2].partition("accelerometer")[0]
+
+
+def test_a_curve_that_still_falls_at_its_end_has_no_floor():
+    random = np.random.default_rng(5)
+    text = allan_text(np.diff(random.normal(0, 0.1, 1501)))
+    assert "floor not reached" in text
+
+
+def test_without_truth_odometry_is_drawn_alone_and_says_so():
+    drift = frames.Drift.declared.make(None)
+    for t in range(5):
+        answer = drift.step(None, odom=Odometry(np.array([t, 0, 0.0]), UP, header=stamped(t)))
+    text = " ".join(answer["text"].text.split())
+    assert "The path by odometry: 4.00 m so far" in text
+    assert "its drift is unknown: only odometry is drawn" in text
+    assert b"odometry alone: no truth" in answer["image"].data.figure.svg()
+
+
+def test_the_graph_counts_messages_and_drops(monkeypatch):
+    monkeypatch.setattr(graph, "sleep", lambda seconds: None)
+    rate, slow = graph.Rate(None), graph.Slow(None)
+    for number in range(1, 21):
+        image = StepResult(np.zeros((4, 4), np.uint8), "mono8", stamped(number / 25))
+        counted = rate.step(image, None)
+        if number % 4 == 1:
+            taken = slow.step(counted["image"], graph.SlowParams(busy_ms=100))
+    text = " ".join(counted["text"].text.split())
+    assert shown(text, "N messages have come on this topic. The rate of the last N:") == [20, 20]
+    assert shown(text, "by their stamps N a second, every N ± N ms") == [25, 40, 0]
+    text = " ".join(taken["text"].text.split())
+    holds(text, "works N ms on each message, so it can process N per second", 100, 10)
+    holds(text, "Of N messages it processed N; N (N %) were dropped", 17, 5, 12, 100 * 12 / 17)
 
 
 def test_an_imu_of_a_few_measurements_says_how_many_are_needed():

@@ -7,6 +7,7 @@ import numpy as np
 from ros_visualise.data import Floats
 
 _PER_DECADE = 10
+_DECADE = 10
 _LEAST_WINDOWS = 4  # smallest number of disjoint pairs of windows
 OF_BIAS = 0.664
 """Ratio of the minimum of the deviation to the bias instability: the root of 2 ln 2 / pi."""
@@ -40,8 +41,14 @@ def random_walk(times_s: Floats, deviation: Floats) -> float:
     White noise falls with the root of the time, N / sqrt(t); N is the geometric mean over the first
     decade.
     """
-    is_short = times_s <= times_s[0] * 10
+    is_short = times_s <= times_s[0] * _DECADE
     return float(np.exp(np.mean(np.log(deviation[is_short] * np.sqrt(times_s[is_short])))))
+
+
+def slope_of(times_s: Floats, deviation: Floats) -> float:
+    """Slope of the first decade on logarithmic scales: −0.5 of white noise."""
+    is_short = times_s <= times_s[0] * _DECADE
+    return float(np.polyfit(np.log(times_s[is_short]), np.log(deviation[is_short]), 1)[0])
 
 
 def _deviation(angle: Floats, span: int, period_s: float) -> Floats:

@@ -72,8 +72,8 @@ def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
 
             |G| = {norm},   θ = atan2(Gy, Gx)
 
-        The colour is the direction θ, the brightness √|G|. The largest |G| here is {largest:.0f},
-        at ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
+        {kernel}The colour is the direction θ, the brightness √|G|. The largest |G| here is
+        {largest:.0f}, at ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
         """
     return show(
         image,
@@ -81,6 +81,7 @@ def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
         text,
         found,
         norm="√(Gx² + Gy²)" if params.l2 else "|Gx| + |Gy|",
+        kernel=_about_kernel(params.aperture.value),
         largest=size[y, x],
         x=x,
         y=y,
@@ -110,8 +111,9 @@ def suppression(image: Image, params: PixelParams) -> dict[str, Message]:
     towards = NEIGHBOURS[kind]
     neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
     text = """
-        A pixel stays only if its |G| is no smaller than that of its two neighbours in the direction
-        of the gradient; θ is rounded to 0°, 45°, 90° or 135°.
+        A pixel stays only if its |G| is larger than that of its two neighbours in the direction of
+        the gradient; θ is rounded to 0°, 45°, 90° or 135°. If two are equal, the left or upper one
+        stays, on a diagonal neither, as in cv2.Canny.
 
         At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, rounded to {taken}°. Its two
         neighbours, orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
@@ -230,6 +232,14 @@ def _norm(found: Gradient) -> Pixels:
     """The magnitude of the gradient, float; in L2 the root of the compared value."""
     size: Pixels = np.sqrt(found.size) if found.is_l2 else found.size.astype(float)
     return size
+
+
+def _about_kernel(aperture: int) -> str:
+    """A remark on other kernels than the one that is printed."""
+    if aperture == 3:
+        return ""
+    divided = ", and its sums are divided by 16, as in cv2.Canny" if aperture == 7 else ""
+    return f"Here the kernel has {aperture} x {aperture} numbers{divided}. "
 
 
 def _at(size: Pixels, x: int, y: int) -> float:

@@ -86,6 +86,9 @@ def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
             H = 30 (G − B) / C           if V = R
                 60 + 30 (B − R) / C      if V = G
                 120 + 30 (R − G) / C     if V = B
+            H + 180                      if H < 0
+
+        Gray (C = 0) has no hue, and black (V = 0) no saturation: both are set to 0.
 
         Hue is an angle: red at 0°, green at 120°, blue at 240°. OpenCV halves it, 0 to 179, so that
         it fits into 8 bits; red is at both ends. At ({x}, {y}), R {red}, G {green}, B {blue}
@@ -134,9 +137,10 @@ def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
     dim = cv2.cvtColor(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY) // 3, cv2.COLOR_GRAY2BGR)
     text = """
         Light and shadow change R, G and B together, but hardly the hue. So objects are selected by
-        their hue: here from {low} to {high}, that is {low_degrees}° to {high_degrees}°. Gray has no
-        hue, so the saturation must be at least {saturation}. {share:.1f} % of the pixels are in
-        this range and keep their colours; the others are shown dark and gray.
+        their hue: here from {low} to {high}, that is {low_degrees}° to {high_degrees}°{through}.
+        Gray has no hue, so the saturation must be at least {saturation}, and the value at least
+        {value}. {share:.1f} % of the pixels are in this range and keep their colours; the others
+        are shown dark and gray.
         """
     return show(
         image,
@@ -146,7 +150,9 @@ def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
         high=params.hue_high,
         low_degrees=2 * params.hue_low,
         high_degrees=2 * params.hue_high,
+        through=", through red" if params.hue_low > params.hue_high else "",
         saturation=params.saturation,
+        value=params.value,
         share=100 * (mask > 0).mean(),
     )
 
@@ -156,7 +162,7 @@ def gray(image: Image, params: object) -> dict[str, Message]:
     """Gray: a weighted sum of the three."""
     bgr = work_of(image, np.ndarray)
     weighted = to_gray(bgr)
-    mean = np.rint(bgr.mean(axis=2)).astype(np.uint8)
+    mean = bgr.mean(axis=2)
     theirs = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     text = """
         The eye sees green best and blue worst. A gray picture should look as bright as the colours,
@@ -165,13 +171,19 @@ def gray(image: Image, params: object) -> dict[str, Message]:
             Y = {r} R + {g} G + {b} B
 
         The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average in this
-        picture, at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of
+        picture, at most by {largest:.1f}. cv2.cvtColor differs from the weighted sum in {differ} of
         {all} pixels.
         """
-    apart = cv2.absdiff(weighted, mean)
+    apart = np.abs(weighted - mean)
     blue, _, red = cv2.split(bgr)
     seen = picture_grid(
-        [("weighted", weighted), ("plain mean", mean), ("red alone", red), ("blue alone", blue)], 2
+        [
+            ("weighted", weighted),
+            ("plain mean", np.rint(mean).astype(np.uint8)),
+            ("red alone", red),
+            ("blue alone", blue),
+        ],
+        2,
     )
     return show(
         image,

@@ -110,7 +110,7 @@ class _Way:
 
 @node("drift", inputs={"odom": Odometry, "truth": Odometry}, outputs=GIVES)
 class Drift:
-    """Odometry beside the truth: it drifts."""
+    """Odometry, and its drift where the truth is known."""
 
     def __init__(self, _: object) -> None:
         self.reset()
@@ -138,10 +138,12 @@ class Drift:
             places, _ = self._odom.at(stamps)
             text = """
                 The path by odometry: {length:.2f} m so far. This recording does not contain the
-                true path, so the error is unknown. A simulated robot knows it: run this lesson
-                without a file.
+                true path, so its drift is unknown: only odometry is drawn. A simulated robot knows
+                its true path: run this lesson without a file.
                 """
-            return show_at(odom.header, _draw_way([(places, BLUE)]), text, length=_length(places))
+            figure = _draw_way([(places, BLUE)])
+            figure.text(WIDTH - 20, 20, "odometry alone: no truth", 13, "end", BLUE)
+            return show_at(odom.header, figure, text, length=_length(places))
         return self._compare(odom, stamps[stamps <= self._truth.rows[-1][0]])
 
     def _compare(self, odom: Odometry, stamps: Floats) -> dict[str, Message] | None:

@@ -11,7 +11,14 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
 from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams
-from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
+from ros_visualise.lessons.methods.sobel import (
+    Whole,
+    central_difference,
+    direction,
+    magnitude,
+    sobel,
+    sobel_kernels,
+)
 from ros_visualise.nodes import node
 from ros_visualise.plotting.axes import PlotAxes
 from ros_visualise.plotting.colors import BLUE, ORANGE, RED, YELLOW, by_direction, levels
@@ -75,18 +82,17 @@ class _Gradient:
 def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
     """Gx and Gy: how fast the gray changes to the right, and down."""
     dx, dy = sobel(work_of(image, np.ndarray), params.aperture.value)
+    smoothing, deriving = sobel_kernels(params.aperture.value)
     top = float(max(np.abs(dx).max(), np.abs(dy).max(), 1))
     text = """
         A picture can change in two directions. Each of Sobel's kernels differentiates along one
         direction, and smooths along the other, so that noise does less harm:
 
-                 −1  0  1
-            Gx:  −2  0  2
-                 −1  0  1
+            Gx:
+        {kernel_x}
 
-                 −1 −2 −1
-            Gy:   0  0  0
-                  1  2  1
+            Gy:
+        {kernel_y}
 
         Gray means no change; white means that it gets brighter to the right (Gy: downwards), black
         that it gets darker. Here the {aperture} x {aperture} kernels give Gx from {least_x} to
@@ -98,6 +104,8 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
         picture_grid(shown, 2),
         text,
         _Gradient(dx, dy),
+        kernel_x=_printed(np.outer(smoothing, deriving)),
+        kernel_y=_printed(np.outer(deriving, smoothing)),
         aperture=params.aperture.value,
         least_x=dx.min(),
         most_x=dx.max(),
@@ -196,6 +204,13 @@ LESSON = Lesson(
         Step(edges, after="derivatives"),
     ],
 )
+
+
+def _printed(kernel: Whole) -> str:
+    """The numbers of a kernel, in lines of a formula."""
+    width = len(f"{kernel.min()}") + 1
+    rows = ("".join(f"{number:{width}}" for number in row) for row in kernel)
+    return "\n".join("        " + row for row in rows).replace("-", "−")
 
 
 def _signed(values: Pixels, top: float) -> Pixels:

@@ -10,7 +10,7 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Imu, MarkerArray, Message
 from ros_visualise.lessons import car
 from ros_visualise.lessons.lesson import GIVES, WIDTH, Lesson, Step, show_at
-from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
+from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk, slope_of
 from ros_visualise.nodes import node
 from ros_visualise.plotting.axes import PlotAxes
 from ros_visualise.plotting.colors import BLUE, GREEN, RED
@@ -21,6 +21,7 @@ _GROWS = 0.02
 _MOST, _DROPPED = 200_000, 20_000  # largest number of samples, and number dropped at once
 _GAP = 5  # periods without a measurement
 _LEAST = 100
+_WHITE_SLOPE, _SLOPE_ERROR = -0.5, 0.25  # of the curve on logarithmic scales
 
 
 @node("car", inputs={"imu": Imu}, outputs={**GIVES, "markers": MarkerArray}, latched=("markers",))
@@ -212,16 +213,14 @@ class Allan:
                 σ²(τ) = ½ ⟨ (mean over the next τ
                              − mean over this τ)² ⟩
 
-            White noise falls as N / √τ. Then comes a floor, the instability of the bias: longer
-            means are no better. After that the curve rises, because the bias changes. From {count}
-            measurements in {seconds:.0f} s:
+            White noise falls as N / √τ. Then comes a floor: longer means are no better. The floor
+            divided by {ratio} is the instability of the bias. After that the curve rises, because
+            the bias changes. From {count} measurements in {seconds:.0f} s:
 
-                gyroscope
-                    N = {gyro_walk:.2e} rad/s/√Hz
-                floor = {gyro_floor:.2e} rad/s
-                accelerometer
-                    N = {force_walk:.2e} m/s²/√Hz
-                floor = {force_floor:.2e} m/s²
+                gyroscope, rad/s
+            {gyro}
+                accelerometer, m/s²
+            {force}
 
             This is right only for a sensor at rest: the motion of a robot looks like noise here.
             The longer the recording, the farther the curve goes to the right.
@@ -232,10 +231,9 @@ class Allan:
             text,
             count=len(self._samples.values),
             seconds=self._samples.covered_s,
-            gyro_walk=random_walk(times_s, gyro),
-            gyro_floor=gyro.min() / OF_BIAS,
-            force_walk=random_walk(times_s, force),
-            force_floor=force.min() / OF_BIAS,
+            ratio=OF_BIAS,
+            gyro=_about_noise(times_s, gyro),
+            force=_about_noise(times_s, force),
         )
 
 
@@ -249,6 +247,22 @@ LESSON = Lesson(
     plays=True,
     export_s=30.0,
 )
+
+
+def _about_noise(times_s: Floats, deviation: Floats) -> str:
+    """Lines with the noise density and the floor, as far as the curve shows them."""
+    slope = slope_of(times_s, deviation)
+    lines = [f"no white noise: slope {slope:+.2f}, not −0.5"]
+    if abs(slope - _WHITE_SLOPE) < _SLOPE_ERROR:
+        lines = [f"N = {random_walk(times_s, deviation):.2e} /√Hz"]
+    lowest = int(deviation.argmin())
+    floor, time_s = deviation[lowest], times_s[lowest]
+    if lowest == len(times_s) - 1:
+        lines.append(f"floor not reached: {floor:.2e} at {time_s:.3g} s")
+    else:
+        lines.append(f"floor = {floor:.2e} at {time_s:.3g} s")
+        lines.append(f"floor / {OF_BIAS} = {floor / OF_BIAS:.2e}")
+    return "\n".join(f"        {line}" for line in lines).strip("\n")
 
 
 def _three(values: Floats) -> str:
