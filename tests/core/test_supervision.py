@@ -14,7 +14,12 @@ from ros_visualise.core.supervision import Supervisor
 PATIENCE_S = 30.0
 ROOT = Path(ros_visualise.__file__).parent
 STARTS_THREADS = {"Thread", "Timer", "start_new_thread", "ThreadPoolExecutor"}
-OF_FUTURES = {"running/conversion.py", "sources/recordings/series.py"}
+OF_FUTURES = {
+    "batch/local.py",
+    "batch/plan.py",
+    "running/conversion.py",
+    "sources/recordings/series.py",
+}
 """Whoever takes a message there gets what its making raised."""
 COMMAND = """
 import sys

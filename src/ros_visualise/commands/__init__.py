@@ -83,7 +83,7 @@ COMMANDS = Registry(
     first=(
         *("demo", "sim", "video", "camera", "live", "bag", "kitti", "view", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),
-        *("nodes", "plugins", "docs", "completion"),
+        *("batch", "nodes", "plugins", "docs", "completion"),
     ),
 )
 """All commands, in the order of ``--help``."""

@@ -53,6 +53,7 @@ class NodeType:
         calibrated: True if images come with their calibration, even where it is a separate topic.
         topics: output -> topic, if not derived from the names of node and output
             (see `ros_visualise.graph.place`).
+        splittable: True if parts of a recording give the results of the whole, after a while.
     """
 
     name: str
@@ -72,6 +73,7 @@ class NodeType:
     frames: bool = False
     calibrated: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
+    splittable: bool = True
 
 
 class _OptionalMethods:
@@ -109,6 +111,7 @@ def node(
     frames: bool = False,
     calibrated: bool = False,
     topics: Mapping[str, str] | None = None,
+    splittable: bool = True,
     join: SyncPolicy | None = None,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
@@ -160,6 +163,7 @@ def node(
             frames=frames,
             calibrated=calibrated,
             topics=topics or {},
+            splittable=splittable,
         )
         return target
 

@@ -45,6 +45,9 @@ transforms. A step that raises NoTransform drops its message. With ``calibrated=
 comes with its ``camera_info``, even where that is a topic of its own; it is None if the camera is
 not calibrated.
 
+With ``splittable=False`` a node needs the whole recording, as one that makes a map or a path; of
+others ``ros-visualise batch`` may run several parts at once, each after a time to warm up.
+
 ``step``, ``tick``, ``finish`` and actions return a message (if the node has one output), a dict of
 output name -> message, or None for no result.
 

@@ -59,6 +59,7 @@ class CalibratorParams:
     outputs={"coverage": Image},
     topics={"coverage": "/coverage"},
     on_demand=("coverage",),
+    splittable=False,
 )
 class CameraCalibrator:
     """Collects views of a board, and calibrates the camera from them when asked."""

@@ -157,6 +157,7 @@ class LandingTargetParams:
         "landing_target_odom": Odometry,
     },
     frames=True,
+    splittable=False,
 )
 class LandingTarget:
     """Estimates the pose of the landing target relative to the robot, also between images.

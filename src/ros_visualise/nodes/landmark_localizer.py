@@ -92,6 +92,7 @@ class LocalizerParams(MapParams):
     topics={"markers": "/landmark_markers", "tf_static": "/landmarks/tf_static"},
     latched=("landmarks", "markers", "tf_static"),
     frames=True,
+    splittable=False,
 )
 class LandmarkLocalizer:
     """Maps landmarks in a fixed frame, from detections with poses and the tree of frames.

@@ -81,6 +81,7 @@ _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
         "diagnostics": "/navigation/diagnostics",
     },
     frames=True,
+    splittable=False,
 )
 class LandmarkNavigator:
     """Corrects the odometry by landmarks: publishes map -> odom, and the robot's pose in the map.

@@ -72,6 +72,7 @@ class PathParams:
     latched=("path",),
     timed=True,
     frames=True,
+    splittable=False,
 )
 class PathNode:
     """The path of a robot; it begins anew when time jumps or the frame changes.

@@ -21,6 +21,7 @@ from ros_visualise.nodes import NoParams, node
     outputs={"nees": Number, "error": Number},
     topics={"error": "/position_error"},
     sync=Exact(),
+    splittable=False,
 )
 class PoseError:
     """Error of a pose: in metres, and by its own covariance (NEES).

@@ -144,6 +144,13 @@ def memory(text: str) -> int:
         raise ArgumentTypeError(str(error)) from None
 
 
+def period(text: str) -> float:
+    """A time in seconds, as 90, 90s, 10m or 1h."""
+    units = {"s": 1, "m": 60, "h": 3600}
+    unit = units.get(text[-1:], 0)
+    return not_negative(text[:-1]) * unit if unit else not_negative(text)
+
+
 def folder(text: str) -> Path:
     """The name of a folder."""
     if not text:

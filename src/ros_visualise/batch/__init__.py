@@ -1,0 +1,1 @@
+"""Many recordings: found, run in processes of their own, and asked about afterwards."""

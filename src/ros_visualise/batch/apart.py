@@ -1,0 +1,144 @@
+"""Work in a process of its own, with limits of time and memory."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable
+from functools import cache
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import BaseContext
+from typing import Any, NamedTuple
+
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.limits import set_max_memory
+from ros_visualise.core.printing import sized
+from ros_visualise.core.regular_files import read_file
+
+_LOOK_S = 0.1
+_OF_TERMINAL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_AGAIN = ("crash", "timeout", "memory")
+
+
+class Limits(NamedTuple):
+    """Seconds and bytes that one piece of work may take."""
+
+    timeout_s: float
+    memory: int
+
+
+class TaskFailure(NamedTuple):
+    """Failed work: its kind, a line about it, and how often it was tried.
+
+    Kinds: ``open`` and ``error`` (the work says why), ``crash``, ``timeout`` and ``memory``.
+    """
+
+    kind: str
+    reason: str
+    attempts: int = 1
+
+    @property
+    def may_pass(self) -> bool:
+        """True if trying again may help."""
+        return self.kind in _AGAIN
+
+
+class Stopped(Exception):
+    """A person stopped the batch."""
+
+
+def apart(
+    work: Callable[[Any], Any],
+    task: Any,
+    limits: Limits,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Any:
+    """The result of ``work(task)``, called in a process of its own, or its `TaskFailure`.
+
+    The process ends with this one, and is killed when it takes too long.
+
+    Raises:
+        Stopped: ``stopped`` returned True.
+    """
+    receiver, sender = _context().Pipe(duplex=False)
+    process = _context().Process(target=_call, args=(work, task, limits, sender))  # type: ignore[attr-defined]
+    with receiver:
+        process.start()
+        sender.close()
+        end_s = time.monotonic() + limits.timeout_s
+        try:
+            while not wait([receiver, process.sentinel], _LOOK_S):
+                if stopped():
+                    raise Stopped
+                if memory_of(process.pid) > limits.memory:
+                    return TaskFailure(
+                        "memory", f"took more than {sized(limits.memory)}; add --max-memory"
+                    )
+                if time.monotonic() > end_s:
+                    return TaskFailure("timeout", f"not done after {limits.timeout_s:g} s")
+            return receiver.recv()
+        except EOFError:  # it ended without a word
+            process.join()
+            return _crashed(process.exitcode)
+        finally:
+            process.kill()
+            process.join()
+
+
+def _crashed(status: int | None) -> TaskFailure:
+    if status is not None and status < 0:
+        return TaskFailure("crash", f"killed by {signal.Signals(-status).name}")
+    return TaskFailure("crash", f"ended with exit status {status}")
+
+
+@cache
+def _context() -> BaseContext:
+    """Processes that are forked from one that has imported everything and runs no threads."""
+    # that of a Dask worker is a daemon, which may have no children: they end with it all the same
+    multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["ros_visualise.batch.preload"])
+    # signals of the terminal are for this process, which ends the others
+    resource_tracker.ensure_running()  # it would allow them again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_TERMINAL)
+    forkserver.ensure_running()
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return context
+
+
+def _call(work: Callable[[Any], Any], task: Any, limits: Limits, sender: Connection) -> None:
+    """Call the work in the new process, and send its result or its failure."""
+    logging.getLogger("ros_visualise").addHandler(logging.NullHandler())
+    logging.getLogger("ros_visualise").propagate = False  # the batch reports errors
+    supervision.start("parent", _end_with_parent)
+    set_max_memory(limits.memory)
+    try:
+        result = work(task)
+    except RosVisualiseError as error:
+        result = TaskFailure("open" if isinstance(error, UsageError) else "error", str(error))
+    except BaseException as error:
+        result = TaskFailure("error", f"{type(error).__name__}: {error}")
+    sender.send(result)
+    os._exit(0)  # nothing that is left may hinder the end
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
+    os._exit(1)
+
+
+def memory_of(pid: int | None) -> int:
+    """Bytes of memory of a process; 0 where the system does not say."""
+    try:
+        return int(read_file(f"/proc/{pid}/statm").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0

@@ -1,0 +1,274 @@
+"""The tables of a batch: their columns, and how rows become Parquet files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ros_visualise.core.errors import UsageError
+
+if TYPE_CHECKING:
+    import duckdb
+
+Row = tuple[Any, ...]
+
+_SIZES = {"DOUBLE[36]": 36, "DOUBLE[9]": 9}
+
+
+class Column(NamedTuple):
+    """A column: its name, its type in SQL, its unit if any, and a few words about it."""
+
+    name: str
+    type: str
+    unit: str
+    help: str
+
+
+def declare(*lines: str) -> tuple[Column, ...]:
+    """Columns from lines as ``name TYPE unit: help``, where ``-`` is no unit."""
+    found = []
+    for line in lines:
+        declared, _, help = line.partition(": ")
+        name, kind, unit = declared.split()
+        found.append(Column(name, kind, "" if unit == "-" else unit, help))
+    return tuple(found)
+
+
+_MADE = (
+    "t_ns BIGINT ns: time stamp of the message",
+    "node VARCHAR -: publisher",
+    "topic VARCHAR -: topic",
+)
+_POSE = (
+    "x DOUBLE m: position in the frame",
+    "y DOUBLE m: position",
+    "z DOUBLE m: position",
+    "qx DOUBLE -: attitude, a quaternion",
+    "qy DOUBLE -: attitude",
+    "qz DOUBLE -: attitude",
+    "qw DOUBLE -: attitude",
+    "covariance DOUBLE[36] m2,m.rad,rad2: 6x6 by rows, of x, y, z and rotations; NULL if unknown",
+)
+
+TABLES: Mapping[str, tuple[Column, ...]] = {
+    "segments": declare(
+        "format VARCHAR -: format of the recording",
+        "start_ns BIGINT ns: beginning of the recording",
+        "end_ns BIGINT ns: its end",
+        "begin_s DOUBLE s: beginning of this part; NULL: of the whole recording",
+        "until_s DOUBLE s: its end; NULL: of the whole recording",
+        "messages BIGINT -: messages of the source in this part",
+        "errors BIGINT -: errors of nodes",
+        "reason VARCHAR -: the first error",
+        "lost VARCHAR -: what could not be read; empty if nothing",
+        "cpu_s DOUBLE s: processor time",
+        "wall_s DOUBLE s: duration of the work",
+        "peak_mb DOUBLE MB: most memory",
+        "host VARCHAR -: the machine",
+        "version VARCHAR -: of ros_visualise",
+    ),
+    "topics": declare(
+        "topic VARCHAR -: topic",
+        "type VARCHAR -: type of its messages",
+        "node VARCHAR -: publisher",
+        "messages BIGINT -: messages",
+        "first_ns BIGINT ns: stamp of the first",
+        "last_ns BIGINT ns: stamp of the last",
+        "max_gap_s DOUBLE s: longest time between two of them",
+    ),
+    "nodes": declare(
+        "node VARCHAR -: node",
+        "processed BIGINT -: messages processed",
+        "dropped BIGINT -: messages not processed, or answered with nothing",
+        "errors BIGINT -: errors outside of messages",
+        "step_ms DOUBLE ms: median duration of a step",
+        "p50_ms DOUBLE ms: median time from the source to the end of a step",
+        "p99_ms DOUBLE ms: 99th percentile of that",
+    ),
+    "detections": declare(
+        *_MADE,
+        "frame VARCHAR -: frame of the camera",
+        "label VARCHAR -: the most likely class",
+        "id VARCHAR -: the same for the same thing at other times",
+        "score DOUBLE -: of the class, 0 to 1",
+        "left_px DOUBLE px: upright box around it, left edge",
+        "top_px DOUBLE px: top edge",
+        "width_px DOUBLE px: width",
+        "height_px DOUBLE px: height",
+        "u_px DOUBLE px: reference point",
+        "v_px DOUBLE px: reference point",
+        *_POSE,
+    ),
+    "poses": declare(
+        *_MADE,
+        "frame VARCHAR -: frame of the pose",
+        "child VARCHAR -: what is there, if known",
+        *_POSE,
+        "vx DOUBLE m/s: velocity in the child's frame, of odometry",
+        "vy DOUBLE m/s: velocity",
+        "vz DOUBLE m/s: velocity",
+    ),
+    "fixes": declare(
+        *_MADE,
+        "latitude DOUBLE deg: WGS 84",
+        "longitude DOUBLE deg: WGS 84",
+        "altitude DOUBLE m: above the ellipsoid",
+        "status BIGINT -: below 0: no fix",
+        "covariance DOUBLE[9] m2: 3x3, east, north, up; NULL if unknown",
+    ),
+    "landmarks": declare(
+        *_MADE,
+        "frame VARCHAR -: frame of the map",
+        "name VARCHAR -: of the landmark",
+        *_POSE,
+    ),
+    "image_stats": declare(
+        *_MADE,
+        "width BIGINT px: width",
+        "height BIGINT px: height",
+        "brightness DOUBLE -: mean luma, 0 to 1",
+        "contrast DOUBLE -: standard deviation of the luma, 0 to 1",
+        "sharpness DOUBLE -: variance of the Laplacian of the 8 bit luma; low: blurred",
+        "dark DOUBLE -: share of pixels at 0",
+        "bright DOUBLE -: share of pixels at the maximum",
+    ),
+    "fields": declare(
+        *_MADE,
+        "field VARCHAR -: path of the number in the message",
+        "value DOUBLE -: in the unit of its ROS type",
+    ),
+}
+"""Table -> the columns that a task writes; `recording` and `key` come before them."""
+
+INDEXED = declare(
+    "recording VARCHAR -: name of the recording, its path below the folder of all",
+    "key VARCHAR -: of the task: content, pipeline, parameters and version",
+)
+LISTED: Mapping[str, tuple[Column, ...]] = {
+    "recordings": declare(
+        "recording VARCHAR -: name",
+        "path VARCHAR -: file or folder",
+        "size BIGINT B: bytes",
+        "content VARCHAR -: digest of its content",
+        "format VARCHAR -: format",
+        "start_ns BIGINT ns: beginning",
+        "end_ns BIGINT ns: end",
+        "duration_s DOUBLE s: duration",
+        "parts BIGINT -: parts that it was run in",
+        "done BIGINT -: parts that are done",
+        "messages BIGINT -: messages of the source",
+        "distance_m DOUBLE m: path of its first topic of poses, or else fixes; a pose each second",
+        "lost VARCHAR -: what could not be read; empty if nothing",
+        "cpu_s DOUBLE s: processor time",
+    ),
+    "failures": declare(
+        "recording VARCHAR -: name",
+        "path VARCHAR -: file or folder",
+        "key VARCHAR -: of the task",
+        "begin_s DOUBLE s: beginning of the part; NULL: the whole recording",
+        "kind VARCHAR -: open, error, crash, timeout, memory; node: its rows are kept",
+        "reason VARCHAR -: in a line",
+        "attempts BIGINT -: how often it was tried",
+    ),
+}
+"""Table -> columns of those that are made when all tasks are done."""
+
+
+def columns_of(table: str) -> tuple[Column, ...]:
+    """All columns of a finished table."""
+    return LISTED.get(table) or (*INDEXED, *TABLES[table])
+
+
+def connect(memory: int = 0, folder: Path | None = None) -> duckdb.DuckDBPyConnection:
+    """DuckDB without a file, with one thread and a limit of memory.
+
+    Raises:
+        UsageError: it is not installed.
+    """
+    try:
+        import duckdb
+    except ImportError:
+        raise UsageError(
+            "batches need DuckDB; install it: pip install 'ros_visualise[batch]'"
+        ) from None
+    config: dict[str, Any] = {"threads": 1} if memory else {}
+    if memory:
+        config |= {"memory_limit": f"{memory >> 20}MiB"}
+    if folder is not None:
+        config |= {"temp_directory": str(folder)}
+    return duckdb.connect(config=config)
+
+
+def write_rows(
+    connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Row], path: Path
+) -> None:
+    """Write rows of a task's table."""
+    query = registered(connection, "written", TABLES[table], rows)
+    copy(connection, query, path, TABLES[table])
+    connection.unregister("written")
+
+
+def registered(
+    connection: duckdb.DuckDBPyConnection,
+    name: str,
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+) -> str:
+    """Register rows, at least one, under a name; the query that gives them their types."""
+    arrays: dict[str, Any] = {}
+    chosen = []
+    for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+        if column.type in _SIZES:
+            chosen.append(_add_matrix(arrays, column, values))
+        else:
+            arrays[column.name] = _array(column.type, values)
+            is_float = column.type == "DOUBLE"
+            value = f"nullif({column.name}, 'nan'::DOUBLE)" if is_float else column.name
+            chosen.append(f"{value}::{column.type} AS {column.name}")
+    connection.register(name, arrays)
+    return f"SELECT {', '.join(chosen)} FROM {name}"
+
+
+def _add_matrix(arrays: dict[str, Any], column: Column, values: Sequence[Any]) -> str:
+    """Add a column of lists, some of them None, as one of numbers for each place; its SQL."""
+    size = _SIZES[column.type]
+    numbers = np.full((len(values), size), np.nan)
+    for row, value in enumerate(values):
+        if value is not None:
+            numbers[row] = np.ravel(value)
+    names = [f"{column.name}_{place}" for place in range(size)]
+    arrays |= {name: numbers[:, place].copy() for place, name in enumerate(names)}
+    given = f"CASE WHEN NOT isnan({names[0]}) THEN list_value({', '.join(names)}) END"
+    return f"{given}::{column.type} AS {column.name}"
+
+
+def copy(
+    connection: duckdb.DuckDBPyConnection, query: str, path: Path, columns: Iterable[Column]
+) -> None:
+    """Write the result of a query to a Parquet file, with the units of its columns."""
+    columns = tuple(columns)
+    units = json.dumps({one.name: one.unit for one in columns if one.unit})
+    about = json.dumps({one.name: one.help for one in columns})
+    connection.execute(
+        f"COPY ({query}) TO {quoted(path)} (FORMAT parquet, COMPRESSION zstd,"
+        f" KV_METADATA {{units: {quoted(units)}, columns: {quoted(about)}}})"
+    )
+
+
+def quoted(text: object) -> str:
+    """A text in SQL."""
+    return "'" + str(text).replace("'", "''") + "'"
+
+
+def _array(kind: str, values: Sequence[Any]) -> np.ndarray[Any, Any]:
+    if kind == "BIGINT":
+        return np.array(values, np.int64)
+    if kind == "DOUBLE":
+        return np.array([np.nan if one is None else one for one in values], np.float64)
+    found = np.empty(len(values), object)
+    found[:] = values
+    return found

@@ -1,0 +1,143 @@
+"""The work that a batch does with each recording: the pipeline, its settings, and what it keeps."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.core.regular_files import read_file
+from ros_visualise.graph import IMAGE_NODES, Graph
+from ros_visualise.running.arguments import parse_setting
+from ros_visualise.running.graphs import Selection, film, graph_of, parse_insertion, recording
+from ros_visualise.running.options import NodeOptions
+from ros_visualise.runtime.saving import load
+from ros_visualise.sinks.names import parse_target
+from ros_visualise.sources.formats import named
+from ros_visualise.sources.opening import is_recording
+from ros_visualise.sources.pictures import is_pictures
+
+PIPELINES = ("images", "landmarks", "navigate", "none")
+"""Nodes of `ros-visualise FILE`; with ``--landmarks``; with ``--navigate``; the source alone.
+
+Of the second and third, image nodes that nothing asks for are omitted.
+"""
+
+
+@dataclass(frozen=True)
+class Work:
+    """The work done with each recording; all that its results depend on beside its content.
+
+    Fields are as the options of ``batch``; ``version`` is that of this package.
+    """
+
+    pipeline: str = "images"
+    node: tuple[str, ...] = ()
+    set: tuple[str, ...] = ()
+    params: str = ""
+    preset: str = ""
+    topics: tuple[str, ...] = ()
+    image: str | None = None
+    odom: str | None = None
+    fields: tuple[str, ...] = ()
+    record: tuple[str, ...] = ()
+    export: tuple[str, ...] = ()
+    version: str = ""
+
+    @classmethod
+    def restored(cls, values: Mapping[str, Any]) -> Work:
+        """The work whose `dataclasses.asdict` these values are, from JSON."""
+        known: dict[str, Any] = {
+            name: tuple(one) if isinstance(one, list) else one for name, one in values.items()
+        }
+        return cls(**known)
+
+    def digest(self) -> str:
+        """A digest of it; files that it names count by their content."""
+        values = asdict(self)
+        for name in ("node", "set"):
+            values[name] = [_by_content(text) for text in values[name]]
+        values["params"] = _by_content(self.params)
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+    def graph(self, path: str) -> Graph:
+        """The graph that runs for a recording.
+
+        Raises:
+            OpenError: the recording, or a file that is named, cannot be opened.
+            UsageError: the settings do not fit the recording.
+        """
+        options = NodeOptions(
+            set=self.set,
+            params=Path(self.params) if self.params else None,
+            landmarks=self.pipeline == "landmarks",
+            preset=self.preset,
+            navigate="" if self.pipeline == "navigate" else None,
+            node=self.node,
+        )
+        graph = graph_of(self._selection(path), options)
+        if self.pipeline in ("landmarks", "navigate"):
+            return _without(graph, {*IMAGE_NODES, "path"} - _named(self, graph))
+        return graph
+
+    def _selection(self, path: str) -> Selection:
+        is_named = bool(named(Path(path)))
+        if (is_recording(path) or is_named) and not is_pictures(path):
+            found = recording(path, self.topics, self.image, self.odom)
+        else:
+            found = film(path, "")
+        if self.pipeline != "none":
+            return found
+
+        def alone(undo: ExitStack) -> Graph:
+            return Graph(found.graph(undo).source, ())
+
+        return replace(found, graph=alone)
+
+
+def absolute(text: str) -> str:
+    """``FILE.py:NAME`` or ``NODE.PARAM=FILE`` with the absolute path of its file, if it has one."""
+    before, path, after = _file_in(text)
+    return f"{before}{os.path.abspath(path)}{after}" if path else text
+
+
+def _by_content(text: str) -> str:
+    before, path, after = _file_in(text)
+    if not path:
+        return text
+    return f"{before}{hashlib.sha256(read_file(path)).hexdigest()}{after}"
+
+
+def _file_in(text: str) -> tuple[str, str, str]:
+    """A text around the path of an existing file in it; an empty path: it names none."""
+    before, equals, value = text.rpartition("=")
+    if os.path.isfile(value):
+        return before + equals, value, ""
+    path, colon, name = text.rpartition(":")
+    return ("", path, colon + name) if os.path.isfile(path) else (text, "", "")
+
+
+def _without(graph: Graph, names: set[str]) -> Graph:
+    return replace(graph, nodes=tuple(node for node in graph.nodes if node.name not in names))
+
+
+def _named(work: Work, graph: Graph) -> set[str]:
+    """Nodes that the options name, and those that the topics to record come from."""
+    names = {parse_setting(text)[0] for text in work.set}
+    names |= set(load(Path(work.params))) if work.params else set()
+    names |= {after for text in work.node if (after := parse_insertion(text).after)}
+    recorded = [parse_target(text) for text in work.record]
+    topics = {topic for _, several in recorded for topic in several}
+    names |= {graph.topics[topic].publisher for topic in topics if topic in graph.topics}
+    if work.preset or not all(several for _, several in recorded):
+        names |= {*IMAGE_NODES}
+    for node in reversed(graph.nodes):  # and those whose results they take
+        if node.name in names or node.name not in (*IMAGE_NODES, "path"):
+            taken = (graph.topics.get(topic) for topic in node.inputs.values())
+            names |= {topic.publisher for topic in taken if topic is not None}
+    return names

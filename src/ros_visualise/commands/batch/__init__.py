@@ -1,0 +1,84 @@
+"""``batch``: many recordings through one pipeline, into tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ros_visualise.commands import Command
+from ros_visualise.running.arguments import argument, count, option, period, positive
+from ros_visualise.running.options import MemoryOptions, SettingOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(SettingOptions, MemoryOptions):
+    """Options of ``batch``."""
+
+    input: Sequence[str] = argument(
+        "recordings and videos: files, folders, patterns such as 'flights/**', and @LIST, a file"
+        " with one of these in each line; or: status, retry or view, and the folder of results",
+        nargs="+",
+        metavar="INPUT",
+    )
+    out: Path | None = option(
+        None, "folder of the results; work that is done there is not repeated", metavar="DIR"
+    )
+    pipeline: str = option(
+        "images",
+        "images: the nodes that `ros-visualise FILE` runs (default); landmarks or navigate: as with"
+        " --landmarks or --navigate; none: only --node and --fields",
+        choices=("images", "landmarks", "navigate", "none"),
+    )
+    node: Sequence[str] = option(
+        [],
+        "add a node, as of `ros-visualise FILE`; repeatable",
+        metavar="NODE[@AFTER][,INPUT=TOPIC]",
+    )
+    preset: str = option("", "set the image nodes together", metavar="NAME")
+    topics: Sequence[str] = option(
+        [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
+    )
+    image: str | None = option(None, "topic of images, or none (default: the first)")
+    odom: str | None = option(None, "topic of the robot's path, or none (default: the first)")
+    fields: Sequence[str] = option(
+        [],
+        "keep numeric fields, such as '/imu/data.angular_velocity.*'; repeatable",
+        metavar="/TOPIC.FIELD",
+    )
+    record: Sequence[str] = option(
+        [],
+        "record each run to a file of this name, in DIR/files/RECORDING; repeatable",
+        metavar="OUT[@TOPIC,...]",
+    )
+    export: Sequence[str] = option(
+        [],
+        "keep the images in which something is detected, as JPEG files; repeatable",
+        choices=("pictures",),
+    )
+    workers: int | None = option(
+        None, "tasks at once (default: one for each processor)", type=count, metavar="N"
+    )
+    segment: float | None = option(
+        None,
+        "split longer recordings into parts of this duration, such as 10m",
+        type=period,
+        metavar="TIME",
+    )
+    overlap: float = option(
+        10.0,
+        "time that each part begins earlier, to warm up its nodes (default: 10s)",
+        type=period,
+        metavar="TIME",
+    )
+    timeout: float = option(
+        3600.0, "give a task up after S seconds (default: 3600)", type=positive, metavar="S"
+    )
+    json: bool = option(False, "print a report as one JSON object")
+
+
+COMMAND = Command(
+    "run many recordings through the nodes, into tables",
+    BatchOptions,
+    "ros_visualise.commands.batch.work:run",
+)

@@ -1,0 +1,76 @@
+"""Small recordings for batches, and the rows of their results."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+from made_videos import numbered, write_video
+
+from ros_visualise.data import Header, Odometry
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+UNEQUAL = ("cpu_s", "wall_s", "peak_mb", "key", "path")
+"""Columns that differ between two runs of the same work."""
+
+
+def films(folder: Path, count: int, images: int = 8) -> list[Path]:
+    """Films of different lengths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [
+        write_video(folder / f"film_{number:02d}.mkv", numbered(images + number))
+        for number in range(count)
+    ]
+
+
+def drive(path: Path, count: int = 50, sigma: float = 0.0) -> Path:
+    """A recording of odometry, 10 Hz at 1 m/s along x, with errors of a standard deviation."""
+    errors = np.random.default_rng(len(path.name)).normal(0, sigma, (count, 3))
+    with open_recorder(path, {"/odom": TopicType("nav_msgs/msg/Odometry")}, live=False) as recorder:
+        for number in range(count):
+            position = np.array([number / 10, 0, 0]) + errors[number]
+            header = Header(1_000_000_000 + number * 100_000_000, "odom")
+            pose = np.array([0.0, 0, 0, 1])
+            covariance = np.eye(6) * max(sigma, 0.01) ** 2
+            odometry = Odometry(position, pose, pose_covariance=covariance, header=header)
+            recorder.write("/odom", odometry, header.stamp_ns)
+    return path
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "ros_visualise", *map(str, arguments)]
+
+
+def batch(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run ``batch`` in a process of its own."""
+    return subprocess.run(
+        command("batch", *arguments), capture_output=True, text=True, timeout=100, env=environment()
+    )
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def rows(results: Path, table: str, *without: str) -> list[tuple[Any, ...]]:
+    """All rows of a table but for what differs from run to run, as sorted texts."""
+    with duckdb.connect() as sql:
+        names = [
+            name
+            for name, *_ in sql.execute(f"DESCRIBE FROM '{results}/{table}.parquet'").fetchall()
+            if name not in (*UNEQUAL, *without) and not name.endswith("_ms")
+        ]
+        found = sql.execute(f"SELECT {', '.join(names)} FROM '{results}/{table}.parquet'")
+        return sorted(found.fetchall(), key=repr)
+
+
+def ask(results: Path, query: str) -> list[tuple[Any, ...]]:
+    """The rows of a query whose ``{}`` is the folder."""
+    with duckdb.connect() as sql:
+        return sql.execute(query.format(results)).fetchall()

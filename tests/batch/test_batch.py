@@ -1,0 +1,257 @@
+"""``batch`` runs many recordings, each in a process of its own, and survives all that they do."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from contextlib import closing
+
+import pytest
+from made_flights import ask, batch, command, drive, environment, films, rows
+from made_videos import numbered, write_video
+
+from ros_visualise.batch.inputs import content_of, find_inputs
+from ros_visualise.batch.results import Results
+from ros_visualise.batch.tables import LISTED, TABLES
+from ros_visualise.core.errors import UsageError
+from ros_visualise.sources import open_source
+
+ROWS = ("topics", "poses", "fields", "image_stats", "segments")
+
+BAD_NODE = """
+import os, signal, time
+import numpy as np
+from pathlib import Path
+from ros_visualise.data import Image, Number
+from ros_visualise.nodes import node
+
+@node("bad", inputs={"image": Image}, outputs={"number": Number})
+def bad(image, params):
+    "Hangs, crashes, eats memory or fails, by the width of the image."
+    if image.width == 40:
+        time.sleep(1000)
+    if image.width == 48:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if image.width == 56:
+        held = np.ones(100 << 20)
+        time.sleep(1000)
+    if image.width == 64:
+        raise ValueError("too wide")
+    flag = Path(__file__).with_name("flag")
+    if image.width == 72 and not flag.exists():
+        flag.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Number(float(image.width), image.header)
+"""
+
+
+def test_what_fails_is_a_row_and_stops_nothing_else(tmp_path):
+    folder = tmp_path / "flights"
+    for width in (32, 40, 48, 56, 64, 72):
+        folder.mkdir(exist_ok=True)
+        write_video(folder / f"{width}.mkv", numbered(3, width, 24))
+    (folder / "empty.mcap").touch()
+    (folder / "noise.mp4").write_bytes(bytes(range(256)) * 20)
+    (folder / "notes.txt").write_text("no recording")
+    with open(folder / "huge.bag", "wb") as file:
+        file.truncate(1 << 33)
+    os.mkfifo(folder / "pipe.bag")
+    node = tmp_path / "bad.py"
+    node.write_text(BAD_NODE)
+    done = batch(
+        *(folder, "--out", tmp_path / "out", "--node", f"{node}:bad@streamer", "--json"),
+        *("--timeout", 4, "--max-memory", "600M", "--workers", 2),
+    )
+    assert done.returncode == 1, done.stderr
+    report = json.loads(done.stdout)
+    assert (report["tasks"], report["done"], report["left"]) == (10, 3, 0)
+    query = "SELECT recording, kind, attempts FROM '{}/failures.parquet'"
+    assert set(ask(tmp_path / "out", query)) == {
+        ("40.mkv", "timeout", 3),
+        ("48.mkv", "crash", 3),
+        ("56.mkv", "memory", 3),
+        ("64.mkv", "node", 1),
+        ("empty.mcap", "open", 1),
+        ("noise.mp4", "open", 1),
+        ("huge.bag", "open", 1),
+        ("pipe.bag", "open", 1),
+    }
+    counted = "SELECT recording, count(*) FROM '{}/fields.parquet' GROUP BY ALL"
+    assert dict(ask(tmp_path / "out", counted)) == {"32.mkv": 3, "72.mkv": 3}
+    reason = "SELECT reason FROM '{}/failures.parquet' WHERE kind = 'node'"
+    assert "too wide" in ask(tmp_path / "out", reason)[0][0]
+    assert not list((tmp_path / "out" / "tasks").glob("*.part"))
+
+    node.write_text(BAD_NODE.replace("1000", "0").replace("signal.SIGKILL", "0"))
+    again = batch("retry", tmp_path / "out", "--json", "--max-memory", "600M")
+    assert {one["recording"] for one in json.loads(again.stdout)["failures"]} == {
+        *("56.mkv", "64.mkv", "empty.mcap", "noise.mp4", "huge.bag", "pipe.bag")
+    }
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory):
+    """Recordings, and the results of a batch that nothing disturbed."""
+    folder = tmp_path_factory.mktemp("once")
+    films(folder / "in", 6)
+    for number in range(4):
+        drive(folder / "in" / f"drive_{number}.mcap", 40 + number)
+    done = batch(folder / "in", "--out", folder / "out", "--fields", "/odom.twist.*")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_killed_at_any_moment_and_begun_again_it_has_the_same_rows(once, tmp_path):
+    chance = random.Random(os.environ.get("PYTEST_SEED", "batch"))
+    out = tmp_path / "out"
+    arguments = (once / "in", "--out", out, "--fields", "/odom.twist.*", "--workers", 2)
+    for done in sorted(chance.sample(range(10), 3)):
+        driver = subprocess.Popen(
+            command("batch", *arguments),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=environment(),
+        )
+        tasks = out / "tasks"
+        while driver.poll() is None and len(list(tasks.glob("*"))) <= done:
+            time.sleep(0.002)
+        driver.kill()
+        driver.wait()
+    done = batch(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    for table in ROWS:
+        assert rows(out, table) == rows(once / "out", table), table
+    again = json.loads(batch(*arguments, "--json").stdout)
+    assert (again["run"], again["done"]) == (0, 10)
+
+
+def test_rows_are_those_of_a_single_run(once, tmp_path):
+    source = once / "in" / "drive_2.mcap"
+    single = tmp_path / "single.mcap"
+    subprocess.run(
+        command("bag", source, "--view", "none", "--rate", 0, "--record", f"{single}@/odom"),
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
+    with closing(open_source(single)) as recording:
+        expected = [
+            (one.message.header.stamp_ns, *one.message.content.position_xyz.tolist())
+            for one in recording.read(topics=["/odom"])
+        ]
+    query = "SELECT t_ns, x, y, z FROM '{}/poses.parquet' WHERE recording = 'drive_2.mcap'"
+    assert ask(once / "out", query) == expected
+    far = "SELECT distance_m, duration_s FROM '{}/recordings.parquet' WHERE recording ~ 'drive_2'"
+    assert ask(once / "out", far)[0] == pytest.approx((4.0, 4.1), abs=0.01)
+
+
+def test_content_decides_what_is_done(once, tmp_path):
+    shutil.copytree(once / "in", tmp_path / "in")
+    shutil.copytree(once / "out", tmp_path / "out")
+    arguments = (tmp_path / "in", "--out", tmp_path / "out", "--fields", "/odom.twist.*", "--json")
+    (tmp_path / "in" / "film_00.mkv").rename(tmp_path / "in" / "renamed.mkv")
+    shutil.copy(tmp_path / "in" / "film_01.mkv", tmp_path / "in" / "twice.mkv")
+    drive(tmp_path / "in" / "new.mcap", 20)
+    report = json.loads(batch(*arguments).stdout)
+    assert (report["run"], report["tasks"], report["done"]) == (1, 12, 12)
+    names = {
+        name for (name,) in ask(tmp_path / "out", "SELECT recording FROM '{}/recordings.parquet'")
+    }
+    assert {"renamed.mkv", "twice.mkv", "new.mcap"} <= names
+    assert "film_00.mkv" not in names
+    assert rows(tmp_path / "out", "image_stats")
+    report = json.loads(batch(*arguments, "--set", "path.rate=1").stdout)
+    assert report["run"] == 11, "another parameter, for all but the copy"
+
+
+def test_segments_have_the_rows_of_the_whole(tmp_path):
+    write_video(tmp_path / "long.mkv", numbered(40) * 3)
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert batch(tmp_path / "long.mkv", "--out", whole).returncode == 0
+    split = batch(
+        tmp_path / "long.mkv", "--out", parts, "--segment", "1s", "--overlap", "0.5s", "--json"
+    )
+    assert json.loads(split.stdout)["tasks"] == 5, split.stderr
+    assert rows(parts, "image_stats") == rows(whole, "image_stats")
+    assert len(rows(whole, "image_stats")) == 4 * 120
+    drive(tmp_path / "drive.mcap", 60)
+    kept = batch(tmp_path / "drive.mcap", "--out", parts, "--segment", "1s", "--json")
+    assert json.loads(kept.stdout)["tasks"] == 1
+    assert "not split: path needs all of it" in kept.stderr
+
+
+def test_tables_are_described_with_units(once):
+    readme = (once / "out" / "README.md").read_text()
+    for table, columns in {**TABLES, **LISTED}.items():
+        assert f"## {table}:" in readme
+        query = f"SELECT value FROM parquet_kv_metadata('{{}}/{table}.parquet') WHERE key = 'units'"
+        units = json.loads(ask(once / "out", query)[0][0])
+        assert units == {**units, **{one.name: one.unit for one in columns if one.unit}}
+
+
+def test_recordings_and_pictures_are_kept(tmp_path):
+    write_video(tmp_path / "film.mkv", numbered(3))
+    done = batch(tmp_path / "film.mkv", "--out", tmp_path / "out", "--record", "edges.mcap@/edges")
+    assert done.returncode == 0, done.stderr
+    edges = tmp_path / "out" / "files" / "film.mkv" / "edges.mcap"
+    with closing(open_source(edges)) as recording:
+        assert recording.topics["/edges"].messages == 3
+
+
+def test_ctrl_c_goes_on_later(once, tmp_path):
+    out = tmp_path / "out"
+    driver = subprocess.Popen(
+        command("batch", once / "in", "--out", out),
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+        start_new_session=True,
+    )
+    end_s = time.monotonic() + 60
+    while not (out / "plan.jsonl").exists() and time.monotonic() < end_s:
+        time.sleep(0.01)
+    os.killpg(driver.pid, signal.SIGINT)
+    _, said = driver.communicate(timeout=60)
+    assert driver.returncode == 130, said
+    status = json.loads(
+        subprocess.run(
+            command("batch", "status", out, "--json"), capture_output=True, check=True
+        ).stdout
+    )
+    assert status["failures"] == []
+    assert status["done"] + status["left"] == 10
+
+
+def test_inputs_are_found(tmp_path):
+    films(tmp_path / "a" / "b", 2)
+    drive(tmp_path / "a" / "drive.mcap")
+    drive(tmp_path / "a" / "folder")  # a ROS 2 bag
+    (tmp_path / "a" / "notes.txt").write_text("x")
+    (tmp_path / "a" / "b" / "film_00.srt").write_text("1\n")
+    names = ["b/film_00.mkv", "b/film_01.mkv", "drive.mcap", "folder"]
+    assert [one.name for one in find_inputs([str(tmp_path / "a")])] == names
+    assert [one.name for one in find_inputs([str(tmp_path / "a" / "**")])] == names
+    (tmp_path / "list").write_text(f"# flights\n{tmp_path}/a/b\n\n{tmp_path}/a/drive.mcap\n")
+    assert [one.name for one in find_inputs([f"@{tmp_path}/list"])] == names[:3]
+    found = find_inputs([str(tmp_path / "a" / "folder")])[0]
+    assert found.size > 0
+    assert content_of(found.path) != content_of(str(tmp_path / "a" / "drive.mcap"))
+    with pytest.raises(UsageError, match="no recordings"):
+        find_inputs([str(tmp_path / "a" / "*.bag")])
+
+
+def test_ten_thousand_tasks_are_planned_without_opening_them(tmp_path):
+    results = Results(tmp_path)
+    results.create()
+    from ros_visualise.batch.inputs import FoundInput
+    from ros_visualise.batch.plan import plan
+    from ros_visualise.batch.work import Work
+
+    inputs = [FoundInput(f"{n}.bag", f"/nowhere/{n}.bag", 1) for n in range(10_000)]
+    planned = plan(inputs, [str(n) for n in range(10_000)], Work())
+    assert len({one.key for one in planned}) == 10_000
+    results.write_plan({}, planned)
+    assert results.read_plan() == ({}, planned)
