@@ -15,6 +15,7 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.live.exchange import exchange, ignore
 from ros_visualise.ui.live.marks import Marks
+from ros_visualise.ui.live.rewinding import Rewinder
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.pool import Pool
@@ -23,6 +24,8 @@ log = logging.getLogger(__name__)
 
 _PERIOD_S, _PLAYING_S = 0.03, 0.09
 _FARTHEST_S = 1e9
+_OF_LIVE, _OF_PAST = ("toggle", "step"), ("toggle", "step", "rate")
+_FLOWING = ("position", "duration", "begin", "stamp", "megabytes")
 
 
 class PageClock:
@@ -36,8 +39,9 @@ class PageClock:
 
     def __init__(self) -> None:
         self._playback: Playback | None = None
-        self._live = False
         self._player = ""
+        self._rewinder: Rewinder | None = None
+        self._browsers = 0
         self.marks = Marks()
         self._writing = Pool("marks", 1)
         self._actions: Mapping[str, Callable[[Playback, Any], None]] = {
@@ -56,10 +60,15 @@ class PageClock:
             "mark": self._mark,
         }
 
+    @property
+    def is_watched(self) -> bool:
+        """True while a browser shows it."""
+        return self._browsers > 0
+
     def show(self, runtime: Runtime | None) -> None:
-        """Show the playback of this graph, if it has one; a live source can only be paused."""
+        """Show the playback of this graph, if it has one; one that is live can be rewound."""
+        self._rewinder = runtime if isinstance(runtime, Rewinder) else None
         self._playback = None if runtime is None else runtime.playback
-        self._live = runtime is not None and runtime.graph.live
         source = None if runtime is None else runtime.graph.source
         self._player = "" if source is None else source.name
 
@@ -67,7 +76,11 @@ class PageClock:
         """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
         visit: Visit = scope["state"]["visit"]
         hear = ignore if visit.is_viewer else self.act
-        await exchange(receive, send, self._send_all(send), hear)
+        self._browsers += 1
+        try:
+            await exchange(receive, send, self._send_all(send), hear)
+        finally:
+            self._browsers -= 1
 
     def close(self) -> None:
         """End the thread that writes marks."""
@@ -78,12 +91,27 @@ class PageClock:
         try:
             asked = json.loads(text)
             (action, value), *_ = asked.items()
-            if self._playback is not None:
+            if self._rewinder is not None:
+                self._act_live(self._rewinder, action, value)
+            elif self._playback is not None:
                 self._actions[action](self._playback, value)
         except RosVisualiseError as error:
             log.warning("%s", error)
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError, OverflowError):
             return
+
+    def _act_live(self, rewinder: Rewinder, action: str, value: Any) -> None:
+        """Do what a browser asks of a live source: pause it, or show what is kept of it."""
+        if action == "seek":
+            rewinder.seek(seconds_of(value))
+        elif action == "live":
+            rewinder.leave_past()
+        elif rewinder.past is not None and action in _OF_PAST:
+            self._actions[action](rewinder.past, value)
+        elif self._playback is not None and action in _OF_LIVE:
+            self._actions[action](self._playback, value)
+        elif action == "toggle":
+            rewinder.seek(rewinder.now_s, paused=True)
 
     def _mark(self, playback: Playback, mark: Any) -> None:
         """Set the mark at a time to a name; ``None`` stands for the present time."""
@@ -116,6 +144,8 @@ class PageClock:
     @property
     def state(self) -> Mapping[str, Any]:
         """The state of the playback as browsers show it; empty without one."""
+        if self._rewinder is not None:
+            return _live_state(self._rewinder)
         playback = self._playback
         if playback is None:
             return {}
@@ -130,15 +160,33 @@ class PageClock:
             "part": state.part_s,
             "topics": playback.step_topics,
             "topic": playback.step_topic,
-            "live": self._live,
+            "live": False,
             "marks": [(at_s + playback.lead_s, name) for at_s, name in self.marks.names.items()],
             "player": self._player,
             "sources": [one._asdict() for one in playback.sources],
         }
 
 
+def _live_state(rewinder: Rewinder) -> Mapping[str, Any]:
+    """The state of a live source as browsers show it."""
+    past, source, buffer = rewinder.past, rewinder.playback, rewinder.buffer
+    now_s = rewinder.now_s
+    shown = past if past is not None else source
+    return {
+        "position": now_s if past is None else past.state.position_s,
+        "duration": now_s,
+        "begin": buffer.begin_ns / 1e9,
+        "playing": shown is None or shown.state.playing,
+        "rate": 1.0 if past is None else past.state.rate,
+        "live": True,
+        "past": past is not None,
+        "stamp": rewinder.stamp_ns / 1e9,
+        "megabytes": [round(buffer.nbytes / 1e6), round(buffer.most_bytes / 1e6)],
+    }
+
+
 def _but_position(state: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    return {name: value for name, value in (state or {}).items() if name != "position"}
+    return {name: value for name, value in (state or {}).items() if name not in _FLOWING}
 
 
 def begin_at(playback: Playback, time_s: float) -> None:

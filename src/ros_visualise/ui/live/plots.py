@@ -190,6 +190,7 @@ def _packets(
     packets = []
     for number, view in enumerate(views):
         header: dict[str, Any] = {"number": _number(request.get("number")), "view": number}
+        header["origin"] = followed.curves.live.origin_s
         rows = np.empty((0, 2))
         try:
             curves = [followed.curves.curve(name) for name in view.names]

@@ -261,6 +261,11 @@ class LiveCurves:
                 return line.playback.time_ns() / _NS
         return max(line.place_ns(stamp_ns), 0) / _NS
 
+    @property
+    def origin_s(self) -> float:
+        """The stamp from which times of a live source count, seconds."""
+        return (self._first_ns or 0) / _NS
+
     def stamp_ns(self, time_s: float) -> int:
         """The stamp of a time of these curves."""
         line = playback_line(self._runtime.graph, self._runtime.playback)

@@ -12,6 +12,7 @@ from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.live.messages import MessageHub
 from ros_visualise.ui.live.monitor import MonitorHub
 from ros_visualise.ui.live.plots import PlotHub
+from ros_visualise.ui.live.rewinding import Rewinder
 from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.live.topics import TopicsHub
 from ros_visualise.ui.parts import PARTS, part
@@ -92,18 +93,27 @@ class PageServer:
         ]
         own += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
         self._hubs = {hub.path: hub for hub in (*own, *more)}
+        self._rewinder: Rewinder | None = None
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
 
     def show(self, runtime: Runtime | None) -> None:
         """Serve this graph from now on, or none."""
+        if self._rewinder is not None:
+            self._rewinder.close()
+        self._rewinder = None
+        if runtime is not None and runtime.graph.live:
+            self._rewinder = Rewinder(runtime, lambda: self.clock.is_watched)
         for hub in self._hubs.values():
-            hub.show(runtime)
+            is_rewound = isinstance(hub, ImageHub | SpaceHub | MessageHub | PageClock)
+            hub.show(self._rewinder if is_rewound and self._rewinder is not None else runtime)
 
     def close(self) -> None:
         """Stop without waiting for browsers."""
         for hub in self._hubs.values():
             hub.close()
+        if self._rewinder is not None:
+            self._rewinder.close()
         self.host.close()
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:

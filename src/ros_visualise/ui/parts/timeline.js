@@ -24,7 +24,7 @@ export default {
         <span v-if="readOnly" class="rv-read-only" title="This address only looks">Read-only</span>
         <span class="rv-clock">{{ time }}<small v-if="length"> / {{ length }}</small></span>
       </div>
-      <div v-show="!state.live" class="rv-track">
+      <div v-show="!state.live || canRewind" class="rv-track">
       <div v-if="rows.length" class="rv-ticks" role="img" aria-label="Messages over time">
         <div v-for="[topic, counts] in rows" :key="topic" class="rv-tick-row" :title="topic">
           <span>{{ topic }}</span><canvas :ref="(canvas) => canvas && drawRow(canvas, counts)"></canvas></div>
@@ -35,7 +35,7 @@ export default {
           @keydown.stop @change="move(one, Number($event.target.value))">s</label>
       </div>
       <div ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
-        :aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
+        :aria-valuemin="begin" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
         @pointerdown="grab" @pointermove="hover" @pointerleave="leave"><canvas ref="canvas"></canvas>
         <button v-for="[at, name] in state.marks ?? []" :key="at" class="rv-mark" :style="{ left: place(at) }" :title="name + '  ' + clock(at)"
           :aria-label="'Mark ' + name + ' at ' + clock(at)" @pointerdown.stop @click="seek(at)">
@@ -46,6 +46,10 @@ export default {
             <q-btn v-close-popup flat dense no-caps label="Remove" @click="act({ mark: [at, ''] })" />
           </div></q-menu></button>
       </div>
+      </div>
+      <div v-if="canRewind" class="rv-controls" :title="kept">
+        <q-btn flat dense no-caps icon="sensors" label="Live" :color="state.past ? undefined : 'negative'" :disable="readOnly" :aria-pressed="String(!state.past)"
+          title="Show the present (End)" @mousedown.prevent @click="act({ live: 1 })" />
       </div>
       <div v-if="!state.live" class="rv-controls">
         <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< and >)"
@@ -77,10 +81,13 @@ export default {
         return { ...one, begin: one.begin_s + by, end: one.end_s + by, aligned: one.is_aligned, offset, isHeld: !!by };
       });
     },
+    begin() { return this.state.begin ?? 0; },
+    canRewind() { return !!this.state.live && this.state.duration - this.begin > 1; },
+    kept() { const [used, most] = this.state.megabytes ?? []; return `${clock(this.end - this.begin)} kept, ${used} of ${most} MB`; },
     shown() { return this.scrubbed ?? this.state.position ?? 0; },
     end() { return Math.max(this.state.duration ?? 0, this.shown, 0.01); },
-    time() { return clock(this.shown); },
-    length() { return this.state.duration == null ? "" : clock(this.state.duration); },
+    time() { return this.state.past ? `−${clock(this.end - this.shown)}` : clock(this.shown); },
+    length() { return this.state.live || this.state.duration == null ? "" : clock(this.state.duration); },
     icon() { return this.state.playing ? "pause" : this.state.ended ? "replay" : "play_arrow"; },
     rates() { return RATES.includes(this.state.rate) ? RATES : [this.state.rate ?? 1, ...RATES]; },
   },
@@ -116,7 +123,7 @@ export default {
       if (!this.readOnly) rv.clock.act(message);
     },
     seek(seconds) {
-      const to = Math.min(Math.max(seconds, 0), this.end);
+      const to = Math.min(Math.max(seconds, this.begin), this.end);
       this.scrubbed = to;
       this.act({ seek: to });
       this.draw();
@@ -127,13 +134,16 @@ export default {
       const { live } = this.state;
       const part = this.state.part?.[0] ?? 0;
       const to = RATES.filter((rate) => rate);
+      const back = {
+        ArrowLeft: () => this.seek(this.shown - (event.shiftKey ? 1 : SKIP_S)),
+        ArrowRight: () => this.seek(this.shown + (event.shiftKey ? 1 : SKIP_S)),
+      };
       const actions = {
         " ": () => this.act({ toggle: 1 }),
         ".": () => this.act({ step: true }),
         ...(!live && {
           ",": () => this.act({ step: false }),
-          ArrowLeft: () => this.seek(this.shown - (event.shiftKey ? 1 : SKIP_S)),
-          ArrowRight: () => this.seek(this.shown + (event.shiftKey ? 1 : SKIP_S)),
+          ...back,
           Home: () => this.seek(part),
           End: () => this.seek(this.state.part?.[1] ?? this.end),
           "[": () => this.act({ begin: 1 }),
@@ -142,6 +152,7 @@ export default {
           "<": () => this.act({ rate: to.findLast((rate) => rate < this.state.rate) ?? to[0] }),
           ">": () => this.act({ rate: to.find((rate) => rate > this.state.rate) ?? to.at(-1) }),
         }),
+        ...(this.canRewind && { ...back, End: () => this.act({ live: 1 }), Home: () => this.seek(this.begin) }),
       };
       const action = Object.hasOwn(actions, event.key) && actions[event.key];
       if (action) action();
@@ -149,7 +160,7 @@ export default {
     },
     clock,
     place(at) {
-      return `calc(${MARGIN}px + ${at / this.end} * (100% - ${2 * MARGIN}px))`;
+      return `calc(${MARGIN}px + ${(at - this.begin) / (this.end - this.begin)} * (100% - ${2 * MARGIN}px))`;
     },
     rest(at) {
       return `calc(${MARGIN}px + ${1 - at / this.end} * (100% - ${2 * MARGIN}px))`;
@@ -203,7 +214,7 @@ export default {
     },
     timeAt({ clientX }) {
       const { left, width } = this.$refs.bar.getBoundingClientRect();
-      return Math.min(Math.max((clientX - left - MARGIN) / (width - 2 * MARGIN), 0), 1) * this.end;
+      return Math.min(Math.max((clientX - left - MARGIN) / (width - 2 * MARGIN), 0), 1) * (this.end - this.begin) + this.begin;
     },
     grab(event) {
       if (this.readOnly || event.button !== 0) return;
@@ -235,16 +246,16 @@ export default {
       const to = canvas.getContext("2d");
       to.scale(scale, scale);
       const ink = getComputedStyle(bar).color;
-      const x = (time) => MARGIN + (time / this.end) * (width - 2 * MARGIN);
+      const x = (time) => MARGIN + ((time - this.begin) / (this.end - this.begin)) * (width - 2 * MARGIN);
       const middle = height - 13;
       const line = (from, until, color, alpha, thick) => {
         Object.assign(to, { fillStyle: color, globalAlpha: alpha });
         to.fillRect(x(from), middle - thick / 2, Math.max(x(until) - x(from), 0), thick);
       };
       const [begin, end] = this.state.part ?? [0, null];
-      line(0, this.end, ink, 0.2, 5);
+      line(this.begin, this.end, ink, 0.2, 5);
       if (begin || end != null) line(begin, end ?? this.end, "#fab005", 0.9, 9);
-      line(0, this.shown, "#4dabf7", 1, 5);
+      line(this.begin, this.shown, "#4dabf7", 1, 5);
       this.drawTicks(to, x, width, ink, middle);
       Object.assign(to, { fillStyle: ink, globalAlpha: 1 });
       to.beginPath();
@@ -256,9 +267,9 @@ export default {
       to.fillText(clock(this.pointer), Math.min(Math.max(x(this.pointer), 24), width - 24), 10);
     },
     drawTicks(to, x, width, ink, middle) {
-      const step = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 600, 1800, 3600, 14400, 86400].find((one) => (one / this.end) * width > 70);
+      const step = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 600, 1800, 3600, 14400, 86400].find((one) => (one / (this.end - this.begin)) * width > 70);
       Object.assign(to, { fillStyle: ink, font: "10px sans-serif", textAlign: "center", globalAlpha: 0.55 });
-      for (let number = 0; step && number * step <= this.end; number++) {
+      for (let number = step ? Math.ceil(this.begin / step) : 0; step && number * step <= this.end; number++) {
         to.fillRect(x(number * step), middle - 9, 1, 4);
         const label = clock(number * step).replace(/\.00$/, "");
         if (this.pointer === null) to.fillText(label, Math.min(Math.max(x(number * step), 12), width - 16), 10);

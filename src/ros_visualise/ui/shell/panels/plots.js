@@ -191,7 +191,7 @@ export default {
         if (this.charts.has(pane.id)) continue;
         const on = {
           zoom: (kind, range) => this.zoom(pane, kind, range),
-          seek: (time) => this.readOnly || rv.clock.seek(Math.max(time, 0)),
+          seek: (time) => this.readOnly || this.seek(time),
           point: (time) => rv.cursor.move(time),
           fit: () => this.fit(),
           sized: () => { this.request(); this.draw(); },
@@ -222,10 +222,21 @@ export default {
       } else if (data.values) this.values = Object.fromEntries(this.names.map((name, i) => [name, data.values[i]]));
       else if (typeof data.csv === "string") this.takeTable(data.csv);
     },
+    // Go to a time; one of a live source is counted from the present.
+    seek(time) {
+      const { live, position } = rv.clock.state;
+      rv.clock.seek(Math.max(live ? time + position - (this.present() ?? this.extent()[1]) : time, 0));
+    },
+    // The time that is shown, on the line of the curves; null for the present of a live source.
+    present() {
+      const { live, past, position, stamp } = rv.clock.state;
+      return live ? (past ? stamp - this.origin : null) : position;
+    },
     takeSamples(data) {
       const { header, rows } = this.tools.unpacked(data);
       if (header.number !== this.number) return;
       const { pane, name } = this.asked[header.view];
+      this.origin = header.origin;
       this.found.set(pane.id + name, { ...header, rows });
       if ((this.errors[pane.id + name] ?? "") !== header.error) this.errors[pane.id + name] = header.error;
       const there = this.asked.map((one) => this.found.get(one.pane.id + one.name));
@@ -261,7 +272,7 @@ export default {
     },
     // The cursor and the present time, in all panes; and marks of the timeline.
     follow() {
-      const { position, live, duration, marks = [] } = rv.clock.state;
+      const { live, duration, marks = [] } = rv.clock.state;
       if (this.marked !== String(marks)) {
         this.marked = String(marks);
         this.draw();
@@ -271,7 +282,7 @@ export default {
         this.isLive = isLive;
         this.request();
       }
-      const present = live ? null : position;
+      const present = this.present();
       for (const [id, chart] of this.charts) {
         const [, now, pointed] = chart.element.parentElement.children;
         for (const [line, time] of [[now, present], [pointed, rv.cursor.at]]) {
