@@ -92,18 +92,6 @@ def test_what_fails_is_a_row_and_stops_nothing_else(tmp_path):
     }
 
 
-@pytest.fixture(scope="module")
-def once(tmp_path_factory):
-    """Recordings, and the results of a batch that nothing disturbed."""
-    folder = tmp_path_factory.mktemp("once")
-    films(folder / "in", 6)
-    for number in range(4):
-        drive(folder / "in" / f"drive_{number}.mcap", 40 + number)
-    done = batch(folder / "in", "--out", folder / "out", "--fields", "/odom.twist.*")
-    assert done.returncode == 0, done.stderr
-    return folder
-
-
 def test_killed_at_any_moment_and_begun_again_it_has_the_same_rows(once, tmp_path):
     chance = random.Random(os.environ.get("PYTEST_SEED", "batch"))
     out = tmp_path / "out"

@@ -195,7 +195,8 @@ def connect(memory: int = 0, folder: Path | None = None) -> duckdb.DuckDBPyConne
         raise UsageError(
             "batches need DuckDB; install it: pip install 'ros_visualise[batch]'"
         ) from None
-    config: dict[str, Any] = {"threads": 1} if memory else {}
+    config: dict[str, Any] = {"autoinstall_known_extensions": False}  # from a server
+    config |= {"threads": 1} if memory else {}
     if memory:
         config |= {"memory_limit": f"{memory >> 20}MiB"}
     if folder is not None:
