@@ -103,7 +103,7 @@ def test_nonsense_is_ignored():
     playback, clock = Playback(hold=True), PageClock()
     clock.act('{"toggle": 1}')  # without a playback
     assert clock.state == {}
-    clock.show(SimpleNamespace(playback=playback, graph=SimpleNamespace(live=False)))
+    clock.show(SimpleNamespace(playback=playback, graph=SimpleNamespace(live=False, source=None)))
     for text in ("", "x", "[]", "{}", "null", "[" * 50_000, '{"act": 1}', '{"__class__": 1}'):
         clock.act(text)
     for action in ("seek", "rate", "topic", "begin_at", "end_at"):
