@@ -6,6 +6,7 @@ import logging
 import socket
 import threading
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
@@ -19,6 +20,7 @@ from ros_visualise.ui.live.notices import Notices
 from ros_visualise.ui.live.publish import PublishHub
 from ros_visualise.ui.live.robot import RobotHub
 from ros_visualise.ui.live.settings import by_name
+from ros_visualise.ui.live.thumbnails import Thumbnails
 from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.graph import graph_picture
@@ -35,7 +37,7 @@ from ros_visualise.ui.shell.workspace import LAYOUT, read_layout
 log = logging.getLogger(__name__)
 
 _ANSWERING = 8  # threads: some read a recording
-_QUERIES = ("recorded", "graph", "frames", "ticks")
+_QUERIES = ("recorded", "graph", "frames", "ticks", "thumbnail")
 
 
 class Page:
@@ -85,6 +87,7 @@ class Page:
         self._server.offered.wanted = read_layout(str(options.arrangement.get(LAYOUT, "")))
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._runtime: Runtime | None = None
+        self._thumbnails: Thumbnails | None = None
         self._ended = threading.Event()
 
     @property
@@ -121,6 +124,9 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._runtime = runtime
+        if self._thumbnails is not None:
+            self._thumbnails.close()
+        self._thumbnails = Thumbnails(runtime)
         self._server.clock.marks = self._marks()
         self._server.show(runtime)
         if self._files.title:
@@ -150,6 +156,10 @@ class Page:
             return as_json({"svg": tree_picture(scene.frames.links.all())})
         if asked == "ticks":
             return as_json(await self._querys.do(lambda: ticks(shown)))
+        if asked == "thumbnail" and self._thumbnails is not None:
+            at_s = query.seconds("at")
+            jpeg = await self._querys.do(partial(self._thumbnails.at, at_s))
+            return Answer(jpeg, "image/jpeg")
         raise Refusal(f"unknown query{did_you_mean(asked, _QUERIES)}", 404)
 
     def spin(self, timeout_s: float) -> None:
@@ -164,6 +174,8 @@ class Page:
         self._server.close()
         self._querys.close()
         self._files.close()
+        if self._thumbnails is not None:
+            self._thumbnails.close()
         if self._browser is not None:
             self._browser.close()
 

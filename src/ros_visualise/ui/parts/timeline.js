@@ -37,6 +37,7 @@ export default {
       <div ref="bar" class="rv-bar" role="slider" tabindex="0" aria-label="Time"
         :aria-valuemin="begin" :aria-valuemax="end" :aria-valuenow="shown" :aria-valuetext="time"
         @pointerdown="grab" @pointermove="hover" @pointerleave="leave"><canvas ref="canvas"></canvas>
+        <img v-if="thumbnail && pointer !== null" class="rv-thumbnail" :src="thumbnail" :style="{ left: place(pointer) }" alt="">
         <button v-for="[at, name] in state.marks ?? []" :key="at" class="rv-mark" :style="{ left: place(at) }" :title="name + '  ' + clock(at)"
           :aria-label="'Mark ' + name + ' at ' + clock(at)" @pointerdown.stop @click="seek(at)">
           <q-menu v-if="!readOnly" context-menu @show="marked = name"><div class="rv-marking">
@@ -71,7 +72,7 @@ export default {
     </div>`,
   props: { readOnly: Boolean },
   data() {
-    return { state: {}, isKnown: false, held: null, offsets: {}, scrubbed: null, pointer: null, marked: "", rows: [] };
+    return { state: {}, isKnown: false, held: null, offsets: {}, scrubbed: null, pointer: null, thumbnail: "", marked: "", rows: [] };
   },
   computed: {
     sources() {
@@ -209,7 +210,23 @@ export default {
         to.fillRect(i, 0, 1, 1);
       });
     },
+    // The image at a time; of those that are asked for meanwhile the newest comes next.
+    async askThumbnail(at) {
+      this.nextAt = at;
+      if (this.isAsking) return;
+      this.isAsking = true;
+      while (this.nextAt !== null) {
+        const query = new URLSearchParams({ ask: "thumbnail", at: this.nextAt });
+        this.nextAt = null;
+        const answer = await fetch(`${rv.root}/?${query}`, { headers: { "X-Ros-Visualise": "1" } }).catch(() => null);
+        const found = answer?.ok ? await answer.blob() : null;
+        URL.revokeObjectURL(this.thumbnail);
+        this.thumbnail = found?.size ? URL.createObjectURL(found) : "";
+      }
+      this.isAsking = false;
+    },
     leave() {
+      this.nextAt = null;
       rv.cursor.move(null);
     },
     timeAt({ clientX }) {
@@ -232,6 +249,7 @@ export default {
     },
     hover(event) {
       rv.cursor.move(this.timeAt(event));
+      if (event.pointerType === "mouse" && !this.state.live) this.askThumbnail(this.timeAt(event));
     },
     pointed() {
       this.pointer = rv.cursor.at;
