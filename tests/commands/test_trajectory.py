@@ -12,6 +12,7 @@ from evo.tools import file_interface
 from rosbags.rosbag1 import Reader
 
 from ros_visualise.commands import main
+from ros_visualise.commands.trajectory.work import short_names
 
 
 @pytest.fixture
@@ -180,7 +181,7 @@ class TestPlot:
 
     def test_png(self, plot):
         pixels = cv2.imread(str(plot("way.png")))
-        assert pixels.shape == (1600, 1600, 3)
+        assert pixels.shape[1:] == (1588, 3)  # 210 mm
         assert (pixels == (178, 111, 31)).all(axis=2).sum() > 3000  # of the line, blue green red
 
 
@@ -287,6 +288,25 @@ class TestTruth:
         assert sum(line.startswith("|") and "*" in line for line in lines) > 15
         assert any("4541 poses, aligned by sim3, scale 1.004698" in line for line in lines)
 
+    def test_a_figure_for_a_paper(self, run, compared, tmp_path):
+        picture = tmp_path / "way.svg"
+        names = ["--label=SLAM", "--title=", "--width=88"]
+        run(*compared["freiburg"], "--align=se3", *names, "--plot", picture)
+        root = ElementTree.parse(picture).getroot()
+        texts = [one.text for one in root.iter("{http://www.w3.org/2000/svg}text")]
+        assert root.get("width") == "333"  # 88 mm
+        assert {"SLAM", "freiburg1_xyz-groundtruth.txt (truth)"} <= {*texts}
+        run(*compared["freiburg"], "--plot", tmp_path / "way.pdf")
+        assert (tmp_path / "way.pdf").read_bytes().startswith(b"%PDF-1.4")
+
+    def test_files_are_named_by_what_tells_them_apart(self, tmp_path):
+        for name in ("a/x.tum", "b/x.tum"):
+            (tmp_path / name).parent.mkdir()
+            (tmp_path / name).write_text("")
+        found = short_names([str(tmp_path / "a/x.tum"), str(tmp_path / "b/x.tum"), "/odom"])
+        assert found == ["a/x.tum", "b/x.tum", "/odom"]
+        assert short_names([f"{tmp_path / 'a/x.tum'}@/odom"]) == ["x.tum@/odom"]
+
     def test_the_picture(self, run, compared, tmp_path):
         picture = tmp_path / "way.svg"
         run(*compared["freiburg"], "--align=se3", "--plot", picture)
@@ -343,10 +363,9 @@ class TestRefusals:
         assert not out.exists()
 
     def test_pictures_and_inputs(self, refused, tmp_path):
-        for name in ("a.pdf", "a.jpg"):
-            said = refused(tmp_path / "a.bag", tmp_path / "out.tum", "--plot", name)
-            assert f"{name}: plots are SVG or PNG files" in said
-            assert ".png or .svg" in said
+        said = refused(tmp_path / "a.bag", tmp_path / "out.tum", "--plot", "a.jpg")
+        assert "a.jpg: plots are PNG, SVG or PDF files" in said
+        assert ".png or .svg or .pdf" in said
         same = tmp_path / "way.svg"
         assert "already in use" in refused(tmp_path / "a.bag", same, "--plot", same)
         assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
@@ -387,6 +406,11 @@ class TestRefusals:
             run("a.bag", "b.tum", "c.tum")
         said = capsys.readouterr().err
         assert said.endswith("unrecognized arguments: c.tum; see ros-visualise trajectory --help\n")
+
+    def test_more_labels_than_paths(self, refused, compared):
+        source, _, truth = compared["freiburg"]
+        labels = ["--label=a", "--label=b", "--label=c"]
+        assert "3 names for 2 paths" in refused(source, "--truth", truth, *labels)
 
     def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
         source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"

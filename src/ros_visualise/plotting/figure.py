@@ -1,4 +1,4 @@
-"""Figures of lines, areas, pictures, dots and texts, saved as SVG or PNG."""
+"""Figures of lines, areas, pictures, dots and texts, saved as SVG, PNG or PDF."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.plotting.colors import Color, css
+from ros_visualise.plotting.pdf import PdfPage
 
 _PNG_SCALE = 2
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
@@ -32,6 +33,9 @@ class _Line:
         style = f'fill="none" {stroke} stroke-linejoin="round"'
         return f'<polyline points="{_pairs(self.points)}" {style}/>'
 
+    def print(self, page: PdfPage) -> None:
+        page.line(self.points, self.color, self.width)
+
     def paint(self, pixels: Pixels) -> None:
         width = max(1, round(self.width * _PNG_SCALE))
         points = [_fixed(self.points)]
@@ -45,6 +49,9 @@ class _Area:
 
     def svg(self) -> str:
         return f'<polygon points="{_pairs(self.points)}" fill="{css(self.color)}"/>'
+
+    def print(self, page: PdfPage) -> None:
+        page.area(self.points, self.color)
 
     def paint(self, pixels: Pixels) -> None:
         cv2.fillPoly(pixels, [_fixed(self.points)], self.color[::-1], cv2.LINE_AA, _SHIFT)
@@ -62,6 +69,9 @@ class _Picture:
         style = 'preserveAspectRatio="none" style="image-rendering: pixelated"'
         data = b64encode(_png(self.pixels)).decode()
         return f'<image {place} {style} href="data:image/png;base64,{data}"/>'
+
+    def print(self, page: PdfPage) -> None:
+        page.picture(self.box, self.pixels)
 
     def paint(self, pixels: Pixels) -> None:
         left, top, width, height = (round(number * _PNG_SCALE) for number in self.box)
@@ -93,6 +103,9 @@ class _Dot:
         x, y = self.center
         return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{self.radius:g}" fill="{css(self.color)}"/>'
 
+    def print(self, page: PdfPage) -> None:
+        page.dot(self.center, self.radius, self.color)
+
     def paint(self, pixels: Pixels) -> None:
         center, radius = _fixed(self.center), int(_fixed(np.array(self.radius)))
         cv2.circle(pixels, center.tolist(), radius, self.color[::-1], -1, cv2.LINE_AA, _SHIFT)
@@ -111,6 +124,9 @@ class _Text:
         place = f'x="{self.x:.2f}" y="{self.y:.2f}" font-size="{self.size:g}"'
         style = f'text-anchor="{self.anchor}" fill="{css(self.color)}"'
         return f"<text {place} {style}>{escape(self.text)}</text>"
+
+    def print(self, page: PdfPage) -> None:
+        page.text(self.x, self.y, self.text, self.size, self.anchor, self.color)
 
     def paint(self, pixels: Pixels) -> None:
         font, scale = cv2.FONT_HERSHEY_SIMPLEX, self.size * _PNG_SCALE / 30
@@ -202,6 +218,13 @@ class Figure:
         ]
         return "\n".join([*parts, "</svg>\n"]).encode()
 
+    def pdf(self) -> bytes:
+        """The figure as a PDF file; a unit is 1/96 inch."""
+        page = PdfPage(self.width, self.height)
+        for one in self._drawn:
+            one.print(page)
+        return page.file()
+
     def png(self) -> bytes:
         """The figure as a PNG file, of twice as many pixels as the page has units."""
         return _png(self.pixels())
@@ -217,6 +240,7 @@ class Figure:
 FIGURE_FORMATS: dict[str, Callable[[Figure], bytes]] = {
     ".png": Figure.png,
     ".svg": Figure.svg,
+    ".pdf": Figure.pdf,
 }
 """Suffix of a file -> function that makes its content."""
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle, zip_longest
+from itertools import cycle, pairwise, zip_longest
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Path
 from ros_visualise.plotting.axes import PlotAxes
-from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, RED, Color
+from ros_visualise.plotting.colors import BLUE, GRAY, INK, Color
 from ros_visualise.plotting.figure import Box, Figure
 from ros_visualise.plotting.text_plot import draw_text
 
@@ -25,11 +25,17 @@ _STYLES: tuple[tuple[Color, str], ...] = (
 _TRUTH: tuple[Color, str] = GRAY, "."
 """Colours and letters."""
 
-_LEFT, _WIDE = 70, 700
-_TALL, _LOW = 460, 140
-_THIRD = 260  # a panel's height where there are three planes
-_TOP, _GAP = 68, 72
+WIDTH = 800
+"""Width of a figure, units of 1/96 inch."""
+_LEFT, _RIGHT = 70, 30
+_TALL, _LOW = 0.66, 0.2  # heights of the panels, as fractions of their width
+_THIRD = 0.37  # a panel's height where there are three planes
+_LEAST_LOW = 90
+_TOP, _GAP = 30, 72
+_TITLE = 38
 _LEGEND_ROW = 18
+_GAP_TIMES, _LEAST_GAP_NS = 10, 1_000_000_000
+"""A line ends where the next pose comes later than so many usual intervals, and than a second."""
 
 
 @dataclass(frozen=True)
@@ -50,32 +56,39 @@ class PlottedTrajectory:
 
 
 def plot_trajectories(
-    drawn: Sequence[PlottedTrajectory], planes: Sequence[Plane], title: str, stamped: bool
+    drawn: Sequence[PlottedTrajectory],
+    planes: Sequence[Plane],
+    title: str,
+    stamped: bool,
+    width: int = WIDTH,
 ) -> Figure:
-    """Draw trajectories; the later ones are drawn over the earlier ones.
+    """Draw trajectories; the later ones are drawn over the earlier ones, gaps are not bridged.
 
     Args:
         drawn: the trajectories.
         planes: planes to draw; with only one, the third axis is drawn over time.
-        title: title of the figure.
+        title: title of the figure; empty: none.
         stamped: True if all of them have times; else their poses are numbered.
+        width: of the figure, units of 1/96 inch.
     """
-    legend = _LEGEND_ROW * len(drawn) if len(drawn) > 1 else 0
-    tall = _TALL if len(planes) == 1 else _THIRD
+    wide = width - _LEFT - _RIGHT
+    tall = round(wide * (_TALL if len(planes) == 1 else _THIRD))
+    low = max(round(wide * _LOW), _LEAST_LOW)
     series = _series(drawn, planes, stamped)
-    height = _TOP + legend + len(planes) * (tall + _GAP) + len(series) * (_LOW + _GAP) - 12
-    figure = Figure(800, height)
+    head = _TITLE if title else 0
+    top = head + _TOP + (_LEGEND_ROW * len(drawn) if len(drawn) > 1 else 0)
+    height = top + len(planes) * (tall + _GAP) + len(series) * (low + _GAP) - 12
+    figure = Figure(width, height)
     figure.text(_LEFT, 28, title, 15, color=(20, 20, 20))
-    if legend:
-        _draw_legend(figure, drawn)
-    top = _TOP + legend
+    if len(drawn) > 1:
+        _draw_legend(figure, drawn, head + 14)
     for plane in planes:
-        _draw_plane(figure, (_LEFT, top, _WIDE, tall), drawn, plane)
+        _draw_plane(figure, (_LEFT, top, wide, tall), drawn, plane, stamped)
         top += tall + _GAP
     for name, curves in series:
         across = "time (s)" if stamped else "pose"
-        _draw_series(figure, (_LEFT, top, _WIDE, _LOW), curves, (across, name), _span(series))
-        top += _LOW + _GAP
+        _draw_series(figure, (_LEFT, top, wide, low), curves, (across, name), _span(series))
+        top += low + _GAP
     return figure
 
 
@@ -108,59 +121,90 @@ def _label(one: PlottedTrajectory) -> str:
     return f"{one.name} (truth)" if one.is_truth else one.name
 
 
-def _draw_legend(figure: Figure, drawn: Sequence[PlottedTrajectory]) -> None:
+def _draw_legend(figure: Figure, drawn: Sequence[PlottedTrajectory], top: float) -> None:
     for row, (one, (color, _)) in enumerate(zip(drawn, _styles(drawn), strict=True)):
-        y = 52 + row * _LEGEND_ROW
+        y = top + row * _LEGEND_ROW
         figure.line(np.array([[_LEFT, y], [_LEFT + 24, y]]), color, 3)
         figure.text(_LEFT + 32, y + 4, _label(one))
 
 
-def _draw_plane(figure: Figure, box: Box, drawn: Sequence[PlottedTrajectory], plane: Plane) -> None:
+def _draw_plane(
+    figure: Figure, box: Box, drawn: Sequence[PlottedTrajectory], plane: Plane, stamped: bool
+) -> None:
+    """Draw the paths; a dot is the start of each, a square its end."""
     curves = [one.path.positions_xyz[:, plane] for one in drawn]
     points = np.concatenate(curves)
     axes = PlotAxes(figure, box, points.min(axis=0), points.max(axis=0), equal=True)
     axes.draw(*(f"{AXES[axis]} (m)" for axis in plane))
-    for curve, (color, _) in zip(curves, _styles(drawn), strict=True):
-        axes.curve(curve, color)
-    for name, color, x, place in (
-        ("start", GREEN, 650, axes.places(curves[0][:1])[0]),
-        ("end", RED, 715, axes.places(curves[0][-1:])[0]),
-    ):
-        figure.dot(place[0], place[1], 5, color)
-        figure.dot(x, box[1] - 12, 4, color)
-        figure.text(x + 9, box[1] - 8, name)
+    styles = _styles(drawn)
+    for one, curve, (color, _) in zip(drawn, curves, styles, strict=True):
+        for piece in _pieces(one.path.stamps_ns, stamped):
+            axes.curve(curve[piece], color)
+    for curve, (color, _) in zip(curves, styles, strict=True):
+        start, end = axes.places(curve[[0, -1]])
+        figure.dot(start[0], start[1], 4.5, color)
+        _square(figure, end, 8, color)
+    right, y = box[0] + box[2], box[1] - 12
+    figure.dot(right - 84, y, 4, INK)
+    figure.text(right - 75, y + 4, "start")
+    _square(figure, np.array([right - 32, y]), 8, INK)
+    figure.text(right - 23, y + 4, "end")
 
 
-_Curve = tuple[Floats, Color]
+def _square(figure: Figure, center: Floats, side: float, color: Color) -> None:
+    figure.fill((center[0] - side / 2, center[1] - side / 2, side, side), color)
+
+
+def _pieces(stamps_ns: npt.NDArray[np.int64], stamped: bool) -> list[slice]:
+    """The parts of a trajectory without a gap in time."""
+    steps = np.diff(stamps_ns)
+    if not stamped or not len(steps):
+        return [slice(None)]
+    usual_ns = np.median(steps)
+    ends = np.flatnonzero((steps > _GAP_TIMES * usual_ns) & (steps > _LEAST_GAP_NS)) + 1
+    return [slice(*pair) for pair in pairwise([0, *ends.tolist(), len(stamps_ns)])]
+
+
+_Curve = tuple[list[Floats], Color]
+"""Lines (N, 2) of one colour."""
 
 
 def _series(
     drawn: Sequence[PlottedTrajectory], planes: Sequence[Plane], stamped: bool
 ) -> list[tuple[str, list[_Curve]]]:
-    """(Name, curves) of the plots over time, in points (N, 2)."""
+    """(Name, curves) of the plots over time."""
     moments = [
         one.path.stamps_ns if stamped else np.arange(len(one.path.stamps_ns)) for one in drawn
     ]
     zero, unit = min(one[0] for one in moments), 1e9 if stamped else 1
+
+    def lines(when: npt.NDArray[np.int64], values: Floats) -> list[Floats]:
+        points = np.stack([(when - zero) / unit, values], axis=1)
+        return [points[piece] for piece in _pieces(when, stamped)]
+
     styles = _styles(drawn)
     found = []
     if len(planes) == 1:
         axis = other_axis(planes[0])
         curves = [
-            (np.stack([(when - zero) / unit, one.path.positions_xyz[:, axis]], axis=1), color)
+            (lines(when, one.path.positions_xyz[:, axis]), color)
             for one, when, (color, _) in zip(drawn, moments, styles, strict=True)
         ]
         found.append((f"{AXES[axis]} (m)", curves))
     errors = [
-        (np.stack([(one.errors[0] - zero) / unit, one.errors[1]], axis=1), color)
+        (lines(*one.errors), color)
         for one, (color, _) in zip(drawn, styles, strict=True)
         if one.errors is not None
     ]
     return [*found, ("distance from the truth (m)", errors)] if errors else found
 
 
+def _points(curves: Sequence[_Curve]) -> Floats:
+    return np.concatenate([line for lines, _ in curves for line in lines])
+
+
 def _span(series: Sequence[tuple[str, Sequence[_Curve]]]) -> Floats:
-    moments = np.concatenate([curve[:, 0] for _, curves in series for curve, _ in curves])
+    moments = np.concatenate([_points(curves)[:, 0] for _, curves in series])
     return np.array([moments.min(), moments.max()])
 
 
@@ -172,12 +216,13 @@ def _draw_series(
     span: Floats,
 ) -> None:
     """Draw one plot over time; all of them span the same (2,) moments."""
-    values = np.concatenate([curve[:, 1] for curve, _ in curves])
+    values = _points(curves)[:, 1]
     low, high = np.array([span, [values.min(), values.max()]]).T
     axes = PlotAxes(figure, box, low, high)
     axes.draw(*names)
-    for curve, color in curves:
-        axes.curve(curve, color)
+    for lines, color in curves:
+        for line in lines:
+            axes.curve(line, color)
 
 
 AXES = "xyz"

@@ -75,7 +75,9 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
     )
     output: Path | None = option(None, "write the calibration as YAML, for ROS", metavar="FILE")
     name: str = option("camera", "the camera's name in that file (default: %(default)s)")
-    plot: Path | None = option(None, "draw points and residuals: a .png or .svg", metavar="FILE")
+    plot: Path | None = option(
+        None, "draw points and residuals: a .png, .svg or .pdf", metavar="FILE"
+    )
     overwrite: bool = option(False, "replace existing files")
     json: bool = option(False, "print a report as one JSON object")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.commands import Command
-from ros_visualise.running.arguments import argument, not_negative, option
+from ros_visualise.running.arguments import argument, not_negative, option, plot_width
 from ros_visualise.running.options import MemoryOptions
 
 
@@ -49,7 +49,16 @@ class TrajectoryOutputOptions:
     GROUP = "output"
 
     format: str = option("tum", "format of OUT (default: %(default)s)", choices=("tum", "kitti"))
-    plot: Path | None = option(None, "draw the trajectories to this .png or .svg", metavar="FILE")
+    plot: Path | None = option(
+        None, "draw the trajectories to this .png, .svg or .pdf", metavar="FILE"
+    )
+    width: float = option(
+        210, "width of the plot in mm: 88 for a column (default: %(default)s)", type=plot_width
+    )
+    label: Sequence[str] = option(
+        [], "name in the legend, in the order of the trajectories, the truth last; repeatable"
+    )
+    title: str | None = option(None, "title of the plot; '' is none (default: name and length)")
     plane: str = option(
         "auto",
         "the plane to draw (default: the one in which the robot moves, or all three if none)",

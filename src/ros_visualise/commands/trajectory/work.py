@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_inputs
 from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
 from ros_visualise.core.errors import UsageError
-from ros_visualise.core.printing import escaped, print_json, print_result, print_status
+from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
 from ros_visualise.geometry.trajectory_errors import parse_delta
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import (
@@ -29,6 +31,7 @@ from ros_visualise.sinks.trajectory import FORMATS, save
 from ros_visualise.sources.comparison import Comparison, compare
 from ros_visualise.sources.trajectories import Trajectory
 
+_UNITS_PER_MM = 96 / 25.4  # of figures
 _ROWS = 28  # of what is drawn in a terminal
 _COLUMNS = (40, 100)  # its least and most width
 
@@ -39,7 +42,7 @@ def assess(options: TrajectoryOptions) -> int:
     """Read, compare, write and draw trajectories, and print a summary."""
     _check(options)
     inputs, compared = interruptible(lambda: _read_and_compare(options))
-    drawn = _drawn(inputs, compared)
+    drawn = _drawn(inputs, compared, options.label)
     planes = planes_of([one.path.positions_xyz for one in drawn], options.plane)
     save(_files(inputs, compared, drawn, planes, options), options.overwrite)
     if options.json:
@@ -70,7 +73,7 @@ def _check(options: TrajectoryOptions) -> None:
     if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
-            f"{options.plot}: plots are SVG or PNG files; give a name that ends in {kinds}"
+            f"{options.plot}: plots are PNG, SVG or PDF files; give a name that ends in {kinds}"
         )
     for target in targets:
         TargetFile.check(target, options.overwrite)
@@ -88,19 +91,38 @@ def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
     ]
 
 
-def _drawn(inputs: Inputs, compared: Compared) -> list[PlottedTrajectory]:
-    """The truth below the others, which are aligned."""
+def _drawn(inputs: Inputs, compared: Compared, labels: Sequence[str]) -> list[PlottedTrajectory]:
+    """The truth below the others, which are aligned.
+
+    Raises:
+        UsageError: more labels than trajectories.
+    """
+    if len(labels) > len(inputs.all):
+        paths = counted(len(inputs.all), "path")
+        raise UsageError(f"--label: {counted(len(labels), 'name')} for {paths}")
+    short = short_names([one.topic for one in inputs.all])
+    names = [escaped(name) for name in (*labels, *short[len(labels) :])]
     truth = inputs.truth
-    drawn = (
-        []
-        if truth is None
-        else [PlottedTrajectory(escaped(truth.topic), truth.path, is_truth=True)]
-    )
-    for found, one in compared:
+    drawn = [] if truth is None else [PlottedTrajectory(names[-1], truth.path, is_truth=True)]
+    for name, (found, one) in zip(names, compared, strict=False):
         path = one.trajectory.path if one else found.path
         errors = (one.moments, one.ate.translation_m) if one else None
-        drawn.append(PlottedTrajectory(escaped(found.topic), path, errors=errors))
+        drawn.append(PlottedTrajectory(name, path, errors=errors))
     return drawn
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Names of topics and files, without the folders that are not needed to tell them apart."""
+
+    def shortened(name: str, parts: int) -> str:
+        path, at, topic = name.partition("@/")
+        return "/".join(Path(path).parts[-parts:]) + at + topic if os.path.isfile(path) else name
+
+    for parts in range(1, max(len(Path(name).parts) for name in names)):
+        found = [shortened(name, parts) for name in names]
+        if len({*found}) == len({*names}):
+            return found
+    return list(names)
 
 
 def _files(
@@ -119,16 +141,21 @@ def _files(
         files[options.output] = "".join(FORMATS[options.format](path)).encode()
     if options.plot is not None:
         stamped = all(one.stamped for one in inputs.all)
-        figure = plot_trajectories(drawn, planes, _title(found, len(compared)), stamped)
+        title = options.title
+        if title is None:
+            name = next(one.name for one in drawn if not one.is_truth)
+            title = _title(name, found, len(compared))
+        width = round(options.width * _UNITS_PER_MM)
+        figure = plot_trajectories(drawn, planes, title, stamped, width)
         files[options.plot] = FIGURE_FORMATS[options.plot.suffix.lower()](figure)
     return files
 
 
-def _title(found: Trajectory, count: int) -> str:
+def _title(name: str, found: Trajectory, count: int) -> str:
     values = figures(found)
     lasts = f" in {values['duration_s']:.1f} s" if found.stamped else ""
     more = f" and {count - 1} more" if count > 1 else ""
-    return f"{escaped(found.topic)}: {values['length_m']:.2f} m{lasts}{more}"
+    return f"{name}: {values['length_m']:.2f} m{lasts}{more}"
 
 
 def _report(inputs: Inputs, compared: Compared, options: TrajectoryOptions) -> dict[str, Any]:
