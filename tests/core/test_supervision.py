@@ -17,7 +17,7 @@ STARTS_THREADS = {"Thread", "Timer", "start_new_thread", "ThreadPoolExecutor"}
 OF_FUTURES = {
     "batch/local.py",
     "batch/plan.py",
-    "running/conversion.py",
+    "sinks/conversion.py",
     "sources/recordings/series.py",
 }
 """Whoever takes a message there gets what its making raised."""

@@ -15,7 +15,7 @@ from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.core.message import Message
 from ros_visualise.data import Image, Pixels
 from ros_visualise.messages.recorded import content
-from ros_visualise.running.conversion import begin_conversion, choose_part
+from ros_visualise.sinks.conversion import begin_conversion, choose_part
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sources import open_source
 from ros_visualise.sources.recordings.images import image_topic

@@ -10,7 +10,7 @@ from typing import Any
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.core.message import OBJECT_BYTES
 from ros_visualise.data import CameraInfo, CompressedImage, Detections, Header, Image
-from ros_visualise.messages import data_class, from_message
+from ros_visualise.messages import data_class, from_message, to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import VOLATILE, QoS
 from ros_visualise.vision.compression import decompress
@@ -18,6 +18,7 @@ from ros_visualise.vision.compression import decompress
 _NS = 1_000_000_000
 _CDR_ALIGN = 4
 _LOCKING = threading.Lock()
+_TYPES = Definitions("cdr")
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,15 @@ def content(message: Any) -> Any:
         DamagedMessage: as `Recorded.content`.
     """
     return message.content if isinstance(message, Recorded) else message
+
+
+def as_ros(message: Any) -> Any:
+    """The ROS message of a recorded one, or of one of ours.
+
+    Raises:
+        DamagedMessage: as `Recorded.message`.
+    """
+    return message.message if isinstance(message, Recorded) else to_message(message, _TYPES.types)
 
 
 def recorded_ns(message: Any) -> int:

@@ -17,13 +17,11 @@ from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.opening import open_again
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Entry, Recording
-from ros_visualise.sources.recordings.joined import JoinedRecording
+from ros_visualise.sources.recordings.joined import MAX_OFFSET_S, JoinedRecording
 from ros_visualise.sources.recordings.playing import PlayableRecording
 
 log = logging.getLogger(__name__)
 
-MAX_OFFSET_S = 1e9
-"""Largest offset of a source that is played with others."""
 _LISTED = 3  # of topics that share a reason, and of reasons, so many are named
 _LONG_HOURS = 72  # from here on a gap is printed in days
 

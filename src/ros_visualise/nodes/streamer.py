@@ -15,7 +15,7 @@ from ros_visualise.nodes import Source, SourceType, find_source, source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.series import Series
-from ros_visualise.sources.telemetry import Film, telemetry_of
+from ros_visualise.sources.telemetry import Film, open_film, telemetry_of
 from ros_visualise.sources.video import Video
 from ros_visualise.sources.video_pixels import parse_size
 
@@ -86,5 +86,9 @@ def film(path: str | Path) -> SourceType:
     measured = {one.topic: one.kind for one in series}
     outputs = {**declared.outputs, **measured}
     return replace(
-        declared, make=partial(make, series=series, faults=faults), outputs=outputs, series=series
+        declared,
+        make=partial(make, series=series, faults=faults),
+        outputs=outputs,
+        series=series,
+        recording=lambda params: open_film(Path(params.path)),
     )

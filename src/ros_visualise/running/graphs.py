@@ -32,7 +32,7 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import is_recording, open_joined, open_recording
-from ros_visualise.sources.recordings.joined import JoinedRecording
+from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
 from ros_visualise.sources.servers import is_server
 from ros_visualise.sources.servers.connection import Connection
 
@@ -91,7 +91,8 @@ def recording(
         joined = undo.enter_context(closing(open_joined([Path(one) for one in (path, *more)])))
         _say_alignment(joined)
         graph = recording_pipeline(joined, topics, *chosen)
-        return graph.configured({"player": _offsets(offsets, joined)})
+        moved = zip(joined.names, parse_offsets(offsets, joined), strict=True)
+        return graph.configured({"player": dict(moved)})
 
     name = ", ".join(Path(one).resolve().name for one in (path, *more))
     return Selection(name, graph, path, tuple(more), is_recording=True)
@@ -103,22 +104,6 @@ def _say_alignment(joined: JoinedRecording) -> None:
         log.info("%s: %s; --offset %s=SECONDS moves it", path.name, how, name)
         if topics := joined.skipped.get(name):
             log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))
-
-
-def _offsets(texts: Sequence[str], joined: JoinedRecording) -> dict[str, float]:
-    """Name of a source -> its offset, by the texts of ``--offset``; raises UsageError."""
-    named = {path.name: name for name, path in zip(joined.names, joined.paths, strict=True)}
-    named |= {name: name for name in joined.names}
-    found = {}
-    for text in texts:
-        name, _, value = text.rpartition("=")
-        if name not in named:
-            raise UsageError(f"--offset {text}: give NAME=SECONDS of {', '.join(joined.names)}")
-        try:
-            found[named[name]] = float(value)
-        except ValueError:
-            raise UsageError(f"--offset {text}: {value!r} is not a number of seconds") from None
-    return found
 
 
 def server(

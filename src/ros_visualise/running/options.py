@@ -192,8 +192,8 @@ class OutputOptions:
 
     record: Sequence[str] = option(
         [],
-        "record to an .mcap, a .bag or a ROS 2 folder, or one topic of images to an .mp4 "
-        "(default: /edges); repeatable",
+        "record to an .mcap, a .bag or a ROS 2 folder, one topic of images to an .mp4 "
+        "(default: /edges), or numbers to a .csv; repeatable",
         metavar="OUT[@TOPIC,...]",
     )
     split: str | None = option(

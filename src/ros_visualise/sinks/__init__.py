@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ros_visualise.sinks.chunked import ChunkedRecorder
     from ros_visualise.sinks.parts import Split
 
-Kind = Literal["mcap", "bag", "mp4", "folder"]
+Kind = Literal["mcap", "bag", "mp4", "csv", "folder"]
 Profile = Literal["ros1", "ros2"]
 
 COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
@@ -27,6 +27,7 @@ COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
     "folder": ("auto", "lz4", "none", "zstd"),
     "bag": ("none", "lz4", "bz2"),
     "mp4": (),
+    "csv": (),
 }
 """Kind of recording -> its compressions, the default first.
 
@@ -136,12 +137,12 @@ def kind_of(path: Path) -> Kind:
     Raises:
         UsageError: unknown suffix.
     """
-    kinds: dict[str, Kind] = {"": "folder", ".mcap": "mcap", ".bag": "bag", ".mp4": "mp4"}
-    kind = kinds.get(path.suffix.lower())
+    kinds: dict[str, Kind] = {f".{kind}": kind for kind in COMPRESSIONS if kind != "folder"}
+    kind = {"": "folder", **kinds}.get(path.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"{path}: the name of a recording ends in .mcap, .bag or .mp4, optionally followed by"
-            " @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
+            f"{path}: the name of a recording ends in .mcap, .bag, .mp4 or .csv, optionally"
+            " followed by @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
             + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
@@ -180,8 +181,8 @@ def open_recorder(
         topics: all topics -> type of their messages.
         overwrite: replace an existing recording.
         on_demand: topics that are only recorded if named.
-        named: the topics to record; by default all, for an .mp4 the last one of images, without
-            those on demand.
+        named: the topics to record; by default all, for an .mp4 the last one of images, for a .csv
+            those with numbers, without those on demand.
         beside: topic -> another one that is recorded with it, if it exists.
         profile: an .mcap may store messages of ROS 1; the default is ROS 2.
         compression: one of `COMPRESSIONS`.
@@ -199,12 +200,12 @@ def open_recorder(
     kind, encoding = kind_of(path), encoding_of(path, profile)
     compression = _choose_compression(path, kind, compression)
     wanted = _choose_topics(path, named, topics, on_demand)
-    if kind == "mp4":
+    if kind in ("mp4", "csv"):
         if split is not None:
-            raise UsageError(f"{path}: a video is not split; record to .mcap, .bag or a folder")
-        from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
-
-        return Mp4Recorder(path, choose_topic(path, wanted, bool(named)), overwrite)
+            raise UsageError(
+                f"{path}: a video or table is not split; record to .mcap, .bag or a folder"
+            )
+        return _open_extract(path, kind, wanted, bool(named), overwrite, live)
     also = [name for topic, name in (beside or {}).items() if topic in wanted]
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
@@ -212,6 +213,25 @@ def open_recorder(
     return _open_chunked(
         path, kind, wanted, SinkSettings(encoding, compression, overwrite, live, split)
     )
+
+
+def _open_extract(
+    path: Path,
+    kind: Kind,
+    wanted: Mapping[str, TopicType],
+    named: bool,
+    overwrite: bool,
+    live: bool,
+) -> Recorder:
+    """A file that holds a part of the messages: the images of a topic, or numbers."""
+    if kind == "csv":
+        from ros_visualise.sinks.csv_file import CsvRecorder, topics_with_numbers
+
+        chosen = [*wanted] if named else topics_with_numbers(path, wanted)
+        return CsvRecorder(path, chosen, overwrite, live)
+    from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
+
+    return Mp4Recorder(path, choose_topic(path, wanted, named), overwrite)
 
 
 def _open_chunked(

@@ -36,8 +36,8 @@ class SourceType:
         velocity_axes: the `VELOCITY_AXES` that it follows; for robots only.
         seamless: True if its end leads back to its start, so that it is looped while watched.
         extend: name of a parameter that brings further ones, and the function that adds them.
-        recording: opens once more what it plays, with its present parameters; its outputs are the
-            topics.
+        recording: opens once more what it plays, with its present parameters. If it ``makes_time``
+            its outputs are the topics, else the topics are those of its outputs.
         series: outputs that are known in advance, with their playback times.
         publishes: True if messages can be published where it comes from, by `Source.publish`.
         shown: outputs of images that a page shows from the start; empty: one of them.

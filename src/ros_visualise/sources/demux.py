@@ -127,6 +127,10 @@ class Decoder:
         """The number of frames, without decoding them."""
         return sum(packet is not None and not packet.is_discard for packet in self._packets())
 
+    def stamps(self) -> list[int | None]:
+        """The stamps of the frames, in ticks of the stream, without decoding them."""
+        return [one.pts for one in self._packets() if one is not None and not one.is_discard]
+
     def _packets(self) -> Iterator[Packet[VideoStream] | None]:
         try:
             for packet in self._container.demux(self._stream):

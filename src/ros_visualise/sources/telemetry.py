@@ -89,7 +89,7 @@ class FilmRecording:
             yield from heapq.merge(video, telemetry, key=lambda entry: entry.stamp_ns)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        """The times of all; the images are decoded for that."""
+        """The times of all, by the packets of the film."""
         return {topic: stamps for one in self._parts for topic, stamps in one.stamps_ns().items()}
 
     def extras(self) -> Iterator[Extra]:

@@ -136,6 +136,14 @@ class Video:
         self._check_end(decoder, times.since_first_ns(decoder.end) or images * times.period_ns)
         return images
 
+    def stamps_ns(self) -> list[int]:
+        """The times of its images by their packets, without decoding them."""
+        self._open()
+        times = _Times(self._stream.time_base, self._origin, self.info.fps)
+        found = map(times.since_first_ns, Decoder(self._container, self._stream).stamps())
+        known = [i * times.period_ns if at is None else at for i, at in enumerate(found)]
+        return sorted(at for at in known if at >= 0)
+
     def close(self) -> None:
         """End what is being read."""
         self._closed = True
@@ -416,8 +424,8 @@ class VideoRecording:
             self.loss.add(fault)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        """The times of the images, which are decoded for that."""
-        return {_TOPIC: np.array([entry.stamp_ns for entry in self.read()], np.int64)}
+        """The times of the images, which are not decoded for that."""
+        return {_TOPIC: np.array(self._video.stamps_ns(), np.int64)}
 
     def extras(self) -> Iterator[Extra]:
         return iter(())

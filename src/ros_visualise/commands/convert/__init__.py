@@ -15,16 +15,29 @@ from ros_visualise.running.options import MemoryOptions
 class ConvertOptions(MemoryOptions):
     """Options of ``convert``."""
 
-    input: str = argument("the recording, of any kind", metavar="SRC")
+    input: Sequence[str] = argument(
+        "the recording or film; several become one", metavar="SRC", nargs="+"
+    )
     output: str = argument(
-        "the new file, a .bag or .mcap; a name without these suffixes makes a ROS 2 folder",
+        "the new file: .bag or .mcap, .mp4 for one topic of images, .csv for numbers; a name"
+        " without a suffix makes a ROS 2 folder",
         metavar="DST",
+    )
+    offset: Sequence[str] = option(
+        [], "move one of several recordings to later; repeatable", metavar="NAME=SECONDS"
     )
     topics: Sequence[str] = option(
         [], "only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
     start: float | None = option(None, "skip the first S seconds", type=not_negative, metavar="S")
     duration: float | None = option(None, "take only S seconds", type=positive, metavar="S")
+    between: Sequence[str] = option(
+        [],
+        "take only what lies between two marks of the page",
+        action="store",
+        nargs=2,
+        metavar="MARK",
+    )
     compression: str | None = option(
         None,
         "for a .bag: none (default), lz4 or bz2; for .mcap and ROS 2: auto (default; zstd"

@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import threading
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from tqdm import tqdm
 
 from ros_visualise.commands.convert import ConvertOptions
 from ros_visualise.core import supervision
-from ros_visualise.core.errors import RecordingError, RosVisualiseError
+from ros_visualise.core.errors import (
+    RecordingError,
+    RosVisualiseError,
+    UsageError,
+    did_you_mean,
+)
 from ros_visualise.core.printing import counted, print_json, print_status, sized
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
-from ros_visualise.running.conversion import Conversion, begin_conversion, choose_part
 from ros_visualise.running.interruptible import in_time, interruptible
+from ros_visualise.sinks.conversion import (
+    Conversion,
+    RecordingPart,
+    begin_conversion,
+    choose_part,
+)
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources import open_source
+from ros_visualise.sources.opening import open_joined
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
+from ros_visualise.sources.recordings.playing import played_time
+from ros_visualise.ui.live.marks import Marks
 
 _SPIN_S = 0.05
 
@@ -24,10 +40,12 @@ _SPIN_S = 0.05
 def convert(options: ConvertOptions) -> int:
     """Copy a recording into a new file, and report what was lost."""
     target, topics = parse_target(options.output)
-    check_targets([target], options.input)
-    recording = interruptible(lambda: open_source(options.input))
+    check_targets([target], *options.input)
+    recording = interruptible(lambda: _opened(options))
     with closing(recording):
         part = choose_part(recording, options.topics, options.start, options.duration)
+        if options.between:
+            part = _between(recording, part, options)
         with noticed() as request:
             conversion = begin_conversion(
                 recording,
@@ -41,6 +59,36 @@ def convert(options: ConvertOptions) -> int:
             with in_time(request, lambda: conversion.steps):
                 interrupted, error = _watch(conversion, request)
             return _finish(options, conversion, interrupted, error)
+
+
+def _opened(options: ConvertOptions) -> Recording:
+    if len(options.input) == 1:
+        if options.offset:
+            raise UsageError(f"--offset {options.offset[0]}: needs several recordings or films")
+        return open_source(options.input[0])
+    joined = open_joined([Path(path) for path in options.input])
+    joined.move(parse_offsets(options.offset, joined))
+    return joined
+
+
+def _between(recording: Recording, part: RecordingPart, options: ConvertOptions) -> RecordingPart:
+    """The part between two marks, which are times of the first recording, both included."""
+    if options.start is not None or options.duration is not None:
+        raise UsageError("--between: give marks, or --start and --duration")
+    marks = Marks(Path(options.input[0]))
+    at_s = {name: time_s for time_s, name in reversed(marks.names.items())}
+    for name in options.between:
+        if name not in at_s:
+            there = did_you_mean(name, list(at_s)) if at_s else "; set some on the page, with M"
+            raise UsageError(f"--between: no mark {name!r} in {marks.path}{there}")
+    line = played_time(recording, part.topics)
+    lead_ns = 0
+    if isinstance(recording, JoinedRecording):
+        lead_ns = line.place_ns(recording.spans_ns[0][0])
+    first, last = sorted(
+        line.stamp_ns(lead_ns + round(at_s[name] * 1e9)) for name in options.between
+    )
+    return replace(part, start_ns=first, stop_ns=last + 1)
 
 
 def _watch(conversion: Conversion, request: StopRequest) -> tuple[bool, RosVisualiseError | None]:
@@ -111,7 +159,7 @@ def _finish(
     for note in notes:
         print_status(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
-        print_status(f"ros-visualise: {options.input}: {_describe_empty(options)}")
+        print_status(f"ros-visualise: {conversion.recording.path}: {_describe_empty(options)}")
     if unplaced := conversion.recorder.unplaced:
         extras = ", ".join(counted(count, noun) for noun, count in unplaced.items())
         print_status(f"ros-visualise: {target} cannot store {extras}")

@@ -15,13 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.core import supervision
-from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.messages.restamped import restamped
 from ros_visualise.sources.playback import PlayedSource, RecordedTime
 from ros_visualise.sources.recordings import Entry, Extra, Loss, Recording, TopicInfo
 
 log = logging.getLogger(__name__)
 
+MAX_OFFSET_S = 1e9
+"""Largest offset of a recording that is played with others."""
 _A_DATE_NS = 10**18  # in 2001; stamps before it count from the start of something
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
@@ -176,6 +178,28 @@ class JoinedRecording:
             if note not in self._failures:
                 self._failures.append(note)
                 log.warning("%s", note)
+
+
+def parse_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
+    """The offset of each part, s, by the texts of ``--offset``: ``NAME=SECONDS``.
+
+    Raises:
+        UsageError: another form, or no such part.
+    """
+    found = dict.fromkeys(joined.names, 0.0)
+    named = {path.name: name for name, path in zip(joined.names, joined.paths, strict=True)}
+    named |= {name: name for name in joined.names}
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        if name not in named:
+            raise UsageError(f"--offset {text}: give NAME=SECONDS of {', '.join(joined.names)}")
+        try:
+            found[named[name]] = float(value)
+        except ValueError:
+            raise UsageError(f"--offset {text}: {value!r} is not a number of seconds") from None
+        if not abs(found[named[name]]) <= MAX_OFFSET_S:
+            raise UsageError(f"--offset {text}: must be from {-MAX_OFFSET_S:g} to {MAX_OFFSET_S:g}")
+    return [*found.values()]
 
 
 def part_names(paths: Sequence[Path]) -> list[str]:

@@ -89,7 +89,7 @@ class CurveSet:
         self._recorded: dict[str, str] = {}
         self._reader: RecordedCurves | None = None
         self._line = None if runtime.playback is None else runtime.playback.recorded
-        if source is not None and source.type.recording is not None:
+        if source is not None and source.type.recording is not None and self._line is not None:
             self._recorded = _inverse(source.outputs)
             self._reader = self._recorded_curves()
         elif source is not None and source.type.series:

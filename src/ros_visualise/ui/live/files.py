@@ -20,6 +20,7 @@ from ros_visualise.ui.file_chooser import SUFFIXES
 from ros_visualise.ui.live.asked import Asked, Name, Text, understand
 from ros_visualise.ui.live.board import LiveBoard, Visitor
 from ros_visualise.ui.live.exchange import ignore
+from ros_visualise.ui.live.exporter import PageExporter, exportable
 from ros_visualise.ui.live.recorder import PageRecorder, usual_topics
 from ros_visualise.ui.server.files import PageFiles
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
@@ -58,7 +59,20 @@ class Save(Asked, tag="save"):
     layout: Annotated[str, Meta(max_length=20_000)] = ""
 
 
-_DECODER = msgspec.json.Decoder(Open | Record | StopRecording | Save)
+class Export(Asked, tag="export"):
+    """Write the messages between two times to a new file; None is the end, and all topics."""
+
+    start: Annotated[float, Meta(ge=0)]
+    end: Annotated[float, Meta(ge=0)] | None = None
+    name: Name = ""
+    topics: Annotated[list[Name], Meta(max_length=_MOST)] | None = None
+
+
+class StopExport(Asked, tag="stop_export"):
+    """End the export early."""
+
+
+_DECODER = msgspec.json.Decoder(Open | Record | StopRecording | Save | Export | StopExport)
 
 
 class FilesHub:
@@ -78,9 +92,11 @@ class FilesHub:
         files: PageFiles,
         settings: Callable[[], Mapping[str, Value]],
     ) -> None:
+        self._say = say
         self._board, self._files, self._settings = LiveBoard(loop), files, settings
         self._runtime: Runtime | None = None
         self._recorder: PageRecorder | None = None
+        self._exporter: PageExporter | None = None
         self._ticks = 0
         self._worker = PageWorker(say, self._tick, _PERIOD_S)
 
@@ -91,10 +107,14 @@ class FilesHub:
         """
         if self._recorder is not None:
             self._recorder.close()
+        if self._exporter is not None:
+            self._exporter.close(_CLOSE_S)
         self._runtime = runtime
-        self._recorder = None
+        self._recorder = self._exporter = None
         if runtime is not None:
-            self._recorder = PageRecorder(runtime, self._files.folder, self._files.recorded)
+            folder, offer = self._files.folder, self._files.recorded
+            self._recorder = PageRecorder(runtime, folder, offer)
+            self._exporter = PageExporter(runtime, folder, offer, self._say)
         self._worker.start()
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -114,6 +134,8 @@ class FilesHub:
             self._worker.ask(object(), partial(self._open, request))
         elif isinstance(request, Save):
             self._worker.ask(object(), partial(self._save, request))
+        elif isinstance(request, Export | StopExport):
+            self._worker.ask(object(), partial(self._export, request))
         elif request is not None:
             self._worker.ask(object(), partial(self._record, request))
 
@@ -133,6 +155,18 @@ class FilesHub:
         finally:
             self._show_recording()
 
+    def _export(self, request: Export | StopExport) -> None:
+        if self._exporter is None:
+            return
+        try:
+            if isinstance(request, Export):
+                span_s = request.start, request.end
+                self._exporter.start(request.name, span_s, request.topics or ())
+            else:
+                self._exporter.stop()
+        finally:
+            self._show_recording()
+
     def _save(self, request: Save) -> None:
         path = inside(self._files.folder, request.name or new_name(request.what))
         if request.what == "layout":
@@ -147,6 +181,8 @@ class FilesHub:
         try:
             if self._recorder is not None:
                 self._recorder.refresh()
+            if self._exporter is not None:
+                self._exporter.refresh()
         finally:
             if self._board.is_watched:
                 self._show_recording()
@@ -156,6 +192,8 @@ class FilesHub:
     def _show_recording(self) -> None:
         if self._recorder is not None:
             self._board.put("recording", self._recorder.state)
+        if self._exporter is not None:
+            self._board.put("export", self._exporter.state)
         self._board.put("links", {"links": self._files.names})
         uploads = self._files.uploads
         self._board.put("uploads", {"uploads": uploads.state if uploads else ""})
@@ -172,4 +210,4 @@ class FilesHub:
             graph = self._runtime.graph
             usual = usual_topics(graph)
             topics = [[name, name in usual] for name in recordable(graph)]
-            self._board.put("topics", {"topics": topics})
+            self._board.put("topics", {"topics": topics, "exportable": exportable(graph)})

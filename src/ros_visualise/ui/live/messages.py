@@ -15,10 +15,11 @@ from typing import Any
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.messages.numeric_fields import number_at
+from ros_visualise.messages.recorded import as_ros
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.live.exchange import exchange, read_object, wait
-from ros_visualise.ui.live.trees import as_ros, tree_of
+from ros_visualise.ui.live.trees import tree_of
 from ros_visualise.ui.server.gate import Receive, Scope, Send
 from ros_visualise.ui.server.pool import Pool
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from ros_visualise.graph import Graph
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.recordings import Recording
 
 _NS = 1_000_000_000
 
@@ -45,6 +47,25 @@ class PlaybackLine:
         if self.playback.recorded is not None:
             return self.playback.recorded.place_ns(time_ns)
         return time_ns - self.playback.start_stamp_ns
+
+
+def open_played(runtime: Runtime) -> Recording | None:
+    """The recording or film that is played, opened once more; None for other sources.
+
+    Raises:
+        RosVisualiseError, OSError: it can no longer be read.
+    """
+    source = runtime.graph.source
+    if source is None or source.type.recording is None or runtime.playback is None:
+        return None
+    return source.type.recording(runtime.parameters[source.name].current)
+
+
+def recorded_ns(runtime: Runtime, place_s: float) -> int:
+    """The stamp in that recording of a place, which counts from the start of the playback."""
+    place_ns = round(place_s * _NS)
+    recorded = None if runtime.playback is None else runtime.playback.recorded
+    return place_ns if recorded is None else recorded.stamp_ns(place_ns)
 
 
 def playback_line(graph: Graph, playback: Playback | None) -> PlaybackLine | None:

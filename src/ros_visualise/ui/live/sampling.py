@@ -19,13 +19,13 @@ import numpy as np
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.messages.numeric_fields import number_at
+from ros_visualise.messages.recorded import as_ros
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.live.curves import SampleStore, StoreFull
 from ros_visualise.ui.live.played import playback_line
-from ros_visualise.ui.live.trees import as_ros
 
 log = logging.getLogger(__name__)
 

@@ -9,29 +9,27 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.live.played import playback_line
+from ros_visualise.ui.live.played import open_played, recorded_ns
 
 _BINS = 500
 _MOST_TOPICS = 200
-_NS = 1_000_000_000
 
 
 def ticks(runtime: Runtime) -> Mapping[str, Any]:
-    """Topic -> number of messages in each of 500 equal parts of the recording.
+    """Topic -> number of messages in each of 500 equal parts of the recording or film.
 
-    Empty for sources other than recordings.
+    Empty for other sources.
 
     Raises:
         RosVisualiseError, OSError: the recording can no longer be read.
     """
-    source, line = runtime.graph.source, playback_line(runtime.graph, runtime.playback)
-    open_it = None if source is None else source.type.recording
-    if source is None or open_it is None or line is None or not line.playback.state.duration_s:
+    recording = open_played(runtime)
+    if recording is None or runtime.playback is None:
         return {"topics": {}}
-    with closing(open_it(runtime.parameters[source.name].current)) as recording:
+    with closing(recording):
         stamps = recording.stamps_ns()
-    edges = np.linspace(0, line.playback.state.duration_s * _NS, _BINS + 1)
-    limits_ns = [line.time_ns(round(edge)) for edge in edges]
+    edges_s = np.linspace(0, runtime.playback.state.duration_s or 0, _BINS + 1).tolist()
+    limits_ns = [recorded_ns(runtime, edge_s) for edge_s in edges_s]
     limits_ns[-1] += 1  # the last message counts too
     return {
         "topics": {

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data.fields import field_names
-from ros_visualise.messages import to_message
-from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.numeric_fields import numeric_fields
-from ros_visualise.messages.recorded import Recorded
+from ros_visualise.messages.recorded import as_ros
 
 _FIRST = 50  # elements of an array that are shown
 _MOST = 5000  # values of a message
 _LONGEST = 4000  # characters of a text
-_TYPES = Definitions("cdr").types
 
 
 def tree_of(message: Any) -> Any:
@@ -27,12 +24,6 @@ def tree_of(message: Any) -> Any:
 def fields_of(message: Any) -> dict[str, float]:
     """The numbers of a message by their paths in its ROS type."""
     return numeric_fields(as_ros(message))
-
-
-def as_ros(message: Any) -> Any:
-    """The ROS message of a recorded one, or of one of ours."""
-    is_ros = isinstance(message, Recorded)
-    return message.message if is_ros else to_message(message, _TYPES)
 
 
 class _Writer:

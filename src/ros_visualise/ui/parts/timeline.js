@@ -44,6 +44,7 @@ export default {
             <q-input v-model="marked" dense autofocus label="Name of the mark" @keydown.stop @keydown.enter="act({ mark: [at, marked] })" />
             <q-btn v-close-popup flat dense no-caps label="Rename" @click="act({ mark: [at, marked] })" />
             <q-btn v-close-popup flat dense no-caps label="Loop from here to the next mark" @click="loop(at)" />
+            <q-btn v-close-popup flat dense no-caps label="Export from here to the next mark" @click="exportFrom(at)" />
             <q-btn v-close-popup flat dense no-caps label="Remove" @click="act({ mark: [at, ''] })" />
           </div></q-menu></button>
       </div>
@@ -188,9 +189,17 @@ export default {
     mark() {
       this.act({ mark: [null, `Mark ${(this.state.marks ?? []).length + 1}`] });
     },
-    loop(at) {
+    // Play what lies between this mark and the next one.
+    range(at) {
       const next = (this.state.marks ?? []).find(([time]) => time > at)?.[0];
       this.act({ range: [at, next ?? null] });
+    },
+    exportFrom(at) {
+      this.range(at);
+      rv.open("files");
+    },
+    loop(at) {
+      this.range(at);
       this.act({ loop: true });
       this.seek(at);
     },

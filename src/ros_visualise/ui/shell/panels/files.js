@@ -43,6 +43,15 @@ export default {
         <span class="rv-actions">
           <q-btn v-for="[label, action] in ends" :key="action" outline dense no-caps size="sm" :label="label" :disable="readOnly" @click="act({ [action]: 1 })" />
         </span>
+        <template v-if="all.exportable.length">
+          <label class="rv-field">File<input v-model="part" placeholder="part-….mcap" :disabled="readOnly" title="New file with this range: .mcap, .bag, .mp4 or .csv; empty is a new .mcap"></label>
+          <details>
+            <summary>Topics to export ({{ parts.length || "all" }})</summary>
+            <label v-for="topic in all.exportable" :key="topic" class="rv-check"><input v-model="parts" type="checkbox" :value="topic" :disabled="readOnly">{{ topic }}</label>
+          </details>
+          <q-btn dense no-caps outline :color="all.exporting ? 'negative' : undefined" :disable="readOnly" :label="all.exporting ? '■ Stop export' : 'Export range'" @click="exportIt" />
+          <p v-if="all.exported" class="rv-note" role="status">{{ all.exported }}</p>
+        </template>
       </section>
       <section aria-label="Save">
         <h3>Save</h3>
@@ -53,8 +62,8 @@ export default {
     </div>`,
   props: { state: Object, readOnly: Boolean },
   data: () => ({
-    all: { files: [], recent: [], topics: [], links: [], suffixes: [], opens: false, recording: false, text: "", uploads: "", folder: "", gib: 0, saved: "" },
-    clock: rv.clock.state, name: "", split: "", off: [], more: [], names: {}, progress: {}, adds: false,
+    all: { files: [], recent: [], topics: [], links: [], suffixes: [], opens: false, recording: false, text: "", uploads: "", folder: "", gib: 0, saved: "", exportable: [], exporting: false, exported: "" },
+    clock: rv.clock.state, name: "", split: "", off: [], more: [], names: {}, progress: {}, adds: false, part: "", parts: [],
   }),
   computed: {
     isAddable() { return !this.clock.live && this.clock.duration != null; },
@@ -104,6 +113,13 @@ export default {
       if (this.all.recording) return this.ask({ do: "stop" });
       this.ask({ do: "record", name: this.name.trim(), split: this.split.trim(), topics: this.all.topics.length ? this.chosen : null });
       this.name = "";
+    },
+    exportIt() {
+      if (this.all.exporting) return this.ask({ do: "stop_export" });
+      const [start, end] = this.clock.part;
+      const topics = this.parts.filter((topic) => this.all.exportable.includes(topic));
+      this.ask({ do: "export", start, end, name: this.part.trim(), topics });
+      this.part = "";
     },
     range(action, { target }) {
       const seconds = Number(target.value.replace(",", "."));

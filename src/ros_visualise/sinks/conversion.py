@@ -43,6 +43,7 @@ class Conversion:
         written: topic -> messages that were written.
         skipped: topic -> messages that could not be written.
         reasons: topic -> why the first of them could not.
+        stopped: it ends early.
     """
 
     recording: Recording
@@ -52,7 +53,7 @@ class Conversion:
     written: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
-    _stopped: bool = False
+    stopped: bool = False
     _closing: bool = False
 
     @property
@@ -108,16 +109,16 @@ class Conversion:
             for extra in self.recording.extras():
                 self.recorder.add_extra(extra)
             for entry in entries:
-                if self._stopped:
+                if self.stopped:
                     break
                 self._copy(entry)
             self._closing = True
-            self.recorder.close(whole=not self._stopped)
+            self.recorder.close(whole=not self.stopped)
             self._closing = False
 
     def stop(self) -> None:
         """End after the message that is being written, and do not wait for the next."""
-        self._stopped = True
+        self.stopped = True
         self.recording.close()
 
     def _copy(self, entry: Entry) -> None:
@@ -190,15 +191,15 @@ def begin_conversion(
         OpenError: it exists or cannot be written, or no topic can.
         UsageError: unknown topic, compression or kind of file.
     """
-    if kind_of(target) == "mp4":
-        raise UsageError(
-            f"{target}: convert writes no videos; use ros-visualise bag SRC --record {target}"
-        )
     unwritable = _find_unwritable(recording, part, Encoder(encoding_of(target, profile)))
     types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
     if unwritable and not types:
         reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
         raise OpenError(f"{recording.path}: no topic can be written: {reasons}")
+    if kind_of(target) == "mp4":
+        images = [topic for topic in named or types if types[topic].data_class is Image]
+        if len(images) > 1:
+            raise UsageError(f"{target}: choose one topic of images from {', '.join(images)}")
     recorder = open_recorder(
         target,
         types,
@@ -208,7 +209,8 @@ def begin_conversion(
         compression=compression,
         live=False,
     )
-    return Conversion(recording, replace(part, topics=tuple(types)), recorder, unwritable)
+    written = tuple(topic for topic in types if topic in recorder.topics)
+    return Conversion(recording, replace(part, topics=written), recorder, unwritable)
 
 
 def _find_unwritable(recording: Recording, part: RecordingPart, encoder: Encoder) -> dict[str, str]:
