@@ -44,7 +44,7 @@ def test_without_a_command_it_shows_help(capsys):
         (["demo", "--view", "wb"], "--view: invalid choice 'wb'; did you mean web?"),
         (["demo", "huski"], "scene: invalid choice 'huski'; did you mean husky?"),
         (["sim", "huskey"], "no robot 'huskey'; did you mean husky?"),
-        (["demo", "landscape", "--set", "filter.gray=1"], "no node 'filter' here; did you mean"),
+        (["demo", "landscape", "--set", "filter.gray=1"], "no node 'filter'; did you mean"),
         (
             ["demo", "landscape", "--set", "filters.grey=1"],
             "no parameter 'grey'; did you mean gray",

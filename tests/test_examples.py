@@ -100,7 +100,7 @@ def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
     command = [sys.executable, EXAMPLES / "05_own_source.py", str(port)]
     shown = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        address = next(line for line in shown.stderr if line.startswith("look at ")).split()[2]
+        address = next(line for line in shown.stderr if line.startswith("open ")).split()[1]
         assert address.startswith(f"http://127.0.0.1:{port}/")
         wait_for(lambda: answers(address), address, process=shown)
         shown.send_signal(signal.SIGINT)

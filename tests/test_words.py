@@ -7,9 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import ros_visualise
-
-ROOT = Path(ros_visualise.__file__).parent
+from texts import ROOT, texts
 
 FIRST = re.compile(r"(Of|That|As|Whether|What|Where|Who|Whose|Which|How|So|To)\b(?!-)")
 """Words by which no docstring begins: its first line says what the thing is or does."""
@@ -28,6 +26,8 @@ TURNS = re.compile(
     | before\ the\ camera | has\ no\ place | is\ for\ a\ map | or\ then | with\ nothing\ to\ hand
     | cannot\ be\ (theirs|its|their\ own) | mend(ed|s)? | here\ is\ no | (is|are)\ gone
     | wishes | would\ have\ it | at\ hand | to\ be\ had | is\ wanted\ of | is\ taken\ for
+    | is\ no\ (number|field|pressure|image) | only\ looks | the\ present\ one | as\ asked
+    | opens\ no\ files | takes\ no\ messages | of\ air
     | as\ it\ (stands|comes) | as\ they\ (stand|come) | takes\ up | lets?\ go
     )\b""",
     re.VERBOSE | re.IGNORECASE,
@@ -58,3 +58,16 @@ def test_sentences_are_read_once():
                 raise AssertionError(
                     f"{where}: {text[max(0, found.start() - 40) : found.end() + 40]}"
                 )
+
+
+def test_listing_has_texts_of_every_kind():
+    said = {one.text for one in texts()}
+    assert {
+        "upper threshold of the hysteresis",  # a parameter
+        "start again at the end",  # an option
+        "play a video file",  # a command
+        "calibrate from the views so far",  # an action
+        "Detects edges (mono8) and, on demand, draws them over the image.",  # a node
+        "{path}: no topic {name}; choose from {', '.join(topics)}",  # an error
+        "Find a parameter",  # the page
+    } <= said

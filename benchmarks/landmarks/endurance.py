@@ -52,12 +52,16 @@ def rss_mb() -> float:
 
 def print_row(end_s: float, took_s: dict[str, list[float]], node: LandmarkNavigator) -> None:
     navigator = node._navigator
-    state, chart = navigator.belief.state, navigator.chart
+    state, landmark_map = navigator.belief.state, navigator.map
     resting = len(state.resting.left) if state.resting else 0
-    used = len(chart.used)
+    used = len(landmark_map.used)
     ms = [np.percentile(took_s[port], q) * 1e3 for port in took_s for q in (50, 99)]
     cells = [f"{end_s / 60:.0f}", str(6 * resting + len(state.P)), f"{used}"]
-    cells += [str(len(chart.landmarks) - used), f"{rss_mb():.0f}", *(f"{one:.2f}" for one in ms)]
+    cells += [
+        str(len(landmark_map.landmarks) - used),
+        f"{rss_mb():.0f}",
+        *(f"{one:.2f}" for one in ms),
+    ]
     print("| " + " | ".join(cells) + " |", flush=True)
 
 

@@ -32,9 +32,9 @@ from flights import GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
 from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ImuNoise, Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.navigator import Navigator
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.points import GroundPlane
@@ -183,7 +183,7 @@ def given(flight: Flight, random: np.random.Generator) -> dict[str, KnownLandmar
 
 def landmarks(navigator: Navigator, flight: Flight) -> tuple[float, float, float]:
     """RMS of their positions in metres, the same aligned, and their NEES."""
-    state, used = navigator.state, navigator.chart.used
+    state, used = navigator.state, navigator.map.used
     if navigator.settings.rules.mode is MapMode.FROZEN:
         return np.nan, np.nan, np.nan
     at, true, nees = [], [], []

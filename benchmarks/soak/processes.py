@@ -12,7 +12,7 @@ from pathlib import Path
 
 _END_S = 5.0
 _POLL_S = 0.05
-_ADDRESS = re.compile(r"look at (https?://\S+)")
+_ADDRESS = re.compile(r"open (https?://\S+)")
 
 
 class Process:

@@ -103,7 +103,7 @@ def test_a_file_of_parameters_is_answered_alike(run, bag, tmp_path):
 def test_where_nothing_is_recorded_the_nodes_that_there_are_are_listed(run):
     status, said = run("demo", "landscape", *QUICK, "--set", "path.tf_parent=map")
     assert status == 2
-    assert "no node 'path' here; choose from landscape, fps_control" in said
+    assert "no node 'path'; choose from landscape, fps_control" in said
 
 
 def test_transforms_without_frames_leave_nothing_to_choose(run, tmp_path):

@@ -39,7 +39,7 @@ class WrongType:
     [
         (
             {"params": Changeable},
-            "node own: Changeable can be changed; write @dataclass(frozen=True) above it",
+            "node own: Changeable is not frozen; write @dataclass(frozen=True) above it",
         ),
         (
             {"params": NoDataclass},

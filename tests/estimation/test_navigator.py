@@ -10,8 +10,8 @@ from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 from made_passes import mean_band
 
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.navigator import Navigator
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.settings import NavigatorSettings
@@ -247,7 +247,7 @@ def test_without_a_landmark_nothing_is_known_of_the_place(mode):
 
 def positions(navigator, one):
     """Of the landmarks that are used: where they are believed to be, and where they are."""
-    state, used = navigator.state, navigator.chart.used
+    state, used = navigator.state, navigator.map.used
     found = state.landmarks_p[state.indices([landmark.key for landmark in used])]
     ids = [int(landmark.name.rpartition("_")[2]) for landmark in used]
     return found, np.array([one.tags[id].T[:3, 3] for id in ids])
@@ -277,7 +277,7 @@ def test_a_map_is_extended_by_the_tags_that_it_lacks():
     errors, _ = fly(navigator, one, told)
     assert ate(errors) < 0.1
     found, true = positions(navigator, one)
-    assert len(found) > len(some.keys() & navigator.chart.landmarks.keys())
+    assert len(found) > len(some.keys() & navigator.map.landmarks.keys())
     assert np.linalg.norm(found - true, axis=1).max() < 0.1
 
 

@@ -8,9 +8,9 @@ import pytest
 from flights import DRIFT, GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ImuBuffer, ImuNoise, Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.navigator import Navigator
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.points import GroundPlane
@@ -118,7 +118,7 @@ def test_a_map_that_is_built_with_an_imu_lies_level():
     def marks(imu):
         navigator = Navigator(BUILD)
         fly(navigator, one, told, imu)
-        used = navigator.chart.used
+        used = navigator.map.used
         found = navigator.state.landmarks_p[navigator.state.indices([m.key for m in used])]
         true = [one.tags[int(mark.name.rpartition("_")[2])].T[:3, 3] for mark in used]
         return rms(found - np.array(true))
@@ -229,7 +229,7 @@ def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
     errors, covariances = fly(navigator, one, told)
     assert rms(errors) < 0.5 * rms(without)
     assert_expected(errors[-1], covariances[-1])
-    used = navigator.chart.used
+    used = navigator.map.used
     found = navigator.state.landmarks_p[navigator.state.indices([post.key for post in used])]
     off = np.linalg.norm(found[:, None] - one.posts, axis=-1)
     assert len(used) > 10
@@ -246,6 +246,6 @@ def test_posts_of_a_map_correct_a_robot_that_a_tag_has_located():
     begun = BUILD
     navigator = Navigator(begun, posts)
     errors, covariances = fly(navigator, one, told)
-    assert any(name.startswith("post_") for name in navigator.chart.landmarks)
+    assert any(name.startswith("post_") for name in navigator.map.landmarks)
     assert rms(errors) < 0.3
     assert_expected(errors[-1], covariances[-1])

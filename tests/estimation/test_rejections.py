@@ -1,6 +1,6 @@
 """What a person is told: once, and only where it stays so."""
 
-from ros_visualise.estimation.chart import ImageOutcome
+from ros_visualise.estimation.landmark_map import ImageOutcome
 from ros_visualise.estimation.rejections import Rejections
 
 

@@ -57,7 +57,7 @@ def test_a_barometer_measures_height_by_the_standard_atmosphere():
     (height,), ((variance,),) = sensor.read(FluidPressure(89874.6, 100.0), params)
     assert height == pytest.approx(1000.0, abs=0.5)  # ISO 2533's table
     assert np.sqrt(variance) == pytest.approx(10 / 10.9, rel=0.03)  # 10.9 Pa are a metre there
-    assert sensor.read(FluidPressure(0.0), params) == "is no pressure of air"
+    assert sensor.read(FluidPressure(0.0), params) == "is not an air pressure"
 
 
 def test_a_rangefinder_that_looks_down_measures_the_height():

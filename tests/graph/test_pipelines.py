@@ -115,9 +115,7 @@ def test_its_parameters_are_set_like_any_others(own):
 
 def test_what_is_not_there_is_answered_with_what_is(own):
     graph = image_pipeline("landscape")
-    with pytest.raises(
-        UsageError, match=r"no node 'blur' here; choose from landscape, fps_control"
-    ):
+    with pytest.raises(UsageError, match=r"no node 'blur'; choose from landscape, fps_control"):
         graph.configured({"blur": {}})
     with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; choose from fps"):
         graph.configured({"fps_control": {"rate": 1}})

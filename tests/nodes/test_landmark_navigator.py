@@ -19,7 +19,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.estimation.chart import MapMode
+from ros_visualise.estimation.landmark_map import MapMode
 from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix

@@ -465,8 +465,8 @@ def status(address: str) -> int:
 def test_a_page_without_a_token(start):
     port = free_port()
     viewer = start("viewer", f"_port:={port}", "_token:=false", wait=False)
-    line = next(line for line in viewer.stdout if "look at" in line)
-    assert f"look at http://127.0.0.1:{port} " in line
+    line = next(line for line in viewer.stdout if "open http" in line)
+    assert f"open http://127.0.0.1:{port} " in line
     assert status(f"http://127.0.0.1:{port}") == 200
 
 

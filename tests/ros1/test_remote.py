@@ -310,7 +310,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     told.status[0].values.append(KeyValue("p99_ms", "a lot"))
     told.status[0].values.append(KeyValue("processed", "nan"))
     told.status[0].values.append(KeyValue("dropped/late", "9" * 5000))
-    told.status[0].values.append(KeyValue("dropped as asked", "rate"))
+    told.status[0].values.append(KeyValue("dropped as requested", "rate"))
     wait_for(lambda: publisher.publish(told) or runtime.report().nodes["plain"].received)
     publisher.unregister()
     report = runtime.report(2.0)

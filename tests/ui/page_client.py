@@ -27,7 +27,7 @@ IMAGES = "document.querySelectorAll('[data-images]').length == 3"
 def addresses(port: int) -> str:
     """What a person reads where a page begins."""
     return (
-        f"look at http://127.0.0.1:{port}/{TOKEN} (Ctrl-C ends it)\n"
+        f"open http://127.0.0.1:{port}/{TOKEN} (Ctrl-C stops)\n"
         f"read-only: http://127.0.0.1:{port}/{VIEW_TOKEN}\n"
     )
 

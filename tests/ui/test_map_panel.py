@@ -12,7 +12,7 @@ def test_the_track_is_shown_and_a_click_goes_to_its_time(chromium, recordings, p
     film = recordings / "video" / "gopro_karma_drone.mp4"
     shown = [sys.executable, "-m", "ros_visualise", str(film), "--port", str(port), "--no-open"]
     with subprocess.Popen(shown, stderr=subprocess.PIPE, text=True) as process:
-        assert any("look at" in line for line in process.stderr)
+        assert any("open http" in line for line in process.stderr)
         context = chromium.new_context(viewport={"width": 800, "height": 600})
         tab = context.new_page()
         tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/{MAP}")

@@ -198,7 +198,7 @@ def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
     page = Page(ViewOptions(port=port, token=False))
     page.open(runtime)
     assert (page.url, page.view_url) == (f"http://127.0.0.1:{port}", "")
-    assert capfd.readouterr().err == f"look at http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+    assert capfd.readouterr().err == f"open http://127.0.0.1:{port} (Ctrl-C stops)\n"
     assert get(port, "/", "")[0] == 200
     client = Client(port, "")
     with closing(client):

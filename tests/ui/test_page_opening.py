@@ -57,7 +57,7 @@ def run(command, folder, port):
         stderr=subprocess.PIPE,
     )
     for line in process.stderr:
-        if "look at" in line:
+        if "open http" in line:
             break
     yield process
     process.kill()

@@ -69,7 +69,7 @@ def recording(tmp_path, port):
     with subprocess.Popen(
         [sys.executable, "-m", "ros_visualise", *shown], stderr=subprocess.PIPE, text=True
     ) as process:
-        assert any("look at" in line for line in process.stderr)
+        assert any("open http" in line for line in process.stderr)
         yield path
         process.terminate()
         process.communicate()

@@ -15,12 +15,12 @@ class BagOptions(TopicOptions):
     """Options of ``bag`` and ``kitti``."""
 
     input: Sequence[str] = argument(
-        "the recording; several, also films, are played on one line of time",
+        "the recording; several, films too, are played on one timeline",
         metavar="PATH",
         nargs="+",
     )
     offset: Sequence[str] = option(
-        [], "move one of several recordings to later; repeatable", metavar="NAME=SECONDS"
+        [], "shift one of several recordings, later if positive; repeatable", metavar="NAME=SECONDS"
     )
 
 

@@ -48,7 +48,7 @@ def check_params(what: str, params: Any) -> None:
     if not (isinstance(params, type) and dataclasses.is_dataclass(params)):
         raise UsageError(f"{what}: params={known}: write @dataclass(frozen=True) above the class")
     if not params.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-        raise UsageError(f"{what}: {known} can be changed; write @dataclass(frozen=True) above it")
+        raise UsageError(f"{what}: {known} is not frozen; write @dataclass(frozen=True) above it")
     for field in dataclasses.fields(params):
         if "help" not in field.metadata:
             raise UsageError(

@@ -9,7 +9,7 @@ count at their own time (`window`).
   (`ros_visualise.geometry.se3`).
 - `odometry`, `imu`: propagate the robot from one event to the next.
 - `camera_view`, `measuring`, `updating`: landmarks in an image correct the state.
-- `landmark`, `points`, `chart`: the map: what joins it, leaves it, or rests.
+- `landmark`, `points`, `landmark_map`: the map: what joins it, leaves it, or rests.
 - `sensors`: all others, a file each.
 - `gates`, `pose_search`: what to do with what does not fit.
 """

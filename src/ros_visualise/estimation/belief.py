@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.chart import Chart, ImageOutcome
+from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap
 from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.pose_search import PoseSearch
 from ros_visualise.estimation.state import State
@@ -68,7 +68,7 @@ class Belief:
     Attributes:
         stamp_ns: its time; None before the first odometry.
         state: the filter's state.
-        chart: the landmarks.
+        map: the landmarks.
         search: candidate poses while lost, or contradicted.
         is_located: True if the robot is localized.
         has_pose: True if it has ever been.
@@ -93,7 +93,7 @@ class Belief:
     """
 
     state: State
-    chart: Chart
+    map: LandmarkMap
     reason: str
     is_start_known: bool = False
     stamp_ns: int | None = None

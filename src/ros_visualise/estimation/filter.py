@@ -15,8 +15,8 @@ from ros_visualise.data import Floats
 from ros_visualise.estimation import rivalry
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView, Sighting
-from ros_visualise.estimation.chart import Chart, ImageOutcome, MapMode
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
+from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap, MapMode
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, camera_of, turn_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
@@ -64,9 +64,9 @@ class Filter:
         self.settings, self.start = settings, start
         self.odometer, self.imu = OdometryBuffer(), ImuBuffer()
 
-    def begin(self, chart: Chart) -> Belief:
+    def begin(self, landmark_map: LandmarkMap) -> Belief:
         """The belief before any event."""
-        return Belief(self.settings.unknown(), chart, _SEARCHING, self.start is not None)
+        return Belief(self.settings.unknown(), landmark_map, _SEARCHING, self.start is not None)
 
     def reaches(self, belief: Belief, stamp_ns: int) -> bool:
         """True if the robot can be propagated to a time by what was measured so far."""
@@ -108,8 +108,8 @@ class Filter:
         """Begin at the odometry's frame: known when a map is built, except its tilt."""
         belief.stamp_ns = stamp_ns
         belief.is_by_imu = True
-        has_map = bool(belief.chart.used)
-        if belief.chart.rules.mode is MapMode.BUILD and not has_map:
+        has_map = bool(belief.map.used)
+        if belief.map.rules.mode is MapMode.BUILD and not has_map:
             begun = to_matrix(self.start or IDENTITY)
             T = begun @ to_matrix(self.odometer.at(stamp_ns))
             tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
@@ -135,8 +135,10 @@ class Filter:
         belief.state = belief.state.copy()
         if parts is not None:
             rates, force = self.imu.densities(to_ns)
-            told = self.settings.imu
-            noise = replace(told, gyro=max(told.gyro, rates), accel=max(told.accel, force))
+            declared = self.settings.imu
+            noise = replace(
+                declared, gyro=max(declared.gyro, rates), accel=max(declared.accel, force)
+            )
             propagate_by_imu(belief.state, parts, noise)
         else:
             belief.is_by_imu = False
@@ -205,14 +207,14 @@ class Filter:
             return
         belief.last_print = view.print
         self._age(belief)
-        belief.chart, belief.search = belief.chart.copy(), belief.search.copy()
-        belief.chart.rules = self.settings.rules
+        belief.map, belief.search = belief.map.copy(), belief.search.copy()
+        belief.map.rules = self.settings.rules
         self._name_clock(belief, view)
         if belief.is_located:
             if belief.rival is not None:
                 rivalry.judge_by_tags(belief, view)
             self._check_steadiness(belief, view)
-            belief.state, belief.outcome = belief.chart.take(belief.state, view)
+            belief.state, belief.outcome = belief.map.take(belief.state, view)
             self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))
@@ -223,9 +225,9 @@ class Filter:
 
     def _check_steadiness(self, belief: Belief, view: CameraView) -> None:
         """Give the camera's attitude more room once images have shown that it needs it."""
-        tags = belief.chart.usable(view, ImageOutcome())
-        belief.state = belief.chart.enter(belief.state, tags)
-        pairs = belief.chart.decided(tags)
+        tags = belief.map.usable(view, ImageOutcome())
+        belief.state = belief.map.enter(belief.state, tags)
+        pairs = belief.map.decided(tags)
         before, errors = belief.cameras[view.camera], self.settings.camera
         if not pairs or not errors.turn_rad or before.is_final:
             return
@@ -255,9 +257,9 @@ class Filter:
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""
-        tags = belief.chart.usable(view, belief.outcome)
-        belief.state = belief.chart.enter(belief.state, tags)
-        keys = belief.chart.keys_of(tags)
+        tags = belief.map.usable(view, belief.outcome)
+        belief.state = belief.map.enter(belief.state, tags)
+        keys = belief.map.keys_of(tags)
         up = up_of(self.odometer.at(view.stamp_ns)) if self.odometer.covers(view.stamp_ns) else None
         if keys and up is not None:
             prior = self._search_prior(belief, view, up)
@@ -292,7 +294,7 @@ class Filter:
             return
         is_long = belief.now_ns - belief.contradicted_ns > _PATIENCE_NS
         needed = 1 if is_long else 2
-        if belief.search.found(min(needed, belief.chart.tags)):
+        if belief.search.found(min(needed, belief.map.tags)):
             belief.lose("all landmarks contradict the estimated pose")
             self._recover(belief, needed)
 
@@ -314,7 +316,7 @@ class Filter:
     @staticmethod
     def _recover(belief: Belief, least_names: int) -> None:
         """Continue at the pose that the search has found."""
-        found = belief.search.found(min(least_names, belief.chart.tags))
+        found = belief.search.found(min(least_names, belief.map.tags))
         if found is None:
             return
         if belief.has_pose:
@@ -322,8 +324,8 @@ class Filter:
             belief.note(f"relocalized by {', '.join(sorted(belief.search.names))}")
         belief.state, belief.is_by_imu = found, False  # its previous pose is none of odometry's
         there = {*found.keys, *(found.resting.left if found.resting else ())}
-        belief.chart = belief.chart.copy()
-        belief.chart.keep(there)
+        belief.map = belief.map.copy()
+        belief.map.keep(there)
         belief.outcome = ImageOutcome(used=[])
         belief.tags_ns = belief.now_ns
         belief.locate()

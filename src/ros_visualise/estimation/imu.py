@@ -90,7 +90,7 @@ class ImuBuffer:
         return self._stamps_ns[-1] if self._stamps_ns else None
 
     def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> bool:
-        """Add a measurement, in the IMU's axes; False if it is no number, or is there already."""
+        """Add a measurement, in the IMU's axes; False if it is not a number, or a duplicate."""
         place = bisect_left(self._stamps_ns, stamp_ns)
         is_there = place < len(self._stamps_ns) and self._stamps_ns[place] == stamp_ns
         if is_there or not (np.isfinite(rates).all() and np.isfinite(force).all()):

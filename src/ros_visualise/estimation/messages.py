@@ -23,8 +23,8 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.header import read_only
 from ros_visualise.data.markers import Colors, MarkerType
-from ros_visualise.estimation.chart import ImageOutcome, MapMode
 from ros_visualise.estimation.landmark import Landmark
+from ros_visualise.estimation.landmark_map import ImageOutcome, MapMode
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.odometry import AXES, SCALES
@@ -88,16 +88,18 @@ def tracks_of(
     Args:
         given: the previous map; landmarks that were not seen stay unchanged.
     """
-    chart, common = navigator.chart, navigator.common
+    landmark_map, common = navigator.map, navigator.common
     mode = navigator.settings.rules.mode
     if mode is MapMode.FROZEN:
         return list(given.values()), common
     alone = np.zeros((6, 6)) if mode is MapMode.BUILD else common
-    places = _places(navigator.belief.state, chart.used, alone)
-    found = [_track(one, places[one.key]) for one in chart.used]
+    places = _places(navigator.belief.state, landmark_map.used, alone)
+    found = [_track(one, places[one.key]) for one in landmark_map.used]
     if mode is MapMode.BUILD:
-        return found, _common(navigator.state, [o.key for o in chart.used if o.has_orientation])
-    before = [one for name, one in given.items() if name not in chart.landmarks]
+        return found, _common(
+            navigator.state, [o.key for o in landmark_map.used if o.has_orientation]
+        )
+    before = [one for name, one in given.items() if name not in landmark_map.landmarks]
     return [*before, *found], common
 
 
@@ -152,7 +154,7 @@ class RenewedMessages:
         An undecided landmark has both poses. Markers are green if used, red if rejected, with the
         reason.
         """
-        landmarks = navigator.chart.landmarks
+        landmarks = navigator.map.landmarks
         due = self._due(landmarks, navigator.outcome, header.stamp_ns)
         self._make(navigator, due, header)
         made = [self._made[name] for name in landmarks]
@@ -227,7 +229,7 @@ def diagnostics_of(
         "candidate supported by": ", ".join(sorted(belief.search.names)),
         "used": ", ".join(outcome.used),
         "pending": ", ".join(outcome.pending),
-        "landmarks": str(len(navigator.chart.used)),
+        "landmarks": str(len(navigator.map.used)),
         **{f"rejected {name}": why for name, why in outcome.rejected.items()},
         "imu": _imu(navigator),
         **dict(_estimated(navigator)),

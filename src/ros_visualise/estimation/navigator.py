@@ -12,10 +12,10 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, Note
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.chart import Chart, ImageOutcome
 from ros_visualise.estimation.filter import Filter, OdometryEvent
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap
 from ros_visualise.estimation.odometry import OdometryPose
 from ros_visualise.estimation.pose_search import apart
 from ros_visualise.estimation.robot import POSE
@@ -68,22 +68,22 @@ class Navigator:
         self._stamps = StampGuard()
         self._said: set[Note] = set()
         self._dropped: Counter[str] = Counter()
-        self._begin(settings, Chart(settings.rules, known or {}))
+        self._begin(settings, LandmarkMap(settings.rules, known or {}))
 
-    def _begin(self, settings: NavigatorSettings, chart: Chart) -> None:
+    def _begin(self, settings: NavigatorSettings, landmark_map: LandmarkMap) -> None:
         filter = Filter(settings, self._start)
-        self._window = EventWindow(filter, filter.begin(chart))
+        self._window = EventWindow(filter, filter.begin(landmark_map))
 
     def reset(self) -> None:
         """Start again after a time jump: the robot is lost, and the map built so far is kept."""
         before = self.belief
         settings = self.settings
         self._dropped += self._window.dropped
-        self._begin(settings, before.chart.copy())
-        if before.chart.used:
+        self._begin(settings, before.map.copy())
+        if before.map.used:
             log.warning(
                 "time jumped: keeping the map (%d landmarks); two of its tags relocalize the robot",
-                len(before.chart.used),
+                len(before.map.used),
             )
             state, first = before.state.whole(), self.belief
             unknown = first.state
@@ -91,7 +91,7 @@ class Navigator:
             first.has_pose = True
             first.reason = "lost: time jumped; two different map tags are needed to relocalize"
         else:
-            self.belief.chart.landmarks.clear()
+            self.belief.map.landmarks.clear()
         self._stamps = StampGuard()
 
     @property
@@ -110,9 +110,9 @@ class Navigator:
         return self.belief.state.whole()
 
     @property
-    def chart(self) -> Chart:
+    def map(self) -> LandmarkMap:
         """The landmarks."""
-        return self.belief.chart
+        return self.belief.map
 
     @property
     def outcome(self) -> ImageOutcome:
@@ -166,8 +166,8 @@ class Navigator:
         if not self._is_present("odometry", stamp_ns):
             return None
         window, filter = self._window, self._window.filter
-        told = OdometryPose(pose) if variances is None else OdometryPose(pose, variances)
-        if not filter.odometer.add(stamp_ns, told):
+        odometry_pose = OdometryPose(pose) if variances is None else OdometryPose(pose, variances)
+        if not filter.odometer.add(stamp_ns, odometry_pose):
             self._dropped["odometry: repeated stamp"] += 1
             return None
         window.add(OdometryEvent(stamp_ns))

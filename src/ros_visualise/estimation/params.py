@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.core.params import param
-from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ImuNoise
+from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.points import GroundPlane
 from ros_visualise.estimation.sensors import SENSORS
@@ -163,7 +163,7 @@ class CameraErrorParams:
     )
     delay: float = param(
         0.5,
-        "age up to which a measurement counts, at its own time, seconds",
+        "largest age of a measurement, seconds; it is applied at its own time",
         min=0.01,
         max=60,
         slider=(0.1, 2),
@@ -171,7 +171,7 @@ class CameraErrorParams:
     )
     camera_clock: float = param(
         0.05,
-        "estimate an offset of the camera's clock: its standard deviation, s; 0: do not",
+        "estimate an offset of the camera's clock: its standard deviation, s; 0: off",
         min=0,
         max=1,
         slider=(0, 0.2),
@@ -185,7 +185,7 @@ class CameraErrorParams:
     )
     camera_turn: float = param(
         0.5,
-        "estimate an error of the camera's mounting: its standard deviation, degrees; 0: do not",
+        "estimate an error of the camera's mounting: its standard deviation, degrees; 0: off",
         min=0,
         max=20,
         slider=(0, 5),
@@ -212,7 +212,9 @@ class CameraErrorParams:
 def _sensor_params() -> type:
     """The parameters of all sensors of `ros_visualise.estimation.sensors`."""
     bases = tuple(reversed([sensor.params for sensor in SENSORS.all()]))
-    return dataclass(frozen=True)(type("SensorParams", bases, {"__doc__": "Of all sensors."}))
+    return dataclass(frozen=True)(
+        type("SensorParams", bases, {"__doc__": "Parameters of all sensors."})
+    )
 
 
 _SensorParams: Any = _sensor_params()

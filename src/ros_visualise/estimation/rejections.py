@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from ros_visualise.estimation.chart import ImageOutcome
+from ros_visualise.estimation.landmark_map import ImageOutcome
 
 _SOON = 5  # rejections before the warning
 

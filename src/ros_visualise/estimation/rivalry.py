@@ -14,7 +14,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, ImuTrust
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.chart import ImageOutcome
+from ros_visualise.estimation.landmark_map import ImageOutcome
 from ros_visualise.estimation.measuring import Pair
 from ros_visualise.estimation.odometry import (
     OdometryNoise,
@@ -58,16 +58,16 @@ def compare(belief: Belief, step: OdometryStep, model: OdometryNoise, has_jumped
         agreed_s, rate = trust.agreed_s + step.seconds, trust.rate * _MEMORY
         belief.imu = replace(trust, agreed_s=agreed_s, disagreements=0, rate=rate)
     elif has_jumped or step.is_long:
-        belief.note("the odometry began elsewhere; the IMU has carried the robot")
+        belief.note("the odometry restarted elsewhere; continuing from the IMU")
     else:
         _disagree(belief, step, model)
 
 
 def judge_by_tags(belief: Belief, view: CameraView) -> None:
     """Let the tags of an image decide."""
-    tags = belief.chart.usable(view, ImageOutcome())
-    belief.state = belief.chart.enter(belief.state, tags)
-    keys = belief.chart.keys_of(tags)
+    tags = belief.map.usable(view, ImageOutcome())
+    belief.state = belief.map.enter(belief.state, tags)
+    keys = belief.map.keys_of(tags)
     if belief.rival is None or not keys:
         return
     belief.rival = completed(belief.rival, belief.state, list(keys.values()))

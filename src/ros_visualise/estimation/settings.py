@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.chart import MapMode, MapRules
 from ros_visualise.estimation.imu import ACCEL, GYRO, ImuNoise
+from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL, TURN, turn_of
 from ros_visualise.estimation.odometry import AXES, SCALES, OdometryNoise
 from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core

@@ -38,7 +38,7 @@ class VelocitySensor(Sensor):
         covariance = message.covariance[:3, :3]
         is_number = np.isfinite(message.linear_xyz).all() and np.isfinite(covariance).all()
         if not is_number or (np.diag(covariance) < 0).any():
-            return "is no number"
+            return "is not a number"
         return message.linear_xyz, covariance + _LEAST * np.eye(3)
 
     def states(self, params: Any) -> Mapping[OwnStates, Prior]:

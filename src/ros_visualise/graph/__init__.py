@@ -178,7 +178,7 @@ class Graph:
             if member.name == name:
                 return member
         names = [member.name for member in self.members]
-        raise UsageError(f"no node {name!r} here{did_you_mean(name, names)}")
+        raise UsageError(f"no node {name!r}{did_you_mean(name, names)}")
 
     def changed(self, change: Change) -> Graph:
         """The same graph with another in place of each node and of the source."""

@@ -51,7 +51,7 @@ def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: b
             """Keep the newest messages."""
             self._news |= news
 
-        @action("write the present lesson as a web page with its figures")
+        @action("write this lesson as a web page with its figures")
         def export(self) -> Text:
             """Write it to a new folder."""
             return Text(f"Written: {write_page(lesson, steps, self._news, _unused(folder))}")

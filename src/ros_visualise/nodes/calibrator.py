@@ -140,7 +140,7 @@ class CameraCalibrator:
     def _picture(self, image: Image) -> Image:
         """The picture, drawn on demand."""
         coverage = self._collector.coverage
-        views = f"{len(self._collector.views)} views; {coverage.advice or 'all is covered'}"
+        views = f"{len(self._collector.views)} views; {coverage.advice or 'everything is covered'}"
         lines = [self._notice, views] if self._notice else [views]
         draw = partial(_draw, image, self._view, coverage, lines)
         shape = (image.height, image.width, 3)

@@ -29,9 +29,9 @@ from ros_visualise.data import (
 )
 from ros_visualise.estimation import messages
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.chart import MapMode
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
+from ros_visualise.estimation.landmark_map import MapMode
 from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.params import NavigatorParams
@@ -121,7 +121,7 @@ class LandmarkNavigator:
 
     def reset(self) -> None:
         """Start over: time jumped. The map that was built so far is kept."""
-        if self._navigator is not None and self._navigator.chart.used:
+        if self._navigator is not None and self._navigator.map.used:
             self._navigator.reset()
         else:
             self._navigator = None
@@ -213,8 +213,8 @@ class LandmarkNavigator:
         """Continue with other parameters; with another map or start, begin anew."""
         before, self._params = self._params, params
         if any(getattr(params, name) != getattr(before, name) for name in _RESTART):
-            if self._navigator is not None and self._navigator.chart.used:
-                built = len(self._navigator.chart.used)
+            if self._navigator is not None and self._navigator.map.used:
+                built = len(self._navigator.map.used)
                 log.warning("beginning anew: the map of %d landmarks is dropped", built)
             self._open(params)
             return
@@ -227,7 +227,7 @@ class LandmarkNavigator:
         if self._navigator is None:
             return {}
         counts = {**self._navigator.counts, **self._unused}
-        return {**counts, "landmarks": len(self._navigator.chart.used)}
+        return {**counts, "landmarks": len(self._navigator.map.used)}
 
     def _go_on(self, odometry: Odometry, frames: FrameTree) -> dict[str, Any]:
         header = odometry.header

@@ -37,7 +37,7 @@ class PathParams:
     )
     min_angle: float = param(
         5.0,
-        "turn between poses of the path, degrees; 0 keeps every pose",
+        "rotation between poses of the path, degrees; 0 keeps every pose",
         min=0,
         max=180,
         slider=(0, 45),

@@ -38,7 +38,7 @@ class RectifyParams:
     calibrated=True,
 )
 def rectify(image: Image, params: RectifyParams) -> Image | None:
-    """Undoes the lens's distortion: images, with a calibration, as of a camera without it."""
+    """Removes the distortion of the lens from images and their calibration."""
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(f"{image.encoding}: set filters.demosaic=true, and rectify after it")
     info = image.camera_info

@@ -100,7 +100,7 @@ def recording(
 
 def _say_alignment(joined: JoinedRecording) -> None:
     for name, path, is_aligned in zip(joined.names, joined.paths, joined.is_aligned, strict=True):
-        how = "placed by its stamps" if is_aligned else "begins with the others, no common time"
+        how = "placed by its stamps" if is_aligned else "starts with the others: no common time"
         log.info("%s: %s; --offset %s=SECONDS moves it", path.name, how, name)
         if topics := joined.skipped.get(name):
             log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))
@@ -308,8 +308,8 @@ def _check_path(graph: Graph) -> None:
             continue
         if node.params.tf_parent or node.params.tf_child:
             raise UsageError(
-                f"{node.name}: no tf here: leave tf_parent and tf_child empty; to follow two frames"
-                " recording are followed by --odom /tf:PARENT.CHILD"
+                f"{node.name}: no tf: leave tf_parent and tf_child empty; to follow two frames of a"
+                " recording, give --odom /tf:PARENT.CHILD"
             )
 
 

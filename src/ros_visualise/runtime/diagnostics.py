@@ -19,7 +19,7 @@ from ros_visualise.runtime.report import NodeReport, OutputReport
 log = logging.getLogger(__name__)
 
 _TOPIC = "/diagnostics"
-_GATE = "dropped as asked"
+_GATE = "dropped as requested"
 _PAUSE_S = 2.0
 """Longest time between two calls that counts as one second."""
 

@@ -64,7 +64,7 @@ class Episodes:
         for_s: mean duration of one.
 
     Attributes:
-        number: of the present one, or of the next.
+        number: of the current one, or of the next.
     """
 
     def __init__(self, random: np.random.Generator, every_s: float, for_s: float) -> None:

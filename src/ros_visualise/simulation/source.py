@@ -111,8 +111,8 @@ class SimulatedRobot:
         self._needs_estimate = settings.control is ControlPose.ESTIMATE
         self._is_awaited: Callable[[str], bool] = lambda output: True
         self._timeout_ns = round(settings.command_timeout * 1e9)
-        self._told: tuple[float, ...] | None = None
-        self._told_ns = self._shift_ns = 0
+        self._commanded: tuple[float, ...] | None = None
+        self._commanded_ns = self._shift_ns = 0
         self._failure = ""
         self._ended: tuple[float, ...] | None = None
         self._sought_ns = 0
@@ -195,7 +195,7 @@ class SimulatedRobot:
         elif port == ESTIMATE:
             self._simulation.localize(restamped(message, -self._shift_ns))
         elif port != "cmd_vel":
-            self._ended = self._told
+            self._ended = self._commanded
             self._simulation.goto(message)
         elif not self._has_ended(message):
             self._simulation.command(message)
@@ -211,7 +211,7 @@ class SimulatedRobot:
 
     def act(self, name: str) -> None:
         """Do an action of `Simulation.act`."""
-        self._ended = self._told
+        self._ended = self._commanded
         self._simulation.act(name)
 
     @action("stop the robot and abort its goal or mission")
@@ -230,14 +230,14 @@ class SimulatedRobot:
         self._playback.restart()
 
     def _has_ended(self, twist: Twist) -> bool:
-        told, time_ns = (*twist.linear_xyz, *twist.angular_xyz), self._simulation.time_ns
-        if told != self._ended or time_ns - self._told_ns > self._timeout_ns:
+        asked, time_ns = (*twist.linear_xyz, *twist.angular_xyz), self._simulation.time_ns
+        if asked != self._ended or time_ns - self._commanded_ns > self._timeout_ns:
             self._ended = None
-        self._told, self._told_ns = told, time_ns
+        self._commanded, self._commanded_ns = asked, time_ns
         return self._ended is not None
 
     def _begin(self, start_ns: int) -> Simulation:
-        """The simulation to read from a time on: the present one, unless it is past that time."""
+        """The simulation to read from a time on: the current one, unless it is past that time."""
         self._sought_ns = start_ns
         if self._simulation.time_ns > max(start_ns, 0):
             self._simulation = self._make()

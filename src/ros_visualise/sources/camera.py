@@ -171,7 +171,7 @@ def _check_device(device: str) -> None:
 
 
 def _not_a_camera(uri: str) -> OpenError:
-    return OpenError(f"{uri}: not a camera; a file is played as a video")
+    return OpenError(f"{uri}: not a camera; for a file run: ros-visualise video {uri}")
 
 
 class LiveCamera:

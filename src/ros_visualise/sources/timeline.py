@@ -68,7 +68,7 @@ class PlaybackTimeline:
         self.running = self.running if running is None else running
 
     def begin_loop(self, length_ns: int) -> None:
-        """Begin the next loop, so long after the start of the present one."""
+        """Begin the next loop, so long after the start of the current one."""
         self._cycle_ns += length_ns
 
     def place_ns(self, time_ns: int) -> int:

@@ -82,7 +82,7 @@ class Boxes:
         self._matched_s = float("-inf")
 
     def choose(self, image: Image | None) -> Image | None:
-        """The image to show next, the newest with detections; None keeps the present one.
+        """The image to show next, the newest with detections; None keeps the current one.
 
         Args:
             image: a new one, or None.

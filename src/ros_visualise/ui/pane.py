@@ -86,7 +86,7 @@ class Pane:
             cv2.destroyWindow(self.name)
 
     def _take(self) -> tuple[Image | None, bool]:
-        """The next image to show, and True if the present one has more detections."""
+        """The next image to show, and True if the current one has more detections."""
         image = self._subscription.take(0) if self._subscription else None
         if self._boxes is None:
             return image, False

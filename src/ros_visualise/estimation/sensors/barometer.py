@@ -56,7 +56,7 @@ class BarometerModel(Sensor):
     ) -> tuple[Floats, Floats] | str:
         """The height (1,) of a pressure. Source: ISO 2533, troposphere."""
         if not 1e3 < message.pressure < 2e5:
-            return "is no pressure of air"
+            return "is not an air pressure"
         ratio = math.pow(message.pressure / _SEA_LEVEL_PA, 1 / _EXPONENT)
         height = _SEA_LEVEL_K / _LAPSE_K_M * (1 - ratio)
         by_pascal = _SEA_LEVEL_K / _LAPSE_K_M * ratio / _EXPONENT / message.pressure

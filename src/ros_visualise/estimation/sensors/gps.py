@@ -18,7 +18,7 @@ from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, NavSatFix
 from ros_visualise.estimation.belief import Belief
-from ros_visualise.estimation.chart import MapMode
+from ros_visualise.estimation.landmark_map import MapMode
 from ros_visualise.estimation.robot import DATUM, POSE, YAW, OwnStates, RobotState, core, own_states
 from ros_visualise.estimation.sensors import Expected, Prior, Reading, Sensor
 from ros_visualise.geometry import rotations, se3
@@ -128,7 +128,7 @@ class GpsModel(Sensor):
         if message.status < 0:
             return "no fix"
         if not np.isfinite(values).all():
-            return "is no number"
+            return "is not a number"
         covariance = message.covariance
         is_known = message.covariance_type and np.isfinite(covariance).all()
         if not (is_known and np.linalg.eigvalsh(covariance)[0] > 0):
@@ -145,7 +145,7 @@ class GpsModel(Sensor):
         if earth is None:
             origin = params.origin
             plane = LocalPlane(*(origin or reading.values.tolist()))
-            builds = belief.chart.rules.mode is MapMode.BUILD
+            builds = belief.map.rules.mode is MapMode.BUILD
             is_placed = origin is not None and (belief.is_start_known or not builds)
             earth = EarthFrame(plane, is_placed)
             belief.remember(self.name, earth)
@@ -159,7 +159,7 @@ class GpsModel(Sensor):
         self._age(belief, earth, params)
         super().apply(belief, reading, params)
         heading = DATUM.stop - 1
-        turns = belief.chart.rules.mode is MapMode.BUILD and params.origin and belief.reason
+        turns = belief.map.rules.mode is MapMode.BUILD and params.origin and belief.reason
         if turns and belief.state.P[heading, heading] < _LEVEL_RAD**2:
             self._turn_to_origin(belief)
 
@@ -206,9 +206,9 @@ class GpsModel(Sensor):
         """Make the origin that of the map."""
         robot = belief.state.robot
         belief.state = belief.state.seen_from(robot.datum_R, robot.datum_p)
-        belief.chart = belief.chart.seen_from(robot.datum_R, robot.datum_p)
+        belief.map = belief.map.seen_from(robot.datum_R, robot.datum_p)
         belief.locate()
-        belief.note("the map's x axis points east now, by GPS")
+        belief.note("the map's x axis now points east, by GPS")
 
     def expect(self, robot: RobotState, reading: Reading, params: GpsErrorParams) -> Expected:
         """The antenna's position east, north and up."""
@@ -236,7 +236,7 @@ class GpsModel(Sensor):
         belief.remember(self.name, earth._replace(jump_m=math.sqrt(metres2)))
         shifts = _LIKELIER * metres2 * np.diag([1.0, 1, 1, 0])
         if belief.tags_ns > belief.refusals[self.name].since_ns:
-            if belief.chart.rules.mode is not MapMode.BUILD and params.origin:
+            if belief.map.rules.mode is not MapMode.BUILD and params.origin:
                 return "the landmarks confirm the estimate; is gps_origin right?"
             belief.state.inflate(DATUM, shifts)
             return "the map's place on the Earth is uncertain now"

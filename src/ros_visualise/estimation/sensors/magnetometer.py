@@ -70,7 +70,7 @@ class MagnetometerModel(Sensor):
         """The field's direction (3,), and the variance of its heading."""
         strength = float(np.linalg.norm(message.field_xyz))
         if not (math.isfinite(strength) and strength > 0):
-            return "is no field"
+            return "is not a magnetic field"
         sigma = math.radians(params.magnetometer_sigma)
         return message.field_xyz / strength, np.array([[sigma**2]])
 

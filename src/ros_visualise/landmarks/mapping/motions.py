@@ -39,7 +39,7 @@ def between(by_pose: Floats, eyes: Poses, pivots: Floats, bodies: Poses) -> tupl
     return np.concatenate([-by_place, swung - by_turn], axis=2), by_body
 
 
-def offsets(believed: Poses, told: Poses) -> Floats:
+def offsets(believed: Poses, measured: Poses) -> Floats:
     """(N, 6) translation and rotation from believed to given poses, in the axes of both."""
-    turned = rotation_vectors(believed.R @ np.swapaxes(told.R, 1, 2))
-    return np.concatenate([believed.t - told.t, turned], axis=1)
+    turned = rotation_vectors(believed.R @ np.swapaxes(measured.R, 1, 2))
+    return np.concatenate([believed.t - measured.t, turned], axis=1)

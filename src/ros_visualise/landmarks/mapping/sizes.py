@@ -47,7 +47,7 @@ def larger(found: SmoothedMap) -> SizeErrors:
     factor, count = final(terms, state, found.inliers), len(found.problem.names)
     structure = terms.structure
     parts = structure.parts(((views, by_view), (tags + structure.views, by_tag)), by_shared)
-    told = np.zeros(count)
+    explained = np.zeros(count)
     for begin in range(0, count, _AT_ONCE):
         rows = (tags >= begin) & (tags < begin + _AT_ONCE)
         right = np.zeros((structure.size, 6, _AT_ONCE))
@@ -55,8 +55,8 @@ def larger(found: SmoothedMap) -> SizeErrors:
             slopes = np.einsum("ski,sk->si", by[rows], by_size[rows])
             np.add.at(np.swapaxes(right, 1, 2), (block[rows], tags[rows] - begin), slopes)
         some = (right * factor.solve(right)).sum(axis=(0, 1))
-        told[begin : begin + _AT_ONCE] = some[: count - begin]
+        explained[begin : begin + _AT_ONCE] = some[: count - begin]
     whole = np.bincount(tags, (by_size**2).sum(axis=1), minlength=count)
     slope = np.bincount(tags, (by_size * residuals).sum(axis=1), minlength=count)
-    left = np.maximum(whole - told, 1e-9 * whole + 1e-12)
+    left = np.maximum(whole - explained, 1e-9 * whole + 1e-12)
     return SizeErrors(-slope / left, 1 / np.sqrt(left))

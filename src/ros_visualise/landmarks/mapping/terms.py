@@ -122,8 +122,8 @@ class Terms:
         if odometry is None:
             return np.zeros((0, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, self.layout.count))
         given = Poses(odometry.T_fixed_camera[:, :3, :3], odometry.T_fixed_camera[:, :3, 3])
-        told = relative(given)
-        way = np.linalg.norm(told.t, axis=1)
+        recorded_motion = relative(given)
+        way = np.linalg.norm(recorded_motion.t, axis=1)
         n = self.noise
         variances = np.column_stack(
             [
@@ -142,7 +142,7 @@ class Terms:
         believed = relative(state.views)
 
         def residuals(shared: Floats) -> Floats:
-            apart = offsets(believed, _carried(told, shared))
+            apart = offsets(believed, _carried(recorded_motion, shared))
             weighed: Floats = np.einsum("nij,nj->ni", whiten, apart)
             return weighed
 
@@ -194,8 +194,8 @@ def _by_steps(views: Poses, whiten: Floats) -> tuple[Floats, Floats]:
     return between(whiten, before, before.t, views.at(first + 1))
 
 
-def _carried(told: Poses, shared: Floats) -> Poses:
+def _carried(recorded_motion: Poses, shared: Floats) -> Poses:
     """Motions of the camera as mounted, from those of the camera according to tf."""
     R, t = mounting(shared)
-    way = told.t / (1 + shared[LONGER]) + told.R @ t - t
-    return Poses(R.T @ told.R @ R, way @ R)
+    way = recorded_motion.t / (1 + shared[LONGER]) + recorded_motion.R @ t - t
+    return Poses(R.T @ recorded_motion.R @ R, way @ R)

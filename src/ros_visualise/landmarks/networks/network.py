@@ -179,6 +179,6 @@ def _not_understood(session: OnnxSession, outputs: Mapping[str, Any]) -> str:
 
 def _listed(arrays: Sequence[TensorPort], shapes: list[Sequence[Any]]) -> str:
     words = [f"{a.name[:40]} {str(list(s))[:60]}" for a, s in zip(arrays, shapes, strict=True)]
-    told = ["".join(c for c in word if c.isprintable()) for word in words]
-    more = ["..."] if len(told) > _MOST_OF_EACH else []
-    return ", ".join([*told[:_MOST_OF_EACH], *more]) or "nothing"
+    shown = ["".join(c for c in word if c.isprintable()) for word in words]
+    more = ["..."] if len(shown) > _MOST_OF_EACH else []
+    return ", ".join([*shown[:_MOST_OF_EACH], *more]) or "nothing"

@@ -44,7 +44,7 @@ class Process:
     """Runs a graph and connects it to a transport: topics, parameters, services, diagnostics.
 
     Messages pass between its nodes by reference, and are published only on topics with subscribers.
-    While it is inactive, it takes no messages, publishes none, and its source is suspended.
+    While it is inactive, it does not accept messages, publishes none, and its source is suspended.
 
     Args:
         transport: of the graph around it.

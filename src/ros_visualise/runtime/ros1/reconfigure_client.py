@@ -92,42 +92,42 @@ def our_own() -> list[tuple[ConfigDescription, Ros1Declaration]]:
 
 
 def _make(description: ConfigDescription) -> Ros1Declaration:
-    told = _told(description)
-    choices = {name_here(one.name): one.choices for one in told if one.is_choice}
-    return Ros1Declaration(declared(told), choices=choices)
+    described = _declared(description)
+    choices = {name_here(one.name): one.choices for one in described if one.is_choice}
+    return Ros1Declaration(declared(described), choices=choices)
 
 
-def _told(description: ConfigDescription) -> list[ParameterDescription]:
+def _declared(description: ConfigDescription) -> list[ParameterDescription]:
     low, high, default = (
         decode_config(c) for c in (description.min, description.max, description.dflt)
     )
     return [
         ParameterDescription(
-            told.name,
-            _TYPES[told.type],
-            default[told.name],
-            told.description,
-            *_limits(told.type, low[told.name], high[told.name]),
+            described.name,
+            _TYPES[described.type],
+            default[described.name],
+            described.description,
+            *_limits(described.type, low[described.name], high[described.name]),
             group=group.name if group.id else "",
-            choices=_choices(told),
+            choices=_choices(described),
         )
-        for group, told in _parameters(description)
+        for group, described in _parameters(description)
     ]
 
 
 def _parameters(description: ConfigDescription) -> list[tuple[Group, ParamDescription]]:
     return [
-        (group, told)
+        (group, described)
         for group in description.groups
-        for told in group.parameters
-        if told.type in _TYPES
+        for described in group.parameters
+        if described.type in _TYPES
     ]
 
 
-def _choices(told: ParamDescription) -> dict[str, Plain]:
+def _choices(described: ParamDescription) -> dict[str, Plain]:
     """The constants that an ``edit_method`` lists: name -> value; empty without any."""
     try:
-        listed = ast.literal_eval(told.edit_method)["enum"]
+        listed = ast.literal_eval(described.edit_method)["enum"]
         return {str(constant["name"]): constant["value"] for constant in listed}
     except (SyntaxError, ValueError, KeyError, TypeError):
         return {}

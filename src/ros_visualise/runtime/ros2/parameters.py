@@ -195,7 +195,7 @@ class Ros2ServedParameters:
 
     def _tell(self) -> None:
         """Tell the graph of what has changed here, and not by its own request."""
-        with self._desk.lock:  # a request that is being applied is told of by ROS itself
+        with self._desk.lock:  # a request that is being applied is published by ROS itself
             values = to_parameters(self.prefix, self._specs, self.parameters.current)
             changed = [one for one in values if one.value != self.published[one.name]]
             if changed:

@@ -157,13 +157,13 @@ class ParameterClient:
         """Ask a node that is new, or has come back, for its parameters; whether it answers."""
         listed = result_of(self._services.list(), _ANSWER_S)
         names = sorted(listed.result.names) if listed else []
-        told = result_of(self._services.describe(names), _ANSWER_S)
+        described = result_of(self._services.describe(names), _ANSWER_S)
         got = result_of(self._services.get(names), _ANSWER_S)
-        if listed is None or told is None or got is None:
+        if listed is None or described is None or got is None:
             return False
         with self._lock:
             self._values = values_of(names, got.values)
-            self._declaration = declare(told.descriptors, self._values, self._prefix)
+            self._declaration = declare(described.descriptors, self._values, self._prefix)
             self._listener.declared(self._declaration.params, self._declaration.node)
             self._listener.updated(self._declaration.decode(self._values))
         return True

@@ -90,13 +90,15 @@ def clash(publisher: Any, subscriber: Any) -> str | None:
     fits, _ = qos_check_compatible(offers, asks)
     if fits != QoSCompatibility.ERROR:
         return None
-    told = [
+    reasons = [
         f"{full_name(subscriber)} asks for {_word(getattr(asks, policy))}, and"
         f" {full_name(publisher)} offers {_word(getattr(offers, policy))}"
         for policy in ("reliability", "durability", "liveliness")
         if _is_less(getattr(offers, policy), getattr(asks, policy))
     ]
-    return "; ".join(told) or f"the deadlines of {full_name(publisher)} and {full_name(subscriber)}"
+    return (
+        "; ".join(reasons) or f"the deadlines of {full_name(publisher)} and {full_name(subscriber)}"
+    )
 
 
 def full_name(end: Any) -> str:

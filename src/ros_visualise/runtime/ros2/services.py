@@ -80,13 +80,13 @@ def call(node: Node, service: str) -> None:
     try:
         if not client.wait_for_service(_FIND_S):
             raise Unreachable(f"{service}: no such service")
-        told = result_of(client.call_async(Trigger.Request()), _ANSWER_S)
+        given = result_of(client.call_async(Trigger.Request()), _ANSWER_S)
     finally:
         node.destroy_client(client)
-    if told is None:
+    if given is None:
         raise Unreachable(f"{service}: no answer")
-    if not told.success:
-        raise RosVisualiseError(f"{service.rpartition('/')[0]}: {told.message}")
+    if not given.success:
+        raise RosVisualiseError(f"{service.rpartition('/')[0]}: {given.message}")
 
 
 def result_of(future: Any, timeout_s: float) -> Any:

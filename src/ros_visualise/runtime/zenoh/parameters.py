@@ -219,24 +219,24 @@ def _plain(value: Value) -> Plain:
     return str(value.value) if isinstance(value, Enum) else value
 
 
-def _declaration(told: tuple[Parameter, ...]) -> tuple[type, NodeType | SourceType | None]:
+def _declaration(listed: tuple[Parameter, ...]) -> tuple[type, NodeType | SourceType | None]:
     """The dataclass for a description, and our own node if it is one of ours.
 
     Raises:
         DamagedMessage: no dataclass can be made of it.
     """
-    if told in _our_own():
-        return _our_own()[told]
-    names = {one.name for one in told}
-    if len(names) < len(told) or len(told) > _MOST or not all(map(_NAME.fullmatch, names)):
+    if listed in _our_own():
+        return _our_own()[listed]
+    names = {one.name for one in listed}
+    if len(names) < len(listed) or len(listed) > _MOST or not all(map(_NAME.fullmatch, names)):
         raise DamagedMessage("parameters without a valid name")
     try:
-        return declared(map(_told, told)), None
+        return declared(map(_as_description, listed)), None
     except (TypeError, ValueError) as error:
         raise DamagedMessage(f"inconsistent parameters: {error}") from error
 
 
-def _told(one: Parameter) -> ParameterDescription:
+def _as_description(one: Parameter) -> ParameterDescription:
     return ParameterDescription(
         one.name,
         _TYPES[one.type],

@@ -87,9 +87,9 @@ class ZenohTransport(Transport):
             reply = next(iter(replies), None)
         if reply is None or reply.ok is None:
             raise Unreachable(f"{action}: not offered, or no answer")
-        told = DEFINITIONS.read(_ANSWER, reply.ok.payload.to_bytes())
-        if not told.success:
-            raise RosVisualiseError(f"{action.rpartition('/')[0]}: {told.message}")
+        trigger = DEFINITIONS.read(_ANSWER, reply.ok.payload.to_bytes())
+        if not trigger.success:
+            raise RosVisualiseError(f"{action.rpartition('/')[0]}: {trigger.message}")
 
     @translated(_NETWORK)
     def serve_parameters(
@@ -171,8 +171,8 @@ class ZenohService:
             with query, translated(self._name):
                 request = b"" if query.payload is None else query.payload.to_bytes()
                 done, text = answer(lambda: self._act(request))
-                told = DEFINITIONS.types[_ANSWER](done, text)
-                written = bytes(DEFINITIONS.write(_ANSWER, told))
+                trigger = DEFINITIONS.types[_ANSWER](done, text)
+                written = bytes(DEFINITIONS.write(_ANSWER, trigger))
                 query.reply(self._key, written, attachment=query.attachment)
         finally:
             self._free.release()

@@ -167,7 +167,9 @@ def _read(path: Path) -> Records:
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
     except UnknownFlags:
-        raise OpenError(f"{path}: unsupported version of ULog; {_AGAIN}, or update this") from None
+        raise OpenError(
+            f"{path}: unsupported version of ULog; {_AGAIN}, or update ros_visualise"
+        ) from None
 
 
 def _loss(records: Records) -> Loss:

@@ -73,7 +73,7 @@ class McapFile:
         try:
             self.size = path.stat().st_size
             if self._file.read(len(MAGIC)) != MAGIC:
-                what = "no MCAP file; check the path" if self.size else _EMPTY
+                what = "not an MCAP file; check the path" if self.size else _EMPTY
                 raise OpenError(f"{path}: {what}")
             index = self._index()
         except (OSError, OpenError):

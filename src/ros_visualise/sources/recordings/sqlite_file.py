@@ -190,7 +190,7 @@ class SqliteFile:
             (_EARLIEST_NS, _LATEST_NS),
         )
         if indexed != totals:
-            raise sqlite3.DatabaseError("its index is not that of its messages")
+            raise sqlite3.DatabaseError("its index does not match its messages")
         return counts, [(min(r[-2] for r in found), max(r[-1] for r in found))] if found else []
 
     def _ordered(self, query: MessageQuery) -> Iterator[Any]:

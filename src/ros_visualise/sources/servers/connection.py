@@ -99,13 +99,13 @@ class Connection:
 
         Raises:
             DamagedMessage: the server cannot take this type.
-            Unreachable: the server has left, or takes no messages.
+            Unreachable: the server has left, or does not accept messages.
         """
         socket, dialect = self._socket, self._dialect
         if socket is None or dialect is None:
             raise Unreachable(f"{self.name}: not connected")
         if not dialect.accepts:
-            raise Unreachable(f"{self.name}: takes no messages")
+            raise Unreachable(f"{self.name}: does not accept messages")
         try:
             with self._publishing:
                 for frame in dialect.publish(topic, message):

@@ -95,7 +95,7 @@ class FoxgloveDialect:
         if not frame or frame[0] != _MESSAGE:
             return None
         if len(frame) < _HEAD.size:
-            raise DamagedMessage("a message without its head")
+            raise DamagedMessage("a message without a header")
         _, number, log_ns = _HEAD.unpack_from(frame)
         channel = self._subscribed.get(number)
         if channel is None or channel.definitions is None:

@@ -141,7 +141,7 @@ class FilesHub:
 
     def _open(self, request: Open) -> None:
         if self._files.chooser is None:
-            raise UsageError("this page opens no files")
+            raise UsageError("this page cannot open files")
         self._files.chooser.ask_for(request.name, request.add)
 
     def _record(self, request: Record | StopRecording) -> None:

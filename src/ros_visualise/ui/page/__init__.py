@@ -184,7 +184,7 @@ def _lines(host: str, port: int, rules: AccessRules) -> list[str]:
     """The addresses, printed and never logged: they hold tokens."""
     names = [host] if not rules.addresses else [host, socket.gethostname()]
     addresses = " or, from another machine, ".join(url(name, port, rules.token) for name in names)
-    lines = [f"look at {addresses} (Ctrl-C ends it)"]
+    lines = [f"open {addresses} (Ctrl-C stops)"]
     if rules.view_token:
         addresses = " or, from another machine, ".join(
             url(name, port, rules.view_token) for name in names

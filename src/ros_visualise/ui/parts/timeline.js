@@ -21,7 +21,7 @@ export default {
           title="Play or pause (space)" @mousedown.prevent @click="act({ toggle: 1 })" />
         <q-btn flat dense round icon="skip_next" :disable="readOnly" aria-label="Step forward"
           title="Step forward (.)" @mousedown.prevent @click="act({ step: true })" />
-        <span v-if="readOnly" class="rv-read-only" title="This address only looks">Read-only</span>
+        <span v-if="readOnly" class="rv-read-only" title="Read-only">Read-only</span>
         <span class="rv-clock">{{ time }}<small v-if="length"> / {{ length }}</small></span>
       </div>
       <div v-show="!state.live || canRewind" class="rv-track">

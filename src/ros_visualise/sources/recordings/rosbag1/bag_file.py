@@ -210,7 +210,7 @@ def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
             raise OpenError(
                 f"{path}: unsupported bag version; with ROS: rosbag filter {path} NEW.bag True"
             )
-        raise OpenError(f"{path}: no ROS 1 bag, or cut off; copy or record it again")
+        raise OpenError(f"{path}: not a ROS 1 bag, or cut off; copy or record it again")
     layout = read_layout(file, size)
     if layout.encryptor:
         raise OpenError(f"{path}: encrypted; decrypt it first, with ROS: rosbag decrypt {path}")

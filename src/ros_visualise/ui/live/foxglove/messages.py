@@ -89,7 +89,7 @@ class CallService(NamedTuple):
 class ControlPlayback(NamedTuple):
     """Play or pause, at a speed, from a time on.
 
-    ``seek_ns``: nanoseconds; None: from the present one.
+    ``seek_ns``: nanoseconds; None: from the current one.
     """
 
     playing: bool

@@ -6,7 +6,7 @@ export default {
     <div class="rv-files">
       <section v-if="all.opens" aria-label="Open">
         <h3>Open</h3>
-        <select :disabled="readOnly" aria-label="Source" title="Videos and recordings beside the present one, and uploads" @change="open">
+        <select :disabled="readOnly" aria-label="Source" title="Videos and recordings beside the current one, and uploads" @change="open">
           <option value="">Choose a file</option>
           <option v-for="name in all.files" :key="name">{{ name }}</option>
         </select>

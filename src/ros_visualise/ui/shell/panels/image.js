@@ -73,7 +73,7 @@ export default {
       return [
         { label: "Fit", title: "Show the whole image (0, double click)", icon: "fit_screen", act: () => this.stage.fit() },
         { label: "1:1", title: "One image pixel per screen pixel (1)", icon: "crop_free", act: () => this.stage.exact() },
-        { label: "Freeze", title: "Keep this image", icon: "ac_unit", on: this.held, act: () => (this.held = !this.held) },
+        { label: "Freeze", title: "Keep showing this image", icon: "ac_unit", on: this.held, act: () => (this.held = !this.held) },
         { label: "Line profile", title: "Draw a line to plot the values along it (or drag with Shift)", icon: "show_chart", on: this.isDrawing, act: this.drawLine },
         { label: "Histogram", title: "Histogram of the values", icon: "bar_chart", on: this.aside, act: () => (this.aside = !this.aside) },
         { label: "Save PNG", title: "Save the image with all 8 or 16 bits", icon: "download", act: this.save },

@@ -9,7 +9,7 @@ function written(value) {
 
 const Param = {
   template: `
-    <div class="rv-param" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (no effect at present)' : '')">
+    <div class="rv-param" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (currently without effect)' : '')">
       <label :for="id">{{ param.label }}</label>
       <span class="rv-input">
         <q-toggle v-if="param.kind === 'bool'" dense :model-value="value" :disable="locked" :aria-label="param.label" @update:model-value="set" />

@@ -36,7 +36,7 @@ export default {
     pad: () => ["left", "forward", "right", "up", "back", "down"],
     speeds: () => [
       { name: "speed", label: "Speed", unit: "m/s", most: 3 },
-      { name: "turn", label: "Turn speed", unit: "rad/s", most: 2 },
+      { name: "turn", label: "Turning speed", unit: "rad/s", most: 2 },
     ],
     moves() { return Object.fromEntries(this.state_.moves.map((move) => [move.name, move])); },
   },

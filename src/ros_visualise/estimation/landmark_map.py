@@ -86,7 +86,7 @@ class ImageOutcome:
         self.advice[name] = f"ignoring {name}: {why.partition(' (')[0]}; {advice}"
 
 
-class Chart:
+class LandmarkMap:
     """The landmarks in the state.
 
     Attributes:
@@ -101,13 +101,13 @@ class Chart:
         self.rules = rules
         self._count = len(self.known)
 
-    def copy(self) -> Chart:
+    def copy(self) -> LandmarkMap:
         """An independent copy."""
         new = copy(self)
         new.landmarks, new.known = dict(self.landmarks), dict(self.known)
         return new
 
-    def seen_from(self, R: Floats, p: Floats) -> Chart:
+    def seen_from(self, R: Floats, p: Floats) -> LandmarkMap:
         """The same in another frame: T_map_frame, (3, 3) and (3,)."""
         new = self.copy()
         for name in new.landmarks:
@@ -262,8 +262,8 @@ class Chart:
         seen = [pose for pose in pair.sight.poses if pose.has_range]
         if seen:
             away = state.landmarks_p[place] - camera_of(view, state.robot).p
-            told = float(np.linalg.norm(seen[0].t))
-            outcome.ranges[landmark.name] = told / max(float(np.linalg.norm(away)), 1e-6)
+            measured_m = float(np.linalg.norm(seen[0].t))
+            outcome.ranges[landmark.name] = measured_m / max(float(np.linalg.norm(away)), 1e-6)
 
     def _drop_moved(self, state: State, outcome: ImageOutcome) -> None:
         """Drop landmarks that image after image contradicts."""

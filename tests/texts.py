@@ -1,0 +1,88 @@
+"""All texts that people read, in one listing: ``python tests/texts.py``.
+
+Help of parameters, options, commands and actions, first lines of nodes' docstrings, messages with
+their placeholders in braces, and labels of the page.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import ros_visualise
+
+ROOT = Path(ros_visualise.__file__).parent
+DECLARES = {"node", "source", "simulated"}
+PROSE = re.compile(r"[A-Za-z]{2}.* .*[A-Za-z]{2}")
+LABEL = re.compile(r"[A-Z][a-z]{2,}")
+"""A label of one word, on the page."""
+
+CODE = re.compile(
+    r"\\[dwsbA(\[]|\(\?|</|/>|^[\w ]+ = |==|&&|\|\||=>|;$|px\b|var\(--|^[a-z -]+: [a-z0-9]"
+)
+"""What is no prose: a regular expression, markup, a statement, a style."""
+
+QUOTED = re.compile(r"""(["'`])((?:(?!\1)[^\\]|\\.)*?)\1""")
+
+
+class Text(NamedTuple):
+    """A text: its file and line, and what it says."""
+
+    where: str
+    text: str
+
+
+def texts() -> Iterator[Text]:
+    """All texts, by file."""
+    for path in sorted(ROOT.rglob("*.py")):
+        yield from _python(path)
+    for path in sorted([*ROOT.rglob("*.js"), *ROOT.rglob("*.html")]):
+        yield from _page(path)
+
+
+def _python(path: Path) -> Iterator[Text]:
+    tree = ast.parse(path.read_text())
+    skipped = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            skipped |= {one for one in ast.walk(node) if one is not node}
+    for node in ast.walk(tree):
+        where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.Constant | ast.JoinedStr) and node not in skipped:
+            said = " ".join(_template(node).split())
+            if _is_prose(path, said):
+                yield Text(where, said)
+        elif isinstance(node, ast.ClassDef | ast.FunctionDef):
+            decorators = {ast.unparse(one).partition("(")[0] for one in node.decorator_list}
+            if DECLARES & decorators and (doc := ast.get_docstring(node)):
+                yield Text(where, doc.partition("\n")[0])
+
+
+def _is_prose(path: Path, said: str) -> bool:
+    is_label = "ui" in path.parts and LABEL.fullmatch(said)
+    return bool(is_label or (PROSE.search(said) and not CODE.search(said)))
+
+
+def _template(node: ast.AST) -> str:
+    """A string, or an f-string with what it inserts in braces."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(map(_template, node.values))
+    if isinstance(node, ast.FormattedValue):
+        return f"{{{ast.unparse(node.value)}}}"
+    value = getattr(node, "value", "")
+    return value if isinstance(value, str) else ""
+
+
+def _page(path: Path) -> Iterator[Text]:
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        for _, said in QUOTED.findall(line.partition("// ")[0]):
+            if _is_prose(path, said):
+                yield Text(f"{path.relative_to(ROOT)}:{number}", said)
+
+
+if __name__ == "__main__":
+    for one in texts():
+        print(f"{one.where}\t{one.text}")
