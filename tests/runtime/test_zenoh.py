@@ -83,6 +83,33 @@ def test_an_attachment_is_a_number_a_time_and_an_id_of_16_bytes() -> None:
     assert first[3] == second[3]
 
 
+def test_messages_that_never_came_are_counted_by_their_numbers() -> None:
+    one, other = keys.Attachments("one"), keys.Attachments("other")
+    sent = [one.next() for _ in range(9)]
+    gaps = keys.Gaps()
+    for taken in (sent[3], sent[4], sent[7], other.next(), sent[8], b"damage"):
+        gaps.take(taken)
+    assert gaps.missing == 2
+    gaps.take(sent[6])  # late
+    assert gaps.missing == 1
+    gaps.take(struct.pack("<qqB16s", 2**62, 0, 16, sent[0][17:]))
+    assert gaps.missing == 1
+
+
+def test_a_message_beyond_the_limit_is_counted(net: ZenohNet, monkeypatch: Any) -> None:
+    with closing(net.join("camera")) as camera:
+        monkeypatch.setattr("ros_visualise.runtime.zenoh.session.max_memory", lambda: 1 << 20)
+        with closing(net.join("viewer")) as viewer:
+            heard: list[str] = []
+            said = viewer.subscribe("/said", Text, lambda one: heard.append(one.text), pytest.fail)
+            published = camera.advertise("/said", TopicType(Text.type_name))
+            wait_for(lambda: published.connections, "the subscriber")
+            for text in ("small", "x" * (1 << 20), "last"):
+                published.publish(Text(text))
+            wait_for(lambda: "last" in heard, "the last")
+            assert (heard, said.dropped) == (["small", "last"], 1)
+
+
 PIECES = ["", "%", "MP", "NN", "PS", "x" * 3000, "@", "::"]
 
 

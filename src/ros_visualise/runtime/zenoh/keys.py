@@ -42,6 +42,8 @@ _MANGLED_TYPE = re.compile(r"(\w+)::(msg|srv|action)::dds_::(\w+)_")
 _LONGEST = 2048
 _PARTS = 13
 _ATTACHMENT = struct.Struct("<qqB16s")
+_RESTART = 1_000_000  # a longer step is no gap
+_MOST_PUBLISHERS = 1000
 
 
 class Entity(NamedTuple):
@@ -132,6 +134,33 @@ class Attachments:
         """Attachment of the next message."""
         self._number += 1
         return _ATTACHMENT.pack(self._number, time.time_ns(), len(self._gid), self._gid)
+
+
+class Gaps:
+    """Messages of a topic that never arrived, by the numbers of those that did.
+
+    Attributes:
+        missing: their count, over all publishers.
+    """
+
+    def __init__(self) -> None:
+        self.missing = 0
+        self._newest: dict[bytes, int] = {}
+
+    def take(self, attachment: bytes) -> None:
+        """Take the attachment of a message; a malformed one counts for nothing."""
+        if len(attachment) != _ATTACHMENT.size:
+            return
+        number, _, _, gid = _ATTACHMENT.unpack(attachment)
+        step = number - self._newest.pop(gid, number - 1)
+        if 1 < step < _RESTART:
+            self.missing += step - 1
+        elif -_RESTART < step < 0:  # one that was latched, after newer ones
+            self.missing -= self.missing > 0
+            number -= step
+        self._newest[gid] = number
+        if len(self._newest) > _MOST_PUBLISHERS:
+            del self._newest[next(iter(self._newest))]
 
 
 def _qos(qos: QoS) -> str:

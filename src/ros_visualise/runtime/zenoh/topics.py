@@ -131,6 +131,7 @@ class ZenohSubscriber:
         declared = _ENCODER.declare(TopicType(kind.type_name))
         self._name, self._kind, self._take, self._reject = name, kind, take, reject
         self._inbox = Inbox(lossless=False, keep=max(kind.waiting, 2))
+        self._gaps = keys.Gaps()
         self._subscriber = ext.declare_advanced_subscriber(
             session.zenoh,
             keys.topic_key(name, declared.name, "*"),
@@ -143,8 +144,8 @@ class ZenohSubscriber:
 
     @property
     def dropped(self) -> int:
-        """Messages that were skipped for newer ones."""
-        return self._inbox.dropped
+        """Messages that were skipped for newer ones, or never came, as those beyond the limit."""
+        return self._inbox.dropped + self._gaps.missing
 
     def close(self) -> None:
         """Leave the topic."""
@@ -156,6 +157,8 @@ class ZenohSubscriber:
 
     def _put(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
+            if sample.attachment is not None:
+                self._gaps.take(sample.attachment.to_bytes())
             self._inbox.put(Packet(0, sample.payload, time.monotonic_ns()))
 
     def _run(self) -> None:
