@@ -243,6 +243,23 @@ while not rospy.is_shutdown():
 """
 
 
+def test_a_robot_on_the_parameter_server_is_a_topic(runtime, monkeypatch):
+    monkeypatch.setattr("ros_visualise.runtime.ros1.descriptions._AGAIN_S", 0.05)
+    topic = "/arm/robot_description"
+    rospy.set_param(topic, "<robot name='arm'/>")
+    try:
+        wait_for(lambda: topic in runtime.graph.topics)
+        subscription = runtime.subscribe(topic)
+        assert subscription.take(PATIENCE_S).text == "<robot name='arm'/>"
+        rospy.set_param(topic, ["no", "text"])
+        rospy.set_param(topic, "<robot name='other'/>")
+        assert subscription.take(PATIENCE_S).text == "<robot name='other'/>"
+        subscription.close()
+    finally:
+        rospy.delete_param(topic)
+    wait_for(lambda: topic not in runtime.graph.topics)
+
+
 def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_master):
     pixels = np.full((16, 16), 77, np.uint8)
     packed = RosCompressed(format="mono8; png compressed mono8")

@@ -12,10 +12,16 @@ def images_of(node: Member) -> list[str]:
 
 
 def texts_of(node: Member) -> list[str]:
-    """The topics of a node's texts; those of sources are for machines, as a URDF."""
+    """The topics of a node's texts that a person reads; those of sources are for machines."""
     if not isinstance(node, Node):
         return []
-    return [topic for port, topic in node.outputs.items() if node.type.outputs[port] is Text]
+    texts = [topic for port, topic in node.outputs.items() if node.type.outputs[port] is Text]
+    return [topic for topic in texts if not is_robot(topic)]
+
+
+def is_robot(topic: str) -> bool:
+    """True if the texts on a topic describe a robot in URDF, by its name in ROS."""
+    return topic.rpartition("/")[2] == "robot_description"
 
 
 def first_shown(graph: Graph, node: Member) -> str | None:

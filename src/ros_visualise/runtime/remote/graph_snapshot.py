@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 
 from ros_visualise.core.params import Parameters
-from ros_visualise.data import CompressedImage, DiagnosticArray, Image, ParameterEvent, Text
+from ros_visualise.data import CompressedImage, DiagnosticArray, Image, ParameterEvent
 from ros_visualise.data.reports import Log, Ros1Log
 from ros_visualise.graph import Graph, Node
 from ros_visualise.messages import data_class
@@ -22,7 +22,7 @@ _OF_THE_GRAPH = ("dynamic_reconfigure/", "rcl_interfaces/", "rosgraph_msgs/", "s
 """Prefixes of the types by which ROS itself works."""
 
 _REPEATED_LOG = "/rosout_agg"
-_NOT_SHOWN = {DiagnosticArray, ParameterEvent, Text}
+_NOT_SHOWN = {DiagnosticArray, ParameterEvent}
 
 
 class RemoteNode(NamedTuple):
@@ -184,7 +184,7 @@ def _is_visible(node: str, own: str) -> bool:
 
 
 def _is_unsupported(kind: str) -> bool:
-    return data_class(kind) in (None, Text) and not kind.startswith(_OF_THE_GRAPH)
+    return data_class(kind) is None and not kind.startswith(_OF_THE_GRAPH)
 
 
 def _uncompressed(topic: str, compressed: Collection[str]) -> str:

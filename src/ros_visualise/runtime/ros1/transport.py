@@ -6,28 +6,38 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
-from xmlrpc.client import ServerProxy
 
-import rosgraph
 import rospy
 
 from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters
 from ros_visualise.core.rate import Clock
 from ros_visualise.core.supervision import attempt
-from ros_visualise.data import CameraInfo
+from ros_visualise.data import CameraInfo, Text
 from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.runtime.middleware import Handle, Listing, ParametersListener, Transport
+from ros_visualise.runtime.middleware import (
+    Handle,
+    Listing,
+    ParametersListener,
+    Subscriber,
+    Transport,
+)
 from ros_visualise.runtime.ros1 import clock, messages, services
+from ros_visualise.runtime.ros1.descriptions import (
+    SERVER,
+    Description,
+    asking_master,
+    is_description,
+    is_parameter,
+)
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.messages import message_class
 from ros_visualise.runtime.ros1.reconfigure_client import ReconfigureClient
 from ros_visualise.runtime.ros1.reconfigure_server import ReconfigureServer
-from ros_visualise.runtime.ros1.registration import BoundedTransport
 from ros_visualise.runtime.ros1.topics import Ros1Publisher, Ros1Subscriber
 
-_IMAGE = "sensor_msgs/Image"
+_IMAGE, _TEXT = "sensor_msgs/Image", "std_msgs/String"
 _DESCRIPTION = "dynamic_reconfigure/ConfigDescription"
 _SUFFIX = "/parameter_descriptions"
 _ONLOOKERS = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
@@ -52,7 +62,10 @@ class Ros1Transport(Transport):
         kind: type[Message],
         take: Callable[[Any], None],
         reject: Callable[[str], None],
-    ) -> Ros1Subscriber:
+    ) -> Subscriber:
+        if kind is Text and is_parameter(name := self.resolve(topic)):
+            return Description(name, take, reject)
+
         def taken(message: Any) -> None:
             try:
                 data: Any = from_message(message, kind)
@@ -83,12 +96,14 @@ class Ros1Transport(Transport):
 
     @translated(MASTER)
     def listing(self) -> Listing:
-        master = rosgraph.Master(rospy.get_name())
-        with ServerProxy(master.master_uri, BoundedTransport()) as proxy:
-            master.handle = proxy  # its own waits for ever
+        with asking_master() as master:
             publishers, subscribers, _ = master.getSystemState()
             types = master.getTopicTypes()
-        return list_graph(publishers, subscribers, types)
+            robots = [name for name in master.getParamNames() if is_description(name)]
+        known = dict(types)
+        robots = [name for name in robots if name not in known]
+        publishers += [[name, [SERVER]] for name in robots]
+        return list_graph(publishers, subscribers, [*types, *((name, _TEXT) for name in robots)])
 
     def clock(self) -> Clock:
         return clock.ros_clock()

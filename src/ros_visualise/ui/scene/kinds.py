@@ -43,11 +43,6 @@ def is_tree(kinds: Mapping[str, type]) -> bool:
     return bool(spatial) and all(kind is Transforms for kind in spatial)
 
 
-def is_robot(topic: str) -> bool:
-    """True if the texts on a topic describe a robot, by ROS 2's name."""
-    return topic.rstrip("/").endswith("robot_description")
-
-
 def is_beside_image(topic: str, kinds: Mapping[str, type]) -> bool:
     """True if a topic is the calibration of images beside it, or of several below it."""
     return kinds[topic] is CameraInfo and any(

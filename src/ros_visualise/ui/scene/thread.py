@@ -11,8 +11,9 @@ from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.periodic import PeriodicThread
-from ros_visualise.ui.scene.kinds import HELD, is_robot, is_spatial
+from ros_visualise.ui.scene.kinds import HELD, is_spatial
 from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.ui.shown import is_robot
 
 _PERIOD_S = 1 / 15
 _IMAGE_PERIOD_S = 1 / 5
