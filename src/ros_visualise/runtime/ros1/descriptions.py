@@ -52,7 +52,7 @@ def is_parameter(name: str) -> bool:
         return False
 
 
-class Description:
+class RobotDescription:
     """Takes a robot's description now, and whenever it is another one.
 
     See `ros_visualise.runtime.middleware.Transport.subscribe`.

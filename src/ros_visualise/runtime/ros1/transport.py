@@ -26,7 +26,7 @@ from ros_visualise.runtime.middleware import (
 from ros_visualise.runtime.ros1 import clock, messages, services
 from ros_visualise.runtime.ros1.descriptions import (
     SERVER,
-    Description,
+    RobotDescription,
     asking_master,
     is_description,
     is_parameter,
@@ -64,7 +64,7 @@ class Ros1Transport(Transport):
         reject: Callable[[str], None],
     ) -> Subscriber:
         if kind is Text and is_parameter(name := self.resolve(topic)):
-            return Description(name, take, reject)
+            return RobotDescription(name, take, reject)
 
         def taken(message: Any) -> None:
             try:
