@@ -1,8 +1,9 @@
-"""Marks on the timeline: times of a recording with names, kept in a file beside it."""
+"""Marks on the timeline and notes of a recording, kept in a file beside it."""
 
 from __future__ import annotations
 
 import math
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,21 @@ from ros_visualise.core.yaml_files import open_yaml, to_yaml
 from ros_visualise.sinks.files import write_file
 
 SUFFIX = ".marks.yaml"
-"""Added to the name of a recording or film for the file with its marks."""
+"""Added to the name of a recording or film for the file with its marks and notes."""
+LONGEST_NOTES = 50_000
 _MOST, _LONGEST = 1000, 80
 _FARTHEST_S = 1e9
 
 
 class Marks:
-    """The marks of one recording: time, s from its start -> name.
+    """The marks of one recording: time, s from its start -> name; and its notes.
 
     Args:
         source: the recording or film; None keeps the marks in memory only.
 
     Attributes:
         names: in order of time.
+        notes: plain text, or Markdown.
 
     Raises:
         OpenError, UsageError: its marks cannot be read.
@@ -32,8 +35,10 @@ class Marks:
     def __init__(self, source: Path | None = None) -> None:
         self.path = None if source is None else source.with_name(source.name + SUFFIX)
         self.names: dict[float, str] = {}
+        self.notes = ""
+        self._writing = threading.Lock()
         if self.path is not None and self.path.exists():
-            self.names = _read(self.path)
+            self.names, self.notes = _read(self.path)
 
     def set(self, at_s: float, name: str) -> None:
         """Add or rename a mark; an empty name removes it.
@@ -49,19 +54,43 @@ class Marks:
             raise UsageError(f"there are {_MOST} marks already; remove some first")
         else:
             self.names = dict(sorted({**self.names, at_s: name}.items()))
+        self._write()
+
+    def note(self, text: str) -> None:
+        """Replace the notes.
+
+        Raises:
+            UsageError: they are too long.
+            RosVisualiseError: the file cannot be written; the notes are there until the page ends.
+        """
+        if len(text) > LONGEST_NOTES:
+            raise UsageError(f"notes: at most {LONGEST_NOTES} letters")
+        self.notes = text
+        self._write()
+
+    def _write(self) -> None:
         if self.path is None:
             return
-        marks = [{"time": at, "name": name} for at, name in self.names.items()]
-        write_file(self.path, to_yaml({"marks": marks}).encode(), overwrite=True)
+        with self._writing:
+            marks = [{"time": at, "name": name} for at, name in self.names.items()]
+            notes = {"notes": self.notes} if self.notes else {}
+            write_file(
+                self.path,
+                to_yaml({"marks": marks, **notes}).encode(),
+                overwrite=True,
+            )
 
 
-def _read(path: Path) -> dict[float, str]:
+def _read(path: Path) -> tuple[dict[float, str], str]:
     advice = "remove it, or put a list of 'time' and 'name' under 'marks'"
     found = open_yaml(path, advice)
     marks: Any = found.get("marks") if isinstance(found, dict) else None
-    if not isinstance(marks, list) or not all(map(_is_mark, marks)) or len(marks) > _MOST:
+    notes: Any = found.get("notes", "") if isinstance(found, dict) else ""
+    is_list = isinstance(marks, list) and all(map(_is_mark, marks)) and len(marks) <= _MOST
+    if not is_list or not isinstance(notes, str) or len(notes) > LONGEST_NOTES:
         raise UsageError(f"{path}: not the marks of a recording; {advice}")
-    return dict(sorted((float(one["time"]), one["name"][:_LONGEST]) for one in marks))
+    names = dict(sorted((float(one["time"]), one["name"][:_LONGEST]) for one in marks))
+    return names, notes
 
 
 def _is_mark(one: Any) -> bool:

@@ -16,6 +16,7 @@ from ros_visualise.ui import Value, ViewOptions
 from ros_visualise.ui.live.files import FilesHub
 from ros_visualise.ui.live.marks import Marks
 from ros_visualise.ui.live.nodes import NodesHub
+from ros_visualise.ui.live.notes import NotesHub
 from ros_visualise.ui.live.notices import Notices
 from ros_visualise.ui.live.publish import PublishHub
 from ros_visualise.ui.live.robot import RobotHub
@@ -66,6 +67,7 @@ class Page:
         robot = RobotHub(loop, self._notices.say)
         self._nodes = NodesHub(loop, self._notices, robot.act, options.arrangement)
         files = FilesHub(loop, self._notices.say, self._files, self._settings)
+        self._notes = NotesHub(loop, self._notices.say)
         publish = PublishHub(loop, self._notices.say, options.control)
         self._querys = Pool("page answers", _ANSWERING)
         self.url = url(host, port, rules.token)
@@ -79,7 +81,7 @@ class Page:
             options.flag,
             self._answer,
             self._files.receive,
-            more=[robot, self._nodes, files, publish],
+            more=[robot, self._nodes, files, publish, self._notes],
         )
         self._server.space.urdf = urdf
         self._server.space.apply(by_name(options.arrangement))
@@ -127,7 +129,8 @@ class Page:
         if self._thumbnails is not None:
             self._thumbnails.close()
         self._thumbnails = Thumbnails(runtime)
-        self._server.clock.marks = self._marks()
+        marks = self._server.clock.marks = self._marks()
+        self._notes.follow(marks)
         self._server.show(runtime)
         if self._files.title:
             self._server.offered.title = self._files.title
