@@ -29,17 +29,20 @@ def films(folder: Path, count: int, images: int = 8) -> list[Path]:
     ]
 
 
-def drive(path: Path, count: int = 50, sigma: float = 0.0) -> Path:
+def drive(path: Path, count: int = 50, sigma: float = 0.0, truth: bool = False) -> Path:
     """A recording of odometry, 10 Hz at 1 m/s along x, with errors of a standard deviation."""
-    errors = np.random.default_rng(len(path.name)).normal(0, sigma, (count, 3))
-    with open_recorder(path, {"/odom": TopicType("nav_msgs/msg/Odometry")}, live=False) as recorder:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    errors = np.random.default_rng(count).normal(0, sigma, (count, 3))
+    kind, true = TopicType("nav_msgs/msg/Odometry"), "/ground_truth/odom"
+    topics = {"/odom": kind, **({true: kind} if truth else {})}
+    still, covariance = np.array([0.0, 0, 0, 1]), np.eye(6) * max(sigma, 0.01) ** 2
+    with open_recorder(path, topics, live=False) as recorder:
         for number in range(count):
-            position = np.array([number / 10, 0, 0]) + errors[number]
+            place = np.array([number / 10, 0, 0])
             header = Header(1_000_000_000 + number * 100_000_000, "odom")
-            pose = np.array([0.0, 0, 0, 1])
-            covariance = np.eye(6) * max(sigma, 0.01) ** 2
-            odometry = Odometry(position, pose, pose_covariance=covariance, header=header)
-            recorder.write("/odom", odometry, header.stamp_ns)
+            for topic, error in zip(topics, (errors[number], 0.0), strict=False):
+                odometry = Odometry(place + error, still, pose_covariance=covariance, header=header)
+                recorder.write(topic, odometry, header.stamp_ns)
     return path
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.regular_files import open_file, read_text
 from ros_visualise.sources.opening import is_recorded_folder, is_recording
-from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.ui.file_chooser import SUFFIXES, VIDEOS
 
 _WHOLE_BYTES = 64 << 20
@@ -107,7 +106,7 @@ def _expand(text: str) -> Iterable[str]:
     if text.startswith(_LIST):
         return [path for line in _lines(Path(text[1:])) for path in _expand(line)]
     if os.path.isdir(text):
-        return [text] if _is_one(Path(text)) or is_pictures(text) else list(_below(Path(text)))
+        return [text] if _is_one(Path(text)) else list(_below(Path(text)))
     if os.path.lexists(text) or not glob.has_magic(text):
         return [text]
     matched = [Path(one) for one in sorted(glob.glob(text, recursive=True))]

@@ -147,15 +147,19 @@ class Results:
         failure = self.failure(one.key) or TaskFailure("", "", 0)
         return number, *one, self.is_done(one.key), *failure
 
-    def open_tables(self, memory: int = 0) -> duckdb.DuckDBPyConnection:
-        """DuckDB with a view of each table, by its name; raises OpenError without tables."""
+    def open_tables(self, suffix: str = "") -> duckdb.DuckDBPyConnection:
+        """DuckDB with a view of each table, by its name and a suffix.
+
+        Raises:
+            OpenError: no tables in this folder.
+        """
         there = [name for name in (*LISTED, *TABLES) if self._table(name).exists()]
         if not there:
             raise OpenError(f"{self.folder}: no tables; run: ros-visualise batch ... --out")
-        sql = connect(memory)
+        sql = connect()
         for name in there:
             path = quoted(self._table(name))
-            sql.execute(f"CREATE VIEW {name} AS SELECT * FROM read_parquet({path})")
+            sql.execute(f"CREATE VIEW {name}{suffix} AS SELECT * FROM read_parquet({path})")
         return sql
 
     def _write(self, sql: duckdb.DuckDBPyConnection, table: str, query: str) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import cv2
 import numpy as np
 
+from ros_visualise.batch.pictures import bgr_of
 from ros_visualise.batch.tables import TABLES, Row, write_rows
 from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.data import (
@@ -29,7 +30,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import content
 from ros_visualise.sinks import Recorder
 from ros_visualise.ui.live.trees import fields_of
-from ros_visualise.vision.color import demosaiced, order_of, to_bgr, to_gray
+from ros_visualise.vision.color import demosaiced, order_of, to_gray
 
 if TYPE_CHECKING:
     import duckdb
@@ -190,7 +191,7 @@ class RowRecorder(Recorder):
             stamp_ns = message.header.stamp_ns
             image = self._image.pop(stamp_ns, None)
             if image is not None:
-                write_picture(image, self._folder / "pictures" / f"{stamp_ns}.jpg")
+                _write_picture(image, self._folder / "pictures" / f"{stamp_ns}.jpg")
 
 
 class _Count:
@@ -212,12 +213,9 @@ class _Count:
         return self.messages, self._first_ns, self._last_ns, self._gap_ns * _NS
 
 
-def write_picture(image: Image, path: Path) -> None:
-    """Write an image as a JPEG file; of an image of measurements, nothing."""
-    pixels = demosaiced(image.pixels, image.encoding)
-    if pixels.dtype == np.uint8:
-        path.parent.mkdir(exist_ok=True)
-        cv2.imwrite(str(path), to_bgr(pixels, order_of(image.encoding)))
+def _write_picture(image: Image, path: Path) -> None:
+    path.parent.mkdir(exist_ok=True)
+    cv2.imwrite(str(path), bgr_of(image))
 
 
 def _shown_images(graph: Graph) -> Iterator[str]:

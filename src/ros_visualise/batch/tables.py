@@ -82,6 +82,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     ),
     "nodes": declare(
         "node VARCHAR -: node",
+        "inputs VARCHAR -: topics that it takes, with commas",
         "processed BIGINT -: messages processed",
         "dropped BIGINT -: messages not processed, or answered with nothing",
         "errors BIGINT -: errors outside of messages",

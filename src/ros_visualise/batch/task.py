@@ -170,7 +170,8 @@ def _play(
 
 def _node_row(name: str, one: NodeReport) -> tuple[Any, ...]:
     dropped = sum(one.dropped.values())
-    return name, one.processed, dropped, one.errors, one.step_ms, one.p50_ms, one.p99_ms
+    inputs = ",".join(one.inputs.values())
+    return name, inputs, one.processed, dropped, one.errors, one.step_ms, one.p50_ms, one.p99_ms
 
 
 def _node_errors(report: RunReport) -> int:

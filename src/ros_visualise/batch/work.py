@@ -20,7 +20,6 @@ from ros_visualise.runtime.saving import load
 from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.formats import named
 from ros_visualise.sources.opening import is_recording
-from ros_visualise.sources.pictures import is_pictures
 
 PIPELINES = ("images", "landmarks", "navigate", "none")
 """Nodes of `ros-visualise FILE`; with ``--landmarks``; with ``--navigate``; the source alone.
@@ -86,8 +85,7 @@ class Work:
         return graph
 
     def _selection(self, path: str) -> Selection:
-        is_named = bool(named(Path(path)))
-        if (is_recording(path) or is_named) and not is_pictures(path):
+        if is_recording(path) or named(Path(path)):
             found = recording(path, self.topics, self.image, self.odom)
         else:
             found = film(path, "")
