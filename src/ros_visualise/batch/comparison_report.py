@@ -190,7 +190,7 @@ def _moments(comparison: ResultComparison, beyond: Sequence[ResultChange]) -> It
 
 
 def _image(comparison: ResultComparison, change: ResultChange) -> Pixels:
-    """The image in which a change was detected; a gray one if it is not there any more."""
+    """The image in which a change was detected; a gray one if that is missing by now."""
     assert change.at_ns is not None
     path, topics = comparison.origin(change.recording, change.of)
     with suppress(OpenError):
