@@ -2,6 +2,8 @@
 
 import json
 import re
+import shlex
+import sys
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -14,7 +16,7 @@ from ros_visualise.data import MarkerType
 from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.prose import to_html
-from ros_visualise.lessons.topics import color
+from ros_visualise.lessons.topics import color, graph
 
 
 @pytest.fixture
@@ -53,12 +55,73 @@ def test_a_lesson_is_written_with_its_figures(topic, picture, tmp_path, capfd):
     steps = [step.declared.name for step in LESSONS.find(topic).steps]
     for name in ("picture", *steps):
         assert f'src="{name}.' in html
+    assert re.search('<html lang="en">', html)
+    assert "@media print" in html
+    assert not re.search(
+        r"\b([Cc]lick|[Ss]lider|[Ww]atch them|3D view|this page)\b", texts_of(page)
+    )
+    for name in ("picture", *steps):
         assert Xml.parse(folder / f"{name}.svg").getroot().tag.endswith("svg")
         assert cv2.imread(str(folder / f"{name}.png")) is not None
     assert not re.search(
         "[{}]|nan", texts_of(page).partition("</style>")[2] or texts_of(page)[400:]
     )
     assert "said once" not in capfd.readouterr().err
+
+
+def test_a_written_lesson_says_how_it_is_made_again(picture, tmp_path):
+    chosen = ["--set", "thresholds.low=70", "--set", "gradient.l2=1", "--node", "filters@picture"]
+    one, other = tmp_path / "one", tmp_path / "other"
+    given = [*chosen, "--set", "filters.gray=false", "--export", str(one)]
+    assert main(["explain", "canny", str(picture), *given]) == 0
+    made = texts_of(one / "index.html").partition("How it was made")[2]
+    assert "thresholds: low = 70, high = 140" in made
+    assert "Inserted nodes filters@picture" in " ".join(
+        re.sub("(Source|nodes|Parameters|Command)", r"\1 ", made).split()
+    )
+    words = shlex.split(made.partition("Command")[2])
+    assert words[:4] == ["ros-visualise", "explain", "canny", str(picture)]
+    assert "filters.gray=false" in words
+    assert main([*words[1:], "--export", str(other)]) == 0
+    assert (other / "index.html").read_bytes() == (one / "index.html").read_bytes()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_all_lessons_are_written_with_a_list_of_them(picture, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(graph, "sleep", lambda seconds: None)
+    folder = tmp_path / "all"
+    few = ["image", "canny", "sensors"]
+    monkeypatch.setattr(LESSONS, "names", lambda: few)
+    assert main(["explain", "all", str(picture), "--export", str(folder)]) == 0
+    links = re.findall('href="([^"]*)"', (folder / "index.html").read_text())
+    assert links == [f"{name}/index.html" for name in few]
+    assert all((folder / link).exists() for link in links)
+    assert "the sample husky" in texts_of(folder / "sensors" / "index.html")
+    assert str(picture) in texts_of(folder / "canny" / "index.html")
+    capsys.readouterr()
+    assert main(["explain", "all"]) == 2
+    assert "explain all: add --export DIR" in capsys.readouterr().err
+
+
+def test_a_lesson_is_printed_by_a_browser(picture, tmp_path, monkeypatch, capsys):
+    arguments = ["explain", "canny", str(picture), "--export", str(tmp_path / "out"), "--pdf"]
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(arguments) == 2
+    assert "PDF needs Chromium, Chrome or Edge on the PATH" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    browser = tmp_path / "chromium"
+    browser.write_text(
+        f"#!{sys.executable}\nimport sys\n"
+        "pdf = next(one for one in sys.argv if one.startswith('--print-to-pdf='))\n"
+        "open(pdf.partition('=')[2], 'w').write(sys.argv[-1])\n"
+    )
+    browser.chmod(0o755)
+    assert main(arguments) == 0
+    page = tmp_path / "out" / "index.html"
+    assert page.with_suffix(".pdf").read_text() == page.as_uri()
+    browser.write_text("#!/bin/sh\nexit 3\n")
+    assert main([*arguments, "--overwrite"]) == 1
+    assert "failed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("topic", ["color", "threshold", "canny"])

@@ -176,8 +176,7 @@ def test_an_imu_of_a_few_measurements_says_how_many_are_needed():
         imu = Imu(UP, np.zeros(3), UP[:3], header=stamped(number / 10))
         said = measured.step(imu, sensors.MeasuredParams()), allan.step(imu, None)
     assert all(
-        "5 measurements so far; this window waits for at least 100" in answer["text"].text
-        for answer in said
+        "5 measurements so far; at least 100 are needed" in answer["text"].text for answer in said
     )
 
 

@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.core.errors import OpenError
+from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.core.printing import print_json, print_result, print_status
+from ros_visualise.core.signals import STOPPED
 from ros_visualise.running.arguments import argument, option
 from ros_visualise.running.options import PlayingOptions
 from ros_visualise.simulation.robots import OURS, ROBOTS
 
 if TYPE_CHECKING:
     from ros_visualise.graph import Graph
-    from ros_visualise.lessons.lesson import Lesson
+    from ros_visualise.lessons.lesson import Lesson, Origin
     from ros_visualise.running.graphs import Selection
+
+_ALL = "all"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +28,10 @@ class ExplainOptions(PlayingOptions):
     """Options of ``explain``."""
 
     topic: str | None = argument(
-        "the lesson; without it, all lessons are listed", default=None, nargs="?", metavar="TOPIC"
+        "the lesson, or all with --export; without it, the lessons are listed",
+        default=None,
+        nargs="?",
+        metavar="TOPIC",
     )
     input: str | None = argument(
         f"a picture, a video, a recording, {OURS} (default: a sample that fits the lesson)",
@@ -38,46 +44,120 @@ class ExplainOptions(PlayingOptions):
         "write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
         metavar="DIR",
     )
+    pdf: bool = option(
+        False, "print what is exported to PDF too, by Chromium, Chrome or Edge, which is needed"
+    )
 
 
 def run(options: ExplainOptions) -> int:
-    """List the lessons, or play one; the exit status is 1 if data was lost."""
+    """List the lessons, play one, or write them; the exit status is 1 if data was lost."""
     from ros_visualise.lessons import LESSONS
-    from ros_visualise.lessons.handout import PAGE
     from ros_visualise.running.play import play
 
     if options.topic is None:
         _list(options.json)
         return 0
+    if options.export is not None:
+        return _export(options, options.export)
+    if options.topic == _ALL or options.pdf:
+        given = f"explain {_ALL}" if options.topic == _ALL else "--pdf"
+        raise UsageError(f"{given}: add --export DIR")
     lesson = LESSONS.find(options.topic)
-    folder = options.export or options.record_dir / f"explain_{lesson.name}"
-    selection = _selection(lesson, options.input, folder, options.export is not None)
-    if options.export is None:
-        is_paused = options.rate is None and not lesson.plays
-        return play(selection, replace(options, paused=is_paused))
-    page = options.export / PAGE
-    made = _prepare(page, options.overwrite)
+    folder = options.record_dir / f"explain_{lesson.name}"
+    is_paused = options.rate is None and not lesson.plays
+    selection = _selection(lesson, options, folder)
+    return play(selection, replace(options, paused=is_paused))
+
+
+def _export(options: ExplainOptions, folder: Path) -> int:
+    """Write one lesson, or all with a list of them."""
+    from ros_visualise.lessons import LESSONS
+    from ros_visualise.lessons.handout import PAGE, write_contents
+    from ros_visualise.lessons.printing import find_browser, print_page
+
+    browser = find_browser() if options.pdf else ""
+    if options.topic != _ALL:
+        lessons = {PAGE: LESSONS.find(str(options.topic))}
+    else:
+        lessons = {f"{one.name}/{PAGE}": one for one in LESSONS.all()}
+    pages = [folder / name for name in lessons]
+    made = _prepare(folder / PAGE, options.overwrite)
+    worst = 0
     try:
-        status = play(selection, _written_down(options, lesson))
+        for page, lesson in zip(pages, lessons.values(), strict=True):
+            try:
+                worst = max(worst, _write(lesson, options, page.parent))
+            except RosVisualiseError as error:
+                if options.topic != _ALL:
+                    raise
+                print_status(f"ros-visualise: {lesson.name}: {error}")
+                worst = 1
+            if worst == STOPPED:
+                break
+        if options.topic == _ALL:
+            write_contents(
+                folder, [one for one in lessons.values() if (folder / one.name).exists()]
+            )
+            pages.append(folder / PAGE)
     finally:
         _remove_empty(made)
-    if page.exists():
+    for page in filter(Path.exists, pages):
+        if browser:
+            print_status(f"{print_page(browser, page)}: written")
         print_status(f"{page}: written")
-    return status
+    return worst
 
 
-def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> Selection:
-    """A lesson on a file, or on another that is opened from the page."""
+def _write(lesson: Lesson, options: ExplainOptions, folder: Path) -> int:
+    """Write one lesson; of all, those that do not take the given file explain their sample."""
+    from ros_visualise.running.play import play
+
+    given = replace(options, input=None) if not _fits(lesson, options) else options
+    return play(_selection(lesson, given, folder, True), _written_down(given, lesson))
+
+
+def _fits(lesson: Lesson, options: ExplainOptions) -> bool:
+    if options.topic != _ALL or options.input is None:
+        return True
+    from ros_visualise.sources.opening import is_recording
+    from ros_visualise.sources.pictures import is_pictures
+
+    is_streamed = is_recording(options.input) and not is_pictures(options.input)
+    return not lesson.streams or is_streamed or options.input in ROBOTS.names()
+
+
+def _selection(
+    lesson: Lesson, options: ExplainOptions, folder: Path, at_end: bool = False
+) -> Selection:
+    """A lesson on the file of the options, or on another that is opened from the page."""
     from ros_visualise.lessons.pipeline import lesson_pipeline
     from ros_visualise.running.graphs import Selection
 
     def graph(undo: ExitStack) -> Graph:
-        return lesson_pipeline(lesson, path, folder, at_end, undo)
+        origin = _origin(lesson, options)
+        return lesson_pipeline(lesson, options.input, folder, at_end, undo, origin)
 
     def another(other: str) -> Selection:
-        return _selection(lesson, other, folder, at_end)
+        return _selection(lesson, replace(options, input=other), folder, at_end)
 
-    return Selection(lesson.name, graph, path or "", another=another)
+    return Selection(lesson.name, graph, options.input or "", another=another)
+
+
+def _origin(lesson: Lesson, options: ExplainOptions) -> Origin:
+    from ros_visualise.lessons.lesson import Origin
+    from ros_visualise.lessons.pipeline import sample_of
+
+    words = [options.input] if options.input else []
+    pairs = [("--node", one) for one in options.node]
+    if options.start:
+        pairs.append(("--start", f"{options.start:g}"))
+    if options.params:
+        pairs.append(("--params", str(options.params)))
+    if options.preset:
+        pairs.append(("--preset", options.preset))
+    words += [word for pair in pairs for word in pair]
+    source = options.input or sample_of(lesson)
+    return Origin(source, tuple(words), tuple(options.node), tuple(options.set))
 
 
 def _written_down(options: ExplainOptions, lesson: Lesson) -> ExplainOptions:

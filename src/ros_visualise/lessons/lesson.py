@@ -40,6 +40,23 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """The call of a lesson.
+
+    Attributes:
+        source: the picture or recording, for people.
+        arguments: of ``ros-visualise explain``, without those of the export and `settings`.
+        nodes: nodes inserted between the steps, as of ``--node``.
+        settings: NODE.PARAM=VALUE, as of ``--set``.
+    """
+
+    source: str
+    arguments: tuple[str, ...] = ()
+    nodes: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Lesson:
     """A lesson.
 
@@ -77,9 +94,10 @@ class FigureImage(Deferred):
 
 @dataclass(frozen=True, eq=False)
 class StepResult(Image):
-    """The image of a step, with data for the steps after it."""
+    """The image of a step, with data for the steps after it, and the parameters that made it."""
 
     work: Any = None
+    settings: Any = None
 
 
 def show(

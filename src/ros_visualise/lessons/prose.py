@@ -19,6 +19,26 @@ def to_html(text: str) -> str:
     return "\n".join(_block(block) for block in re.split(r"\n\s*\n", text.strip("\n")) if block)
 
 
+_ON_THE_PAGE = (
+    "Click another pixel",
+    "Move the sliders of a step, and all later steps change too",
+    "Move the sliders of this step",
+    "Turn it in the 3D view",
+    "Play, pause, change the rate, and watch them",
+    "Drops are counted in the table of topics",
+    "The main panel shows [^.]*",
+    "The 3D view shows [^.]*",
+)
+"""Sentences about what a person can do on the live page."""
+
+_CONTROLS = re.compile(rf"\s*\b({'|'.join(_ON_THE_PAGE)})\.".replace(" ", r"\s+"))
+
+
+def without_controls(text: str) -> str:
+    """A text without the sentences that make no sense on paper."""
+    return _CONTROLS.sub("", text)
+
+
 def _block(block: str) -> str:
     if all(line.startswith(_FORMULA) for line in block.splitlines()):
         return f"<pre>{escape(dedent(block))}</pre>"

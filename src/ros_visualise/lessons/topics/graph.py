@@ -156,7 +156,7 @@ def nodes(image: Image, params: object) -> dict[str, Message]:
     text = """
         Each box is a node, which does one thing; the names between them are topics. Here all nodes
         are threads of one process, and messages are not copied. On a ROS graph the same nodes can
-        be processes on several machines; rosrun ros_visualise viewer shows them in this page.
+        be processes on several machines; rosrun ros_visualise viewer shows them in the browser.
         The main panel shows the whole graph that is running (graph), and the rates and drops of its
         topics (table of topics).
         """

@@ -55,7 +55,7 @@ def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
     if seen is None:
         text = """
             There is no tag in your picture, and the drawn one is too small, too slanted, or outside
-            of it: move the sliders.
+            of it. Move the sliders of this step.
             """
         return show(image, bgr, text, TagSeen(bgr, info, params.size, None))
     figure = Figure(width, height)
@@ -219,7 +219,7 @@ LESSON = Lesson(
 )
 
 _CORNERS = ("lower left ", "lower right", "upper right", "upper left ")
-_NOTHING = "No tag: see the previous window."
+_NOTHING = "No tag: see the first step."
 
 
 def _tag_of(image: Image) -> TagSeen | None:

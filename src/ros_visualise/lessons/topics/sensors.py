@@ -126,7 +126,7 @@ class _Samples:
     def wait(self, imu: Imu) -> dict[str, Message]:
         """The answer while there are too few samples."""
         text = """
-            {count} measurements so far; this window waits for at least {least}. KITTI's drives have
+            {count} measurements so far; at least {least} are needed. KITTI's drives have
             10 per second, so choose one of 10 s or more, or any other recording
             with an IMU.
             """
