@@ -21,4 +21,7 @@ def test_an_image_and_the_timeline_fit(chromium, page, size):
     assert image["y"] + image["height"] <= bar["y"]
     assert bar["width"] > 0.9 * width
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    for name in ("Search the page", "Undo", "Redo", "Layouts"):  # however many panels there are
+        button = tab.get_by_role("button", name=name).bounding_box()
+        assert 0 <= button["x"] <= width - button["width"]
     context.close()

@@ -88,6 +88,11 @@ class Scene:
             else:
                 self._take(topic, message)
 
+    def show_track(self, topic: str, places: Floats) -> None:
+        """Draw the whole way of a topic of poses or fixes, faintly; see `whole_tracks`."""
+        with self._lock:
+            self._topics.show_track(topic, places)
+
     def wants(self, topic: str) -> bool:
         with self._lock:
             entry = self._topics.get(topic)

@@ -141,6 +141,12 @@ class SceneTopics:
             entry.again()
         return entry.drawing
 
+    def show_track(self, topic: str, places: Floats) -> None:
+        """Draw the whole way of a topic, if it is drawn."""
+        drawing = self.drawing(topic) if topic in self._entries else None
+        if isinstance(drawing, PoseDrawing | FixDrawing):
+            drawing.show_track(places)
+
     def is_seen(self, topic: str) -> bool:
         """True if a topic is visible at the moment."""
         entry = self._entries[topic]

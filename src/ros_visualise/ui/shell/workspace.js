@@ -82,9 +82,10 @@ export default {
           <q-btn flat dense no-caps color="primary" label="restore the default layout" @click="restore" /></div>
       </div>
       <div class="rv-rail" role="toolbar" aria-label="Panels" :aria-orientation="isNarrow ? 'horizontal' : 'vertical'">
-        <q-btn v-for="(kind, name) in kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.title"
-          :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
-        <span class="rv-space"></span>
+        <div class="rv-kinds">
+          <q-btn v-for="(kind, name) in kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.title"
+            :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
+        </div>
         <q-btn flat dense icon="search" aria-label="Search the page" title="Search (Ctrl+K)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
         <q-btn flat dense icon="redo" aria-label="Redo" title="Redo (Ctrl+Shift+Z)" :disable="!redoable" @click="past.redo()" />

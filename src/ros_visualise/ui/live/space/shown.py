@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from ros_visualise.core import supervision
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Header, PoseStamped
 from ros_visualise.runtime.base import Runtime
@@ -17,6 +19,7 @@ from ros_visualise.ui.scene.kinds import is_tree
 from ros_visualise.ui.scene.picking import Ray
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
+from ros_visualise.ui.scene.tracks import whole_tracks
 from ros_visualise.ui.worker import PageWorker
 
 _PERIOD_S = 0.2
@@ -45,15 +48,17 @@ class ShownScene:
         self._tree = tree
         self.worker = PageWorker(say, self._refresh, _PERIOD_S)
         self._runtime, self._is_watched, self._tell = runtime, is_watched, tell
-        self._graph = runtime.graph
+        self._graph, self._closed = runtime.graph, False
         self.scene.appearance = Appearance(names=is_tree(topics_of(self._graph)))
         self._drawing = SceneThread(runtime, self.scene, is_watched, self._unthrottled)
         self._follow()
         self.worker.start()
         self._drawing.start()
+        supervision.start("tracks", self._read_tracks)
 
     def close(self, timeout_s: float) -> None:
         """End the threads, each within the given time."""
+        self._closed = True
         self.worker.close(timeout_s)
         self._drawing.close(timeout_s)
 
@@ -76,6 +81,12 @@ class ShownScene:
     def goals(self) -> list[str]:
         """Topics that take goals."""
         return [name for name, kind in self._graph.inputs.items() if kind is PoseStamped]
+
+    def _read_tracks(self) -> None:
+        while not (self._closed or self._is_watched()):
+            time.sleep(_PERIOD_S)
+        for topic, places in whole_tracks(self._runtime, lambda: self._closed):
+            self.scene.show_track(topic, places)
 
     def _send(self, topic: str, place: Floats, fixed: str) -> None:
         """Send the robot there, to face in its direction of travel."""

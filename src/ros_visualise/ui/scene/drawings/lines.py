@@ -18,14 +18,19 @@ _MAX_VERTICES = 5000
 _SPACING_M = 0.05
 _FAR_M = 10_000.0
 _NS = 1_000_000_000
+_FAINT, _GRAY, _FAINT_WIDTH = 0.3, 140, 1.5
 _MAX_SPEED_MPS = 400.0  # faster is a jump
 
 
 class Line:
-    """One line through points, changed in place."""
+    """One line through points, changed in place; ``faint``: thin, and nearly gray."""
 
-    def __init__(self, scene: SpaceTree, name: str, color: Color) -> None:
-        self._scene, self._lines = scene, scene.add(name, Lines(colors=color))
+    def __init__(self, scene: SpaceTree, name: str, color: Color, faint: bool = False) -> None:
+        if faint:
+            red, green, blue = (round(_FAINT * one + (1 - _FAINT) * _GRAY) for one in color)
+            color = red, green, blue
+        lines = Lines(colors=color, width=_FAINT_WIDTH) if faint else Lines(colors=color)
+        self._scene, self._lines = scene, scene.add(name, lines)
 
     def show(self, vertices: npt.NDArray[np.floating]) -> None:
         """Replace its points (N, 3); many are thinned evenly.

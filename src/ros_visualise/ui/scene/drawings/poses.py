@@ -38,6 +38,7 @@ class PoseDrawing(Drawing):
         self.T_frame_body: Floats = np.eye(4)
         self._axes = scene.add(f"{name}/axes", Axes(origin=color))
         self._line = Line(scene, f"{name}/trail", color)
+        self._whole = Line(scene, f"{name}/whole", color, faint=True)
         self._trail = Trail()
         self._ellipsoid = scene.add(f"{name}/covariance", Solids(shape="sphere", visible=False))
 
@@ -53,6 +54,10 @@ class PoseDrawing(Drawing):
             half_axes, self._ellipsoid.wxyz = ellipsoid(covariance)
             self._ellipsoid.position = self.T_frame_body[:3, 3]
             self._ellipsoid.rows = solid_row(2 * np.array(half_axes), self._color, 0.3)
+
+    def show_track(self, places: Floats) -> None:
+        """Draw all of the way (N, 3), faintly."""
+        self._whole.show(places)
 
     def extent(self) -> npt.NDArray[np.floating]:
         return thinned(self._trail.vertices)

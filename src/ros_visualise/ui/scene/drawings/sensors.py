@@ -42,6 +42,9 @@ class FixDrawing(Drawing):
         self._trail = Trail()
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
         self._line = Line(scene, f"{name}/trail", color)
+        self._whole = Line(scene, f"{name}/whole", color, faint=True)
+        self._track: Floats = np.zeros((0, 3))
+        self._drawn: object = None
         self._dot = scene.add(f"{name}/fix", Solids(shape="sphere", visible=False))
 
     def gather(self, message: Any, now_ns: int) -> None:
@@ -57,10 +60,22 @@ class FixDrawing(Drawing):
         datum = np.zeros(3) if self._datum is None else self._datum
         self.T_frame_body[:3, 3] = datum + position
         self._vertices = datum + self._trail.vertices
+        self._show_whole(datum)
         self._line.show(self._vertices)
         size = [_DOT * appearance.axes_size] * 3
         self._dot.position, self._dot.rows = datum + position, solid_row(size, self._color)
         self._dot.visible = True
+
+    def show_track(self, places: Floats) -> None:
+        """Draw all of the way, faintly: latitude, longitude and height (N, 3)."""
+        self._track, self._drawn = places, None
+
+    def _show_whole(self, datum: Floats) -> None:
+        """Draw it on the plane, unless that is done."""
+        drawn = self._plane, datum.tolist()
+        if self._plane is not None and self._drawn != drawn:
+            self._drawn = drawn
+            self._whole.show(datum + self._plane.to_enu(self._track))
 
     def frame_of(self, message: Any, frames: Frames) -> str:
         return "map" if "map" in frames.names else ""

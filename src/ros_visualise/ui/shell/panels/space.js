@@ -51,7 +51,7 @@ export default {
             </select>
             <template v-if="one.range">
               <input type="range" :min="one.range[0]" :max="one.range[1]" :step="one.range[2]" :value="one.value" :disabled="readOnly"
-                @input="set(one, Number($event.target.value))">
+                @input="set(one, Number($event.target.value), true)" @change="set(one, Number($event.target.value))">
               <output>{{ one.value.toLocaleString("en", { maximumFractionDigits: 2, useGrouping: false }) }}</output>
             </template>
           </label>
@@ -199,9 +199,21 @@ export default {
       this.said = "";
       this.view?.pin([], "");
     },
-    set(control, value) {
+    // Change a setting; what a person is done with can be undone.
+    set(control, value, isUnderway = false) {
+      this.before ??= control.value;
       control.value = value;
-      this.live.send({ set: { [control.place]: value } });
+      this.tell(control.place, value);
+      if (isUnderway) return;
+      const { place } = control;
+      const before = this.before;
+      this.before = null;
+      if (before !== value) rv.past.did({ undo: () => this.tell(place, before), redo: () => this.tell(place, value) });
+    },
+    tell(place, value) {
+      const message = { set: { [place]: value } };
+      if (!this.isGone) return this.live.send(message);
+      const live = rv.live("/live/space", { open: () => (live.send(message), setTimeout(live.close, 1000)) }); // the panel was closed
     },
     isSwitch: (one) => !one.options.length && !one.range,
     swatch: ({ color }) => (color.length ? `rgb(${color.join()})` : "linear-gradient(90deg, #30f, #2cf, #4f4, #fc2, #d20)"),
