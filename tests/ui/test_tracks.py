@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from made_videos import numbered, write_video
 
 from ros_visualise.data import Header, NavSatFix, Odometry, PoseStamped
-from ros_visualise.graph.pipelines import recording_pipeline
+from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
@@ -49,6 +50,19 @@ def test_tracks_are_read_whole_or_in_samples(runtime, monkeypatch, largest):
     assert np.array_equal(found[ODOM], [[n, n % 2, 0] for n in range(30)])
     assert len(found[FIX]) == 29
     assert found[FIX][-1].tolist() == pytest.approx([50.00029, 8, 0])
+
+
+def test_the_fixes_of_a_film(tmp_path):
+    film = write_video(tmp_path / "film.mp4", numbered(5))
+    block = "{n}\n00:00:0{n},000 --> 00:00:0{n},900\nGPS(8.000{n},50.0,16) BAROMETER:1.9\n\n"
+    (tmp_path / "film.SRT").write_text("".join(block.format(n=n) for n in range(1, 5)))
+    runtime = LocalRuntime(film_pipeline(film), Playback())
+    try:
+        assert [(topic, len(track)) for topic, track in whole_tracks(runtime, lambda: False)] == [
+            ("/fix", 4)
+        ]
+    finally:
+        runtime.stop()
 
 
 def test_it_ends_when_asked(runtime):

@@ -62,10 +62,11 @@ def _opened(runtime: Runtime) -> Recording | None:
     """The recording of the source, or what a film has measured."""
     source = runtime.graph.source
     assert source is not None
+    if source.type.series:
+        return SeriesRecording(Path(), "film", 0, source.type.series)
     if source.type.recording is not None:
         return source.type.recording(runtime.parameters[source.name].current)
-    series = [one for one in source.type.series if one.kind in _PLACES]
-    return SeriesRecording(Path(), "film", 0, series) if series else None
+    return None
 
 
 def _track(recording: Recording, topic: str, is_over: Callable[[], bool]) -> Floats:
