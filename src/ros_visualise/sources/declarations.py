@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from ros_visualise.core.checks import check_name
+from ros_visualise.core.checks import check_name, check_params
 from ros_visualise.core.declarations import actions_of, completed, first_line
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.message import Message
@@ -133,6 +133,7 @@ def source(
 ) -> Callable[[T], T]:
     """Declare the decorated class as a source; see `SourceType`; raises UsageError."""
     check_name(f"source {name}", name)
+    check_params(f"source {name}", params)
     for axis in velocity_axes:
         if axis not in VELOCITY_AXES:
             there = ", ".join(VELOCITY_AXES)
