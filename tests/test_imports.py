@@ -38,7 +38,7 @@ EVERYWHERE = {
     *("pyapriltags", "argcomplete", "fastapi", "nicegui", "uvicorn"),
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "websockets", "msgspec", "cbor2"),
     "onnxruntime",
-    *("duckdb", "distributed"),
+    *("duckdb", "dask", "distributed"),
     *sys.stdlib_module_names,
 }
 MIDDLEWARES = {

@@ -36,7 +36,7 @@ class ChangeLimits(NamedTuple):
     of: Mapping[str, Mapping[str, float]]
 
     def find(self, change: ResultChange) -> float | None:
-        """The limit of a change, by the last pattern that fits; None: it has none."""
+        """The limit of a change, by the last pattern that fits; None: no limit."""
         found: float | None = None if change.metric in RATIOS else 0.0
         for pattern, limits in self.of.items():
             if change.metric in limits and fnmatchcase(change.of, pattern):

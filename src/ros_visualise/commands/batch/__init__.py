@@ -59,6 +59,13 @@ class BatchOptions(SettingOptions, MemoryOptions):
     workers: int | None = option(
         None, "tasks at once (default: one for each processor)", type=count, metavar="N"
     )
+    cluster: str = option(
+        "",
+        "run the tasks on a Dask cluster: the address of its scheduler, such as"
+        " tcp://192.168.1.10:8786, or local, which starts one here; inputs and DIR are on a disk"
+        " that all its machines share",
+        metavar="ADDRESS|local",
+    )
     segment: float | None = option(
         None,
         "split longer recordings into parts of this duration, such as 10m",

@@ -15,6 +15,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise.batch.apart import Limits, Stopped, TaskFailure
+from ros_visualise.batch.cluster import run_on_cluster
 from ros_visualise.batch.inputs import find_inputs
 from ros_visualise.batch.local import Outcome, run_here
 from ros_visualise.batch.plan import identify, plan, split, task_of
@@ -104,7 +105,8 @@ def _map(
     tasks: Iterable[Task],
 ) -> Iterator[Outcome]:
     limits = Limits(options.timeout, options.max_memory)
-    return run_here(work, tasks, limits, _workers(options), lambda: request.asked)
+    engine = partial(run_on_cluster, options.cluster) if options.cluster else run_here
+    return engine(work, tasks, limits, _workers(options), lambda: request.asked)
 
 
 def _execute(
