@@ -124,6 +124,25 @@ def test_a_run_gives_topics_in_the_same_order_each_time(film):
     assert len(one) == 3 * len({stamp_ns for _, stamp_ns in one})
 
 
+def test_a_graph_runs_again(film, recordings):
+    bag = rv.pipeline(recordings / "bags" / "evo_tf_example.bag")
+    for graph, count in ((rv.pipeline(film), 40), (bag, 517)):
+        topic = next(iter(graph.source.topics))
+        counts = [sum(1 for _ in rv.run(graph, topic)) for _ in range(2)]
+        assert counts == [count, count]
+
+
+def test_a_camera_is_a_source_too():
+    graph = rv.pipeline("test").configured({"camera": {"size": "64x48"}})
+    sample = next(rv.run(graph, "/edges", kind=rv.Image))
+    assert sample.message.width == 64
+
+
+def test_wrong_paths_are_noticed_at_once(tmp_path):
+    with pytest.raises(rv.OpenError, match="no such file"):
+        rv.pipeline(tmp_path / "none.mp4")
+
+
 def test_leaving_a_run_early_ends_it(film):
     for sample in rv.run(rv.pipeline(film), "/edges"):
         assert sample.topic == "/edges"
@@ -219,8 +238,18 @@ def test_trajectories_are_arrays_with_errors(recordings, tmp_path):
     np.testing.assert_array_equal(again.stamps_ns, aligned.stamps_ns)
     np.testing.assert_array_equal(again.positions_xyz, aligned.positions_xyz)
     assert found._repr_html_().startswith("<svg")
-    with pytest.raises(rv.UsageError, match="give a number of poses as 1f, or 10m"):
-        found.errors(truth, delta="1")
+    for wrong, says in (
+        (lambda: found.errors(truth, delta="1"), "give a number of poses as 1f, or 10m"),
+        (lambda: found.align(truth, "se4"), "no alignment 'se4'; did you mean se3"),
+        (lambda: rv.trajectory(texts / "KITTI_00_gt.txt", "/odom"), "a text file without topics"),
+        (
+            lambda: rv.trajectory(texts / "KITTI_00_gt.txt").to_tum(tmp_path / "b.tum"),
+            "has no times, which TUM needs",
+        ),
+    ):
+        with pytest.raises(rv.UsageError, match=says):
+            wrong()
+    assert not (tmp_path / "b.tum").exists()
 
 
 def test_tags_are_detected_with_their_poses(recordings):
@@ -246,6 +275,8 @@ def test_a_camera_is_calibrated_from_pictures(recordings):
     assert found.info.K[0, 0] == pytest.approx(535.92, rel=0.01)  # as published
     with pytest.raises(rv.UsageError, match="no board in 3 images"):
         rv.calibrate(IMAGES[:3])
+    with pytest.raises(rv.UsageError, match="no 'chess'; did you mean chessboard"):
+        rv.calibrate(IMAGES[:3], pattern="chess")
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_the_best_type_is_chosen():
 @pytest.mark.parametrize(
     ("topic", "says"),
     [
-        (None, "choose one by --topic: /a, /b"),
+        (None, "give one as topic: /a, /b"),
         ("/c", "no poses on /c; choose from /a, /b"),
         ("/tf", "no poses on /tf"),
         ("/tf:map", "/tf:PARENT.CHILD"),

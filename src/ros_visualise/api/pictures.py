@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ros_visualise.api.nodes import ImageLike, as_image, node_function
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import CameraInfo, Detection, Detections, Image
 from ros_visualise.landmarks.calibration.boards import BoardKind, board_of
 from ros_visualise.landmarks.calibration.calibrating import CameraCalibration
@@ -67,6 +67,10 @@ def calibrate(
         OpenError: a picture cannot be read.
         UsageError: the board is in too few of them.
     """
+    kinds, models = ([one.value for one in kind] for kind in (BoardKind, Lens))
+    for given, known in ((pattern, kinds), (model, models)):
+        if given not in known:
+            raise UsageError(f"no {given!r}{did_you_mean(given, known)}")
     collector = ViewCollector(board_of(BoardKind(pattern), size, None, None, None))
     for number, image in enumerate(images):
         collector.add(_read(image), f"image {number}")

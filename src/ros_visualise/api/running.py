@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from functools import partial
@@ -9,15 +10,16 @@ from os import PathLike, fspath
 from typing import Any, TypeVar, overload
 
 from ros_visualise.api.reading import Sample
-from ros_visualise.core.errors import RosVisualiseError, UsageError, did_you_mean
+from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError, did_you_mean
 from ros_visualise.core.message import Message
 from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import content
-from ros_visualise.running.graphs import film, recording
+from ros_visualise.running.graphs import film, recording, stream
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.ordering import Ordering
 from ros_visualise.runtime.record_queue import OrderedQueue
 from ros_visualise.runtime.topics import CallbackListener
+from ros_visualise.sources.camera import is_live
 from ros_visualise.sources.opening import is_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.playback import Playback
@@ -32,15 +34,23 @@ class NodeFailed(RosVisualiseError):
 
 
 def pipeline(path: str | PathLike[str]) -> Graph:
-    """The graph that ``ros-visualise THING`` runs.
+    """The graph that ``ros-visualise THING`` runs: a film, a folder, a recording, a camera.
 
     `Graph.insert` adds a node to it, `Graph.configured` sets parameters.
 
     Raises:
-        OpenError: the film, folder or recording cannot be opened.
+        OpenError: no such file, or the recording cannot be opened; what else cannot be opened is
+            noticed by `run`.
     """
     name = fspath(path)
-    selected = recording(name) if is_recording(name) and not is_pictures(name) else film(name, "")
+    if is_live(name):
+        selected = stream(name, "")
+    elif not os.path.exists(name):
+        raise OpenError.missing(name)
+    elif is_recording(name) and not is_pictures(name):
+        selected = recording(name)
+    else:
+        selected = film(name, "")
     with ExitStack() as undo:
         graph = selected.graph(undo)
         undo.pop_all()  # its source closes what is open

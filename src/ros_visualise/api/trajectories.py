@@ -11,6 +11,7 @@ from pathlib import Path as File
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
 from ros_visualise.geometry.trajectory_errors import parse_delta, statistics
 from ros_visualise.plotting.trajectory_plot import (
@@ -105,7 +106,14 @@ class PoseTrajectory:
         return float(self.stamps_ns[-1] - self.stamps_ns[0]) / 1e9
 
     def to_tum(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
-        """Write a text file in the format of TUM, which evo reads; see `sinks.trajectory.save`."""
+        """Write a text file in the format of TUM, which evo reads.
+
+        Raises:
+            OpenError: it exists or cannot be written.
+            UsageError: the trajectory has no times.
+        """
+        if not self._read.stamped:
+            raise UsageError(f"{self.name}: has no times, which TUM needs")
         save({File(path): "".join(FORMATS["tum"](self._read.path)).encode()}, overwrite)
 
     def align(
@@ -166,7 +174,9 @@ def trajectory(path: str | PathLike[str], topic: str | None = None) -> PoseTraje
         UsageError: no such topic, or several have poses.
         RosVisualiseError: it has no poses.
     """
-    if topic is None and is_trajectory_file(File(path)):
+    if is_trajectory_file(File(path)):
+        if topic is not None:
+            raise UsageError(f"{topic}: {path} is a text file without topics")
         return PoseTrajectory.of(read_trajectory_file(File(path)))
     with closing(open_source(path)) as recording:
         return PoseTrajectory.of(read_trajectory(recording, topic))

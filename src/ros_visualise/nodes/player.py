@@ -123,7 +123,7 @@ def player(
     Unless topics are given, those that cannot be played are logged.
 
     Args:
-        recording: it is open; the source closes it.
+        recording: it is open; the first source that is made closes it, later ones open it again.
         topics: these alone; none: all that can be read.
         without: all but these.
         calibrations: topic -> file with the calibration of its images or detections, in place of
@@ -139,9 +139,15 @@ def player(
     types = {name: recording.topics[name].type for name in played}
     declared = find_source("player")
     make: Callable[..., Source] = declared.make
+    opened = [recording]
+
+    def begin(params: Any, playback: Playback) -> Source:
+        taken = opened.pop() if opened else _open_again(recording, params)
+        return make(taken, played, unplayed, calibrations, params, playback)
+
     return replace(
         declared,
-        make=partial(make, recording, played, unplayed, calibrations),
+        make=begin,
         params=_offsets_of(recording) if isinstance(recording, JoinedRecording) else NoParams,
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),

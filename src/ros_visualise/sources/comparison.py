@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import Floats, Path
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import (
+    ALIGNMENTS,
     NEXT,
     Delta,
     Indices,
@@ -72,6 +73,8 @@ def compare(
     Raises:
         UsageError: no matching poses, or they cannot be aligned like that.
     """
+    if how not in ALIGNMENTS:
+        raise UsageError(f"no alignment {how!r}{did_you_mean(how, ALIGNMENTS)}")
     turns = found.turns and truth.turns
     if how == "origin" and not turns:
         without = found if truth.turns else truth

@@ -276,7 +276,7 @@ def _choose(recording: Recording, but: str | None) -> str:
         if of_kind:
             listed = ", ".join(there)
             raise UsageError(
-                f"{recording.path}: several topics have poses; choose one by --topic: {listed}"
+                f"{recording.path}: several topics have poses; give one as topic: {listed}"
             )
     raise UsageError(f"{recording.path}: no topic with poses; see ros-visualise info")
 
