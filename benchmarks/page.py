@@ -28,7 +28,7 @@ TOPICS = ("/controlled_stream", "/processed_image", "/edges")
 
 
 def receive(received: list[int]) -> None:
-    """Take images until the page ends, as panels do, as fast as they come."""
+    """Take images until the page ends, as panels do: bytes and images are counted."""
     with connect(f"ws://127.0.0.1:{PORT}/live/images", max_size=None) as live:
         views = {topic: {"topic": topic, "size": 720, "boxes": True} for topic in TOPICS}
         live.send(json.dumps({"show": views}))
@@ -36,6 +36,7 @@ def receive(received: list[int]) -> None:
             for image in live:
                 received[0] += len(image)
                 if isinstance(image, bytes):
+                    received[1] += 1
                     length = int.from_bytes(image[:4], "little")
                     live.send(json.dumps({"got": json.loads(image[4 : 4 + length])["key"]}))
         except ConnectionClosed:
@@ -49,7 +50,7 @@ def run(path: Path, frames: int, looks: str) -> tuple[float, float]:
     for setting in SETTINGS:
         command += ["--set", setting]
     pipeline = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    received = [0]
+    received = [0, 0]
     browser = None
     if looks == "receiving":
         threading.Thread(target=keep_trying, args=(received,), daemon=True).start()

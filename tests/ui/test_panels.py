@@ -1,11 +1,14 @@
 """Panels of the page: opened, closed, moved, dragged, undone, and kept in its address."""
 
 import json
+from contextlib import closing
 
 import pytest
-from page_client import wait_in
+from page_client import IMAGES, wait_in
 
 from ros_visualise.core import registry
+from ros_visualise.ui import ViewOptions
+from ros_visualise.ui.page import Page
 from ros_visualise.ui.shell.panels import PANELS
 
 BESIDE = "{~row~:[{~panel~:~log~},{~panel~:~topics~}],~at~:[0.72,0.28]}"
@@ -35,6 +38,21 @@ def test_the_topics_have_a_line_each_and_stay_in_the_address(browse, page, runti
     wait_in(tab, lambda: table(tab).count() == 0 and "topics" not in tab.url)
     tab.keyboard.press("Control+z")
     wait_in(tab, lambda: table(tab).count() == 1 and f"?layout={BESIDE}" in tab.url)
+
+
+def test_a_graph_that_begins_while_the_page_loads_has_its_panels(chromium, port, runtime):
+    shown, context, held, heard = Page(ViewOptions(port=port)), chromium.new_context(), [], []
+    tab = context.new_page()
+    tab.route("**/workspace.js*", lambda route: held.append(route))
+    tab.on("websocket", lambda live: live.on("framereceived", lambda frame: heard.append(frame)))
+    with closing(shown), closing(context):
+        tab.goto(shown.url, wait_until="commit")
+        wait_in(tab, lambda: held)
+        shown.open(runtime)
+        wait_in(tab, lambda: any("/processed_image" in str(frame) for frame in heard))
+        for route in held:
+            route.continue_()
+        tab.wait_for_function(IMAGES, timeout=60_000)
 
 
 def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page):

@@ -172,11 +172,12 @@ export default {
     this.sized.observe(this.$refs.room);
     this.other = () => {
       const { layout } = rv.offered.state;
-      if (JSON.stringify(layout) === JSON.stringify(this.usual)) return;
+      if (!layout || JSON.stringify(layout) === JSON.stringify(this.usual)) return;
       this.usual = layout;
       if (!this.isOwn) this.restore();
     };
     rv.offered.addEventListener("change", this.other);
+    this.other(); // another graph may have begun since the server made this page
     this.opened = ({ detail: { kind, state } }) => this.open(kind, state);
     document.addEventListener("rv-open", this.opened);
     this.stepped = () => ([this.undoable, this.redoable] = [rv.past.done.length > 0, rv.past.undone.length > 0]);
