@@ -233,6 +233,33 @@ def test_an_image_of_a_rosbridge(frame, types):
     }
 
 
+def test_messages_come_as_bytes_where_the_server_defines_its_types():
+    data = bytes(ROS2.serialize_cdr(point(5.0), POINT))
+    frames = [
+        cbor2.dumps(publishing({"secs": 1, "nsecs": 2, "bytes": data})),
+        cbor2.dumps(publishing({"secs": 1, "nsecs": 2, "bytes": data[:9]})),
+        json.dumps(publishing({"x": 6})),  # a server that does not know that compression
+    ]
+    server = Rosbridge(frames, [POINT], ["float64 x\nfloat64 y\nfloat64 z"])
+    with serving(server) as address, closing(Connection(address)) as connection:
+        connection.start(["/topic0"])
+        whole, cut, plain = (one.message for one in take_raw(connection, 3))
+    assert (whole.message.x, plain.message.x) == (5, 6)
+    with pytest.raises(DamagedMessage):
+        cut.message  # noqa: B018
+    assert server.heard[-1]["compression"] == "cbor-raw"
+
+
+@pytest.mark.parametrize(
+    "type_name", ["nav_msgs/msg/Odometry", "rcl_interfaces/msg/ParameterEvent"]
+)
+def test_json_is_asked_for_where_rosbridge_fails_in_cbor(type_name):
+    server = Rosbridge([], [type_name])
+    with serving(server) as address, closing(Connection(address)) as connection:
+        connection.start(["/topic0"])
+        wait_for(lambda: server.heard[-1].get("compression") == "none")
+
+
 def test_arrays_of_cbor_and_types_that_only_the_server_defines():
     ranges = cbor2.CBORTag(85, np.array([1, np.inf, np.nan], "<f4").tobytes())
     frame = cbor2.dumps(publishing({"ranges": ranges, "name": "left", "flags": [True, False]}))

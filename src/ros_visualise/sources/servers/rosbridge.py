@@ -1,4 +1,7 @@
-"""A client of rosbridge: messages in JSON, or in CBOR where the server knows that.
+"""A client of rosbridge: messages as their bytes in CBOR, or field by field in CBOR or JSON.
+
+Bytes are asked for where the server gives the definitions of its types. rosbridge itself drops
+messages with fixed arrays or lists of texts where they are asked for in CBOR field by field.
 
 Source: "rosbridge v2.0 Protocol Specification", ROSBRIDGE_PROTOCOL.md of
 github.com/RobotWebTools/rosbridge_suite; arrays in CBOR: RFC 8746.
@@ -12,6 +15,8 @@ from typing import Any
 
 import cbor2
 import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Encoding
@@ -44,6 +49,7 @@ class RosbridgeDialect:
         self.is_listed = False
         self.notes: list[str] = []
         self._is_ros1 = False
+        self._has_types = False
         self._subscribed: set[str] = set()
         self._published: set[tuple[str, str]] = set()
 
@@ -57,9 +63,8 @@ class RosbridgeDialect:
             if there is None or topic in self._subscribed or not channel.is_like(there):
                 continue
             self._subscribed.add(topic)
-            yield _text(
-                "subscribe", topic=topic, type=self._sent(channel.type_name), compression="cbor"
-            )
+            how = {"type": self._sent(channel.type_name), "compression": self._compression(there)}
+            yield _text("subscribe", topic=topic, **how)
 
     def hear(self, frame: Frame, now_ns: int) -> Received | None:
         heard = _parse(frame)
@@ -69,10 +74,7 @@ class RosbridgeDialect:
         elif op == "status" and heard.get("level") in ("error", "warning"):
             self.notes.append(str(heard.get("msg", ""))[:1000])
         elif op == "publish" and isinstance(topic, str) and topic in self._subscribed:
-            channel = self.channels[topic]
-            data = self._written(channel.type_name, channel, heard.get("msg"))
-            assert channel.definitions is not None
-            return Received(topic, Recorded(channel.type_name, data, channel.definitions, now_ns))
+            return Received(topic, self._message(self.channels[topic], heard.get("msg"), now_ns))
         return None
 
     def publish(self, topic: str, message: Recorded) -> Iterator[Frame]:
@@ -85,15 +87,27 @@ class RosbridgeDialect:
             yield _text("advertise", topic=topic, type=self._sent(message.type_name))
         yield _text("publish", topic=topic, msg=plain(message.message))
 
-    def _written(self, type_name: str, channel: Channel, values: Any) -> memoryview:
+    def _compression(self, channel: Channel) -> str:
+        if self._has_types:
+            return "cbor-raw"
         types = channel.definitions
+        return (
+            "cbor" if types is not None and _fits_cbor(types.store, channel.type_name) else "none"
+        )
+
+    def _message(self, channel: Channel, values: Any, now_ns: int) -> Recorded:
+        """A message, of its bytes or of its fields."""
+        types, name = channel.definitions, channel.type_name
         assert types is not None
-        try:
-            return types.write(type_name, fill(types.store, type_name, values))
-        except DamagedMessage:
-            raise
-        except Exception as error:  # the library raises what it happens to meet
-            raise DamagedMessage(f"{type_name}: cannot be read: {error}") from error
+        data = values.get("bytes") if self._has_types and isinstance(values, dict) else None
+        if not isinstance(data, bytes):
+            try:
+                data = types.write(name, fill(types.store, name, values))
+            except DamagedMessage:
+                raise
+            except Exception as error:  # the library raises what it happens to meet
+                raise DamagedMessage(f"{name}: cannot be read: {error}") from error
+        return Recorded(name, data, types, now_ns)
 
     def _list(self, response: Mapping[str, Any]) -> None:
         """Learn the topics from the answer of rosapi."""
@@ -103,9 +117,11 @@ class RosbridgeDialect:
         if response.get("result") is False or not isinstance(values, Mapping):
             if service == _LISTS[-1]:
                 self.notes.append(_NO_ROSAPI)
+                self.is_listed = True
             return
         topics, types = _texts(values.get("topics")), _texts(values.get("types"))
         texts = _texts(values.get("typedefs_full_text")) or [""] * len(topics)
+        self._has_types = service == _WITH_TYPES
         self._is_ros1 = not any("/msg/" in name for name in types)
         for topic, name, text in list(zip(topics, types, texts, strict=False))[:_MOST_CHANNELS]:
             self.channels[topic] = self._described(topic, ros_name(name), text)
@@ -118,6 +134,19 @@ class RosbridgeDialect:
 
     def _sent(self, type_name: str) -> str:
         return type_name.replace("/msg/", "/") if self._is_ros1 else type_name
+
+
+def _fits_cbor(store: Typestore, type_name: str) -> bool:
+    """True if rosbridge sends all messages of a type in CBOR, field by field."""
+    fields: Any = store.fielddefs[type_name][1]
+    for _, (sort, about) in fields:
+        element = about[0] if sort == Nodetype.SEQUENCE else (sort, about)
+        is_text = element[0] == Nodetype.BASE and element[1][0] == "string"
+        if sort == Nodetype.ARRAY or (sort == Nodetype.SEQUENCE and is_text):
+            return False
+        if element[0] == Nodetype.NAME and not _fits_cbor(store, element[1]):
+            return False
+    return True
 
 
 def _parse(frame: Frame) -> Mapping[str, Any]:
