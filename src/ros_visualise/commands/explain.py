@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED
 from ros_visualise.running.arguments import argument, option
@@ -85,13 +85,7 @@ def _export(options: ExplainOptions, folder: Path) -> int:
     worst = 0
     try:
         for page, lesson in zip(pages, lessons.values(), strict=True):
-            try:
-                worst = max(worst, _write(lesson, options, page.parent))
-            except RosVisualiseError as error:
-                if options.topic != _ALL:
-                    raise
-                print_status(f"ros-visualise: {lesson.name}: {error}")
-                worst = 1
+            worst = max(worst, _write(lesson, options, page.parent))
             if worst == STOPPED:
                 break
         if options.topic == _ALL:
@@ -112,18 +106,19 @@ def _write(lesson: Lesson, options: ExplainOptions, folder: Path) -> int:
     """Write one lesson; of all, those that do not take the given file explain their sample."""
     from ros_visualise.running.play import play
 
-    given = replace(options, input=None) if not _fits(lesson, options) else options
-    return play(_selection(lesson, given, folder, True), _written_down(given, lesson))
-
-
-def _fits(lesson: Lesson, options: ExplainOptions) -> bool:
-    if options.topic != _ALL or options.input is None:
-        return True
-    from ros_visualise.sources.opening import is_recording
-    from ros_visualise.sources.pictures import is_pictures
-
-    is_streamed = is_recording(options.input) and not is_pictures(options.input)
-    return not lesson.streams or is_streamed or options.input in ROBOTS.names()
+    try:
+        selection = _selection(lesson, options, folder, True)
+        return play(selection, _written_down(options, lesson))
+    except OpenError as error:
+        if options.topic != _ALL or options.input is not None:
+            raise
+        print_status(f"ros-visualise: {lesson.name}: {error}")
+        return 1
+    except UsageError as error:
+        if options.topic != _ALL or options.input is None:
+            raise
+        print_status(f"ros-visualise: {lesson.name}: explained on its sample: {error}")
+        return _write(lesson, replace(options, input=None), folder)
 
 
 def _selection(

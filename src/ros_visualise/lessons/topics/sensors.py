@@ -252,9 +252,9 @@ LESSON = Lesson(
 def _about_noise(times_s: Floats, deviation: Floats) -> str:
     """Lines with the noise density and the floor, as far as the curve shows them."""
     slope = slope_of(times_s, deviation)
-    lines = [f"no white noise: slope {slope:+.2f}, not −0.5"]
-    if abs(slope - _WHITE_SLOPE) < _SLOPE_ERROR:
-        lines = [f"N = {random_walk(times_s, deviation):.2e} /√Hz"]
+    if abs(slope - _WHITE_SLOPE) > _SLOPE_ERROR:
+        return f"        no white noise: slope {slope:+.2f}, not −0.5"
+    lines = [f"N = {random_walk(times_s, deviation):.2e} /√Hz"]
     lowest = int(deviation.argmin())
     floor, time_s = deviation[lowest], times_s[lowest]
     if lowest == len(times_s) - 1:
