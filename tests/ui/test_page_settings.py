@@ -125,3 +125,12 @@ def test_files_that_are_no_layout(tmp_path, text):
         read_arrangement(tmp_path / "l.yaml")
     with pytest.raises(OpenError, match=r"none\.yaml: no such file; did you mean l\.yaml"):
         read_arrangement(tmp_path / "none.yaml")
+
+
+def test_an_address_counts_that_is_written_over_at_once(look, runtime):
+    tab = look()
+    filters = runtime.parameters["filters"]
+    filters.update({"threshold": 60})
+    wait_in(tab, lambda: "threshold=60" in tab.url)
+    tab.evaluate("location.hash = '#filters/gray=False'; rv.nodes.writeNow()")
+    wait_in(tab, lambda: filters.current.gray is False)

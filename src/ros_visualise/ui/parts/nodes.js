@@ -35,6 +35,7 @@
         closed: () => {
           this.drafts = {};
           this.sent.clear();
+          this.run = null; // an address that was not restored yet is restored when it is back
           this.changed();
         },
       });
@@ -220,5 +221,6 @@
     const part = String(rv.clock.state.part);
     if (part !== nodes.part) nodes.write((nodes.part = part));
   });
-  window.addEventListener("hashchange", () => isForeign() || nodes.restore(location.hash));
+  // The address may have been written anew since.
+  window.addEventListener("hashchange", ({ newURL }) => isForeign() || nodes.restore(new URL(newURL).hash));
 })();
