@@ -16,6 +16,7 @@ DOCS = Path(__file__).parent
 FOLDER = DOCS / "generated"
 EXAMPLES = links.ROOT / "examples"
 PICTURES = DOCS / "pictures"
+PLUGIN = f"{links.REPOSITORY}/tree/main/examples/plugin"
 
 
 def version() -> str:
@@ -66,8 +67,8 @@ def _node(declared) -> Iterator[str]:
     is_source = isinstance(declared, SourceType)
     member = place_source(declared) if is_source else place(declared, {})
     yield from (f"# {declared.name}", "", declared.doc, "")
-    if (PICTURES / "nodes" / f"{declared.name}.png").exists():
-        yield from (f"![{declared.doc}](../pictures/nodes/{declared.name}.png)", "")
+    yield from (f"![{declared.doc}]({one})" for one in _picture(f"nodes/{declared.name}", "../../"))
+    yield ""
     if declared.inputs:
         rows = [(f"`{port}`", f"`{kind.type_name}`") for port, kind in declared.inputs.items()]
         yield from _table("Inputs", ("input", "message"), rows)
@@ -184,21 +185,33 @@ def _formats() -> Iterator[str]:
 
 
 def _gallery() -> dict[str, Iterable[str]]:
-    examples = sorted(EXAMPLES.glob("[0-9]*.py"))
+    extensions = sorted((EXAMPLES / "plugin" / "src").rglob("[a-z]*.py"))
     index = ["# Gallery", "", "Examples that run as they are, each in one file.", ""]
     pages: dict[str, Iterable[str]] = {}
-    for path in examples:
+    for path in (*sorted(EXAMPLES.glob("[0-9]*.py")), *extensions):
+        if path == extensions[0]:
+            index += [
+                "## Extensions",
+                "",
+                f"Files of one [package]({PLUGIN}) that adds them.",
+                "",
+            ]
         title = _example_title(path)
         pages[f"gallery/{path.stem}"] = _example(path, title)
-        index += [f"## [{title}](gallery/{path.stem}.md)", ""]
-        if (PICTURES / "examples" / f"{path.stem}.png").exists():
-            index += [f"![{title}](../pictures/examples/{path.stem}.png)", ""]
+        index += [f"### [{title}](gallery/{path.stem}.md)", ""]
+        index += [f"![{title}]({one})" for one in _picture(f"examples/{path.stem}", "../")] + [""]
     return {"gallery": [*index, *_contents("gallery")], **pages}
+
+
+def _picture(name: str, up: str) -> list[str]:
+    """The link to a picture, if it was made."""
+    found = [one for one in (".webp", ".svg") if (PICTURES / f"{name}{one}").exists()]
+    return [f"{up}pictures/{name}{one}" for one in found]
 
 
 def _example_title(path: Path) -> str:
     first = ast.get_docstring(ast.parse(path.read_text())).partition("\n")[0]
-    return first.rstrip(".:").partition(":")[0]
+    return first.partition(":")[0].rstrip(".")
 
 
 def _example(path: Path, title: str) -> Iterator[str]:
@@ -208,13 +221,19 @@ def _example(path: Path, title: str) -> Iterator[str]:
     for block in filter(None, map(str.strip, rest.split("\n\n"))):
         is_command = block.startswith(("ros-visualise", "python", "rosrun", "pip"))
         yield from ("```sh", block, "```", "") if is_command else (_text(block), "")
-    if (PICTURES / "examples" / f"{path.stem}.png").exists():
-        yield from (f"![{title}](../../pictures/examples/{path.stem}.png)", "")
-    yield from (
-        f"The file [examples/{path.name}]({links.REPOSITORY}/blob/main/examples/{path.name}):",
-        "",
-    )
+    yield from (f"![{title}]({one})" for one in _picture(f"examples/{path.stem}", "../../"))
+    place = path.relative_to(links.ROOT)
+    yield from ("", f"The file [{place}]({links.REPOSITORY}/blob/main/{place}):", "")
     yield from ("```python", path.read_text().partition('"""\n\n')[2].rstrip(), "```")
+    if (script := path.with_suffix(".js")).exists():
+        yield from (
+            "",
+            f"Beside it `{script.name}`:",
+            "",
+            "```js",
+            script.read_text().rstrip(),
+            "```",
+        )
 
 
 def _lessons() -> dict[str, Iterable[str]]:

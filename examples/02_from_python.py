@@ -1,6 +1,6 @@
 """The pipeline from Python: how much of each second of a video is edges?
 
-python examples/02_from_python.py FILE
+python examples/02_from_python.py flight.mp4
 """
 
 import sys

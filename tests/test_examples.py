@@ -97,7 +97,7 @@ def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, EXAMPLES / "05_own_source.py", str(port)]
+    command = [sys.executable, EXAMPLES / "21_own_page.py", str(port)]
     shown = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         address = next(line for line in shown.stderr if line.startswith("open ")).split()[1]

@@ -69,6 +69,9 @@ def test_the_sample_is_listed(sample):
         ("nodes", "vignette", "ros_visualise_example", ""),
         ("formats", "tum", "ros_visualise_example", ""),
         ("drawings", "compass", "ros_visualise_example", ""),
+        ("panels", "clock", "ros_visualise_example", ""),
+        ("lessons", "negative", "ros_visualise_example", ""),
+        ("sensors", "thermometer", "ros_visualise_example", ""),
         ("worlds", "hall", "ros_visualise_example", ""),
         ("commands", "gaps", "ros_visualise_example", ""),
     ]
@@ -107,6 +110,12 @@ def test_its_format_is_opened_whatever_it_is_called(sample, packages, tmp_path):
     assert (without.returncode, "not a recording" in without.stderr) == (2, True) or (
         "neither a recording" in without.stderr
     )
+
+
+def test_its_lesson_is_written_down(sample, tmp_path):
+    done = sample.run("explain", "negative", "--export", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "both add up to 255" in " ".join((tmp_path / "out" / "index.html").read_text().split())
 
 
 def test_its_command_has_help_and_an_exit_status(sample, tmp_path):
@@ -151,7 +160,9 @@ def test_robots_are_simulated_in_its_world_with_its_tags(sample):
         return json.loads(done.stdout)["topics"]
 
     small = ("--size", "320x240", "--set", "quadrotor.lidar=false")
-    assert in_hall("quadrotor", *small)["/ground_truth/odom"]["messages"] > 40
+    flown = in_hall("quadrotor", *small)
+    assert flown["/ground_truth/odom"]["messages"] > 40
+    assert flown["/temperature"]["messages"] == 2  # by its sensor
     mapped = sample.run(
         *("landmarks", "husky", "--world", "hall", "--duration", "1", "--json"),
         *("--model", "none"),

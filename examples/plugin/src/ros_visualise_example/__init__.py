@@ -1,1 +1,1 @@
-"""A node, a format, a drawing, a world and a command for ros_visualise."""
+"""A node, a format, a drawing, a panel, a lesson, a sensor, a world and a command."""
