@@ -186,7 +186,7 @@ def _formats() -> Iterator[str]:
 
 def _gallery() -> dict[str, Iterable[str]]:
     extensions = sorted((EXAMPLES / "plugin" / "src").rglob("[a-z]*.py"))
-    index = ["# Gallery", "", "Examples that run as they are, each in one file.", ""]
+    index = ["# Gallery", "", "Examples that run as they are, each in one file.", "", "## Uses", ""]
     pages: dict[str, Iterable[str]] = {}
     for path in (*sorted(EXAMPLES.glob("[0-9]*.py")), *extensions):
         if path == extensions[0]:

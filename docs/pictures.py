@@ -40,7 +40,6 @@ IMAGES = {
     "examples/07_what_moves": f"{VIDEO} --node examples/07_what_moves.py:Moving@fps_control",
     "examples/08_before_and_after": f"{VIDEO} --set filters.blur=gaussian --node"
     " examples/08_before_and_after.py:change@filters,before=/controlled_stream",
-    "nodes/streamer": VIDEO,
     "nodes/landscape": VIDEO,
     "nodes/filters": f"{VIDEO} --preset 'black and white'",
     "nodes/edge_detector": VIDEO,

@@ -42,6 +42,7 @@ class _Package(type(sys)):  # type: ignore[misc]
 
             return version("ros_visualise")
         is_room = os.path.isdir(os.path.join(os.path.dirname(__file__), name))
+        is_room = is_room and name != "messages"  # a room and a function
         if not name.startswith("_") and not is_room:
             from ros_visualise import api
 

@@ -43,6 +43,11 @@ assert {"open", "frames", "__version__", "messages"} <= set(dir(rv))
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_messages_can_be_the_first_name_that_is_used():
+    code = "import ros_visualise as rv; assert callable(rv.messages) and callable(rv.messages)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_the_version_is_that_of_the_package():
     assert rv.__version__ == version("ros_visualise")
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):

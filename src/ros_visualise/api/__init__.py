@@ -1,4 +1,4 @@
-"""The Python API: ``import ros_visualise as rv``; docs/python.md explains it with examples.
+"""The Python API: ``import ros_visualise as rv``, explained in docs/reference/python.md.
 
 Its names keep their meaning within a major version; one that goes is deprecated for a release
 before, with a DeprecationWarning that names its successor.
