@@ -241,10 +241,8 @@ def _lessons() -> dict[str, Iterable[str]]:
     import ros_visualise.lessons as room
 
     changed = max(path.stat().st_mtime for path in Path(room.__file__).parent.rglob("*.py"))
-    pages = {one: FOLDER / "lessons" / f"{one.name}.md" for one in room.LESSONS.all()}
-    old = [
-        one for one, page in pages.items() if not page.exists() or page.stat().st_mtime < changed
-    ]
+    pages = [(one, FOLDER / "lessons" / f"{one.name}.md") for one in room.LESSONS.all()]
+    old = [one for one, page in pages if not page.exists() or page.stat().st_mtime < changed]
     return {f"lessons/{lesson.name}": _lesson(lesson) for lesson in old}
 
 
