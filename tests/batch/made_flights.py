@@ -12,12 +12,36 @@ import duckdb
 import numpy as np
 from made_videos import numbered, write_video
 
-from ros_visualise.data import Header, Odometry
+from ros_visualise.data import Header, Image, Odometry, Twist
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
 UNEQUAL = ("cpu_s", "wall_s", "peak_mb", "key", "path")
 """Columns that differ between two runs of the same work."""
+
+FINDER = """
+from dataclasses import dataclass
+import numpy as np
+from ros_visualise.data import Detection, Detections, Hypothesis, Image
+from ros_visualise.nodes import node, param
+
+@dataclass(frozen=True)
+class FinderParams:
+    level: int = param(0, "least green of the first pixel", min=0, max=255)
+
+@node("finder", params=FinderParams, inputs={"image": Image}, outputs={"things": Detections})
+def finder(image, params):
+    "The corner, and the background if it is bright enough."
+    found = [([8.0, 6.0], "corner")]
+    if int(image.pixels[-1, -1, 1]) >= params.level:
+        found.append(([24.0, 18.0], "ground"))
+    size = np.array([16.0, 12.0])
+    return Detections(tuple(
+        Detection(np.array(center), size, hypotheses=(Hypothesis(name, 0.5),))
+        for center, name in found
+    ), image.header)
+"""
+"""A node that finds two things in an image of `numbered`; one of them if it is bright enough."""
 
 
 def films(folder: Path, count: int, images: int = 8) -> list[Path]:
@@ -43,6 +67,26 @@ def drive(path: Path, count: int = 50, sigma: float = 0.0, truth: bool = False) 
             for topic, error in zip(topics, (errors[number], 0.0), strict=False):
                 odometry = Odometry(place + error, still, pose_covariance=covariance, header=header)
                 recorder.write(topic, odometry, header.stamp_ns)
+    return path
+
+
+def camera_drive(path: Path, count: int = 20, shade: int = 0) -> Path:
+    """A recording of images, 10 Hz, with odometry at 20 Hz and commands at 5 Hz."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    kinds = {"/camera": Image, "/odom": Odometry, "/cmd_vel": Twist}
+    topics = {name: TopicType(kind.type_name) for name, kind in kinds.items()}
+    zero, still = np.zeros(3), np.array([0.0, 0, 0, 1])
+    with open_recorder(path, topics, live=False) as recorder:
+        for tick in range(2 * count):
+            t_ns = 10**18 + tick * 50_000_000
+            header = Header(t_ns, "odom")
+            place = np.array([tick / 20, 0, 0])
+            recorder.write("/odom", Odometry(place, still, header=header), t_ns)
+            if tick % 4 == 0:
+                recorder.write("/cmd_vel", Twist(np.array([tick / 4, 0, 0]), zero, header), t_ns)
+            if tick % 2 == 0:
+                pixels = numbered(count + 1, 64, 48)[tick // 2] // 2 + np.uint8(shade)
+                recorder.write("/camera", Image(pixels, "bgr8", Header(t_ns)), t_ns)
     return path
 
 

@@ -7,33 +7,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from made_flights import batch, command, drive
+from made_flights import FINDER, batch, command, drive
 from made_videos import numbered, write_video
 
 from ros_visualise.batch.comparison import FrameBoxes, iou, match
-
-FINDER = """
-from dataclasses import dataclass
-import numpy as np
-from ros_visualise.data import Detection, Detections, Hypothesis, Image
-from ros_visualise.nodes import node, param
-
-@dataclass(frozen=True)
-class FinderParams:
-    level: int = param(0, "least green of the first pixel", min=0, max=255)
-
-@node("finder", params=FinderParams, inputs={"image": Image}, outputs={"things": Detections})
-def finder(image, params):
-    "The corner, and the background if it is bright enough."
-    found = [([8.0, 6.0], "corner")]
-    if int(image.pixels[-1, -1, 1]) >= params.level:
-        found.append(([24.0, 18.0], "ground"))
-    size = np.array([16.0, 12.0])
-    return Detections(tuple(
-        Detection(np.array(center), size, hypotheses=(Hypothesis(name, 0.5),))
-        for center, name in found
-    ), image.header)
-"""
 
 
 @pytest.fixture(scope="module")

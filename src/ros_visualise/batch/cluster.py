@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
@@ -55,7 +56,12 @@ def run_on_cluster(
         ) from None
     with ExitStack() as undo:
         if address == LOCAL:
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
             address = undo.enter_context(cluster).scheduler_address
         try:
             client = undo.enter_context(Client(address, timeout=_PATIENCE_S))

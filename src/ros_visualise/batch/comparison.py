@@ -125,7 +125,7 @@ class ResultComparison:
         """The detections about a time, before and after."""
         sides = []
         for table in ("detections_0", "detections"):
-            frames = _frames(self._rows(table, recording, topic))
+            frames = frames_of(self._rows(table, recording, topic))
             near = [t for t in frames if abs(t - at_ns) <= self._slop_ns]
             nearest = min(near, key=lambda t: abs(t - at_ns), default=None)
             sides.append(_NOTHING if nearest is None else frames[nearest])
@@ -167,7 +167,8 @@ class ResultComparison:
 
     def _detections(self, recording: str, topic: str) -> Iterator[ResultChange]:
         sides = [
-            _frames(self._rows(table, recording, topic)) for table in ("detections_0", "detections")
+            frames_of(self._rows(table, recording, topic))
+            for table in ("detections_0", "detections")
         ]
         times = [np.array(list(side), np.int64) for side in sides]
         lost, gained, overlaps = {}, {}, []
@@ -278,7 +279,7 @@ def iou(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> float:
     return both / area if area > 0 else 1.0
 
 
-def _frames(rows: Arrays) -> dict[int, FrameBoxes]:
+def frames_of(rows: Arrays) -> dict[int, FrameBoxes]:
     """Stamp -> the detections at that time."""
     stamps = np.asarray(rows["t_ns"], np.int64)
     names = ("left_px", "top_px", "width_px", "height_px")

@@ -83,7 +83,7 @@ COMMANDS = Registry(
     first=(
         *("demo", "sim", "video", "camera", "live", "bag", "kitti", "view", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),
-        *("batch", "query", "compare", "nodes", "plugins", "docs", "completion"),
+        *("batch", "query", "compare", "dataset", "nodes", "plugins", "docs", "completion"),
     ),
 )
 """All commands, in the order of ``--help``."""

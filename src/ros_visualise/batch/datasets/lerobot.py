@@ -1,0 +1,247 @@
+"""LeRobot v3: Parquet and MP4, an episode for each recording of a robot that was driven.
+
+The state is the pose and velocity at an image, the action the velocity, or the numbers of the topic
+of commands. Images are taken at an even rate: that of the slowest camera, a whole number.
+
+Source: https://huggingface.co/docs/lerobot/lerobot-dataset-v3
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.batch.datasets import DatasetSource, SplitRecording, provenance, split_recordings
+from ros_visualise.batch.pictures import images_at
+from ros_visualise.batch.results import Results
+from ros_visualise.batch.tables import quoted
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.data import Header, Image
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+_STATE = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")
+_CAMERA = "observation.images.camera"
+_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+_VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+_CHUNK = 1000
+_TASK = "drive"
+
+Numbers = npt.NDArray[np.float64]
+
+
+class _Episode:
+    """A recording: the stamps of its images, and state and action at each."""
+
+    def __init__(self, sql: Any, recording: SplitRecording, fps: int, action: str) -> None:
+        self.recording = recording
+        name = recording.name
+        self.topic = _main_topic(sql, "image_stats", name)
+        stamps = sql.execute(
+            "SELECT t_ns FROM image_stats WHERE recording = ? AND topic = ? ORDER BY t_ns",
+            [name, self.topic],
+        ).fetchnumpy()["t_ns"]
+        poses = sql.execute(
+            f"SELECT t_ns, {', '.join(_STATE)} FROM poses WHERE recording = ? AND topic = ?"
+            " ORDER BY t_ns",
+            [name, _main_topic(sql, "poses", name)],
+        ).fetchnumpy()
+        fields = sql.execute(
+            "SELECT t_ns, field, value FROM fields WHERE recording = ? AND topic = ? ORDER BY t_ns",
+            [name, action],
+        ).fetchnumpy()
+        begin, end = max(stamps[0], poses["t_ns"][0]), min(stamps[-1], poses["t_ns"][-1])
+        even = begin + np.arange(0, max(end - begin, 1), 1e9 / fps).astype(np.int64)
+        self.stamps_ns = stamps[np.searchsorted(stamps, even, side="right") - 1]
+        at = np.searchsorted(poses["t_ns"], even, side="right") - 1
+        columns = [np.ma.filled(poses[one].astype(np.float64), 0.0) for one in _STATE]
+        self.state = np.stack(columns, axis=1)[at]
+        self.names, self.action = list(_STATE[7:]), self.state[:, 7:]
+        if action:
+            self.names = sorted(set(fields["field"].tolist()))
+            several = [_at(fields, one, even) for one in self.names]
+            self.action = np.stack(several, axis=1) if several else np.zeros((len(even), 0))
+
+
+def _main_topic(sql: Any, table: str, recording: str) -> str:
+    """The topic of the source with most rows in a table."""
+    found = sql.execute(
+        f"SELECT topic FROM {table} WHERE recording = ? AND node IN ('player', 'streamer')"
+        " GROUP BY topic ORDER BY count(*) DESC, topic LIMIT 1",
+        [recording],
+    ).fetchone()
+    return str(found[0]) if found else ""
+
+
+def _at(fields: Any, name: str, stamps_ns: npt.NDArray[np.int64]) -> Numbers:
+    """The last value of a field at each time; 0 before the first."""
+    own = fields["field"] == name
+    times, values = fields["t_ns"][own], np.ma.filled(fields["value"][own].astype(np.float64), 0.0)
+    at = np.searchsorted(times, stamps_ns, side="right") - 1
+    return np.where(at >= 0, values[at], 0.0)
+
+
+def write(source: DatasetSource, folder: Path) -> int:
+    """Write a data set; the number of its images."""
+    recordings = split_recordings(source, "poses")
+    with closing(Results(source.results).open_tables()) as sql:
+        rates = dict(
+            sql.execute(
+                "SELECT recording, count(DISTINCT t_ns) * 1e9 / nullif(max(t_ns) - min(t_ns), 0)"
+                " FROM image_stats WHERE node IN ('player', 'streamer') GROUP BY recording"
+            ).fetchall()
+        )
+        driven = [one for one in recordings if rates.get(one.name)]
+        if not driven:
+            raise RosVisualiseError(f"{source.results}: no recording with images and poses")
+        fps = max(1, round(min(rates[one.name] for one in driven)))
+        episodes = [_Episode(sql, one, fps, source.action) for one in driven]
+        names = episodes[0].names
+        if not names or any(one.names != names for one in episodes):
+            raise RosVisualiseError(
+                f"{source.action}: its fields are not in all recordings; add --fields"
+                f" '{source.action}.*' to the batch"
+            )
+        shapes = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
+        if len(set(shapes)) > 1:
+            raise RosVisualiseError(f"{source.results}: images of different sizes")
+        _write_data(sql, episodes, folder, fps)
+        _write_meta(sql, episodes, folder, fps, shapes[0], provenance(source))
+    return sum(len(one.stamps_ns) for one in episodes)
+
+
+def _place(number: int) -> dict[str, int]:
+    return {"chunk_index": number // _CHUNK, "file_index": number % _CHUNK}
+
+
+def _write_video(one: _Episode, folder: Path, number: int, fps: int) -> tuple[int, int]:
+    """Write the images of an episode; their height and width."""
+    path = folder / _VIDEO.format(video_key=_CAMERA, **_place(number))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    topic, shape = one.topic, (0, 0)
+    pictures = images_at(one.recording.path, set(one.stamps_ns.tolist()), [one.topic])
+    with open_recorder(path, {topic: TopicType(Image.type_name)}) as recorder:
+        found = next(pictures, None)
+        for at, stamp_ns in enumerate(one.stamps_ns.tolist()):
+            while found and found[0] < stamp_ns:
+                found = next(pictures, None)
+            if found is None or found[0] != stamp_ns:
+                raise RosVisualiseError(f"{one.recording.path}: has changed since the batch")
+            shape = found[1].shape[:2]
+            time_ns = round(at * 1e9 / fps)
+            recorder.write(topic, Image(found[1], "bgr8", Header(time_ns)), time_ns)
+    return shape[0], shape[1]
+
+
+def _write_data(sql: Any, episodes: Sequence[_Episode], folder: Path, fps: int) -> None:
+    first = 0
+    for number, one in enumerate(episodes):
+        count = len(one.stamps_ns)
+        columns: dict[str, Any] = {
+            "timestamp": np.arange(count) / fps,
+            "frame_index": np.arange(count),
+            "episode_index": np.full(count, number),
+            "index": first + np.arange(count),
+            "task_index": np.zeros(count, np.int64),
+        }
+        chosen = ["timestamp::FLOAT AS timestamp", *list(columns)[1:]]
+        for name, values in (("observation.state", one.state), ("action", one.action)):
+            parts = [f"{name}_{at}".replace(".", "_") for at in range(values.shape[1])]
+            columns |= {part: values[:, at].copy() for at, part in enumerate(parts)}
+            chosen.append(f'list_value({", ".join(parts)})::FLOAT[] AS "{name}"')
+        sql.register("written", columns)
+        _copy(
+            sql, f"SELECT {', '.join(chosen)} FROM written", folder / _DATA.format(**_place(number))
+        )
+        first += count
+
+
+def _copy(sql: Any, query: str, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sql.execute(f"COPY ({query}) TO {quoted(path)} (FORMAT parquet)")
+
+
+def _write_meta(
+    sql: Any,
+    episodes: Sequence[_Episode],
+    folder: Path,
+    fps: int,
+    shape: tuple[int, int],
+    made: dict[str, Any],
+) -> None:
+    ends = np.cumsum([len(one.stamps_ns) for one in episodes]).tolist()
+    training = sum(one.recording.split == "train" for one in episodes)
+    meta = folder / "meta"
+    _copy(
+        sql, f"SELECT 0 AS task_index, {quoted(_TASK)} AS __index_level_0__", meta / "tasks.parquet"
+    )
+    video = f"videos/{_CAMERA}"
+    lines = []
+    for number, (one, end) in enumerate(zip(episodes, ends, strict=True)):
+        count, place = len(one.stamps_ns), _place(number)
+        values = {
+            "episode_index": number,
+            "length": count,
+            "dataset_from_index": end - count,
+            "dataset_to_index": end,
+            **{f"{part}/{name}": at for part in ("data", video) for name, at in place.items()},
+            f"{video}/from_timestamp": 0.0,
+            f"{video}/to_timestamp": count / fps,
+            "meta/episodes/chunk_index": 0,
+            "meta/episodes/file_index": 0,
+        }
+        texts = [f'{value} AS "{name}"' for name, value in values.items()]
+        texts += [f"[{quoted(_TASK)}] AS tasks", f"{quoted(one.recording.name)} AS recording"]
+        texts += [f"{quoted(one.recording.content)} AS content"]
+        lines.append(f"SELECT {', '.join(texts)}")
+    _copy(sql, " UNION ALL ".join(lines), meta / "episodes/chunk-000/file-000.parquet")
+    whole: dict[str, Any] = {"dtype": "int64", "shape": [1], "names": None}
+    features = {
+        _CAMERA: {
+            "dtype": "video",
+            "shape": [*shape, 3],
+            "names": ["height", "width", "channels"],
+            "info": {"video.fps": fps, "video.codec": "h264", "video.pix_fmt": "yuv420p"},
+        },
+        "observation.state": _vector(_STATE),
+        "action": _vector(episodes[0].names),
+        "timestamp": {**whole, "dtype": "float32"},
+        **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), whole),
+    }
+    info = {
+        "codebase_version": "v3.0",
+        "robot_type": "unknown",
+        "total_episodes": len(episodes),
+        "total_frames": ends[-1],
+        "total_tasks": 1,
+        "chunks_size": _CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": fps,
+        "splits": {"train": f"0:{training}", "val": f"{training}:{len(episodes)}"},
+        "data_path": _DATA,
+        "video_path": _VIDEO,
+        "features": features,
+        "provenance": made,
+    }
+    (meta / "info.json").write_text(json.dumps(info, indent=1))
+    stats = {
+        name: _stats(np.concatenate([getattr(one, kind) for one in episodes]))
+        for name, kind in (("observation.state", "state"), ("action", "action"))
+    }
+    (meta / "stats.json").write_text(json.dumps(stats, indent=1))
+
+
+def _vector(names: Sequence[str]) -> dict[str, Any]:
+    return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+
+
+def _stats(values: Numbers) -> dict[str, list[float]]:
+    found = {name: getattr(values, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
+    return {**found, "count": [len(values)]}
