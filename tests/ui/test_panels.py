@@ -72,6 +72,10 @@ def test_of_many_topics_few_are_in_the_document_and_names_are_text(browse, page)
     tab.get_by_role("columnheader", name="Dropped").click()
     tab.locator(".rv-lines").evaluate("lines => lines.scrollTop = 0")
     wait_in(tab, lambda: "topic_499" in table(tab).get_by_role("row").nth(1).inner_text())
+    lines = table(tab).get_by_role("row").nth(1).locator("polyline")
+    assert [line.get_attribute("points") for line in lines.all()] == ["59,0", "59,0"]
+    page._server.topics.put(text.replace("2.5]", "5.0]"))  # latencies
+    wait_in(tab, lambda: lines.last.get_attribute("points") == "58,0.5 59,0")
     dialogs = []
     tab.on("dialog", lambda dialog: dialogs.append(dialog))
     tab.wait_for_timeout(100)

@@ -1,6 +1,10 @@
-// The table of topics: one line each; only the lines in view are in the document.
+// The table of topics: one line each, with rates and latencies over the last minute behind the
+// figures; only the lines in view are in the document.
+import { markRaw } from "vue";
+
 const LINE = 22; // pixels
 const MORE = 5; // lines beyond the edges
+const KEPT = 60; // figures, of one second each
 const COLUMNS = [
   { name: "Topic", hint: "", at: 0 },
   { name: "Hz", hint: "By the message stamps", at: 2 },
@@ -24,10 +28,10 @@ export default {
             @dragstart="$event.dataTransfer.setData('text/rv-topic', row[0])" :style="{ top: number * ${LINE} + 'px' }">
             <span role="cell" :title="row[0] + '  ' + row[1]">{{ row[0] }} <small>{{ row[1] }}</small></span>
             <template v-if="row.length > 2">
-              <span role="cell" :title="shown(row[3]) + ' per second'">{{ shown(row[2]) }}</span>
+              <span role="cell" :title="shown(row[3]) + ' per second'">{{ shown(row[2]) }}<svg viewBox="0 0 60 1" preserveAspectRatio="none"><polyline :points="line(row[0], 0)"/></svg></span>
               <span role="cell">{{ shown(row[4]) }}</span>
               <span role="cell" :title="row[6] || 'none'">{{ row[5] }}</span>
-              <span role="cell">{{ shown(row[7]) }}</span>
+              <span role="cell">{{ shown(row[7]) }}<svg viewBox="0 0 60 1" preserveAspectRatio="none"><polyline :points="line(row[0], 1)"/></svg></span>
             </template>
             <span v-else role="cell" class="rv-wide">unsupported type</span>
           </div>
@@ -54,8 +58,11 @@ export default {
       return this.found.slice(from, until).map((row, i) => [row, from + i]);
     },
   },
+  created() {
+    this.past = markRaw(new Map());
+  },
   mounted() {
-    this.live = rv.live("/live/topics", { message: (figures) => Object.assign(this, figures) });
+    this.live = rv.live("/live/topics", { message: (figures) => this.take(figures) });
     this.sized = new ResizeObserver(() => (this.height = this.$refs.lines.clientHeight));
     this.sized.observe(this.$refs.lines);
   },
@@ -64,6 +71,18 @@ export default {
     this.sized.disconnect();
   },
   methods: {
+    take({ rows, lines }) {
+      const before = new Map(this.past);
+      this.past.clear();
+      for (const [name, , hz, , , , , ms] of rows) this.past.set(name, [...(before.get(name) ?? []), [hz, ms]].slice(-KEPT));
+      Object.assign(this, { rows, lines });
+    },
+    // The points of a line over the last minute, in a box 60 wide and 1 high that begins at 0.
+    line(name, which) {
+      const values = (this.past.get(name) ?? []).map((one) => one[which]);
+      const most = Math.max(...values);
+      return most > 0 ? values.map((value, i) => `${KEPT - values.length + i},${1 - (value ?? 0) / most}`).join(" ") : "";
+    },
     order(at) {
       this.down = this.sort === at ? !this.down : at > 0;
       this.sort = at;
