@@ -211,7 +211,7 @@ def _picture(name: str, up: str) -> list[str]:
 
 def _example_title(path: Path) -> str:
     first = ast.get_docstring(ast.parse(path.read_text())).partition("\n")[0]
-    return first.partition(":")[0].rstrip(".")
+    return re.split("[.:]", first)[0]
 
 
 def _example(path: Path, title: str) -> Iterator[str]:

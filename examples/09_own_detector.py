@@ -1,4 +1,4 @@
-"""A detector of one's own, whose boxes are drawn over the image: blobs of one brightness.
+"""A detector of your own, whose boxes are drawn over the image: blobs of one brightness.
 
 ros-visualise video flight.mp4 --node examples/09_own_detector.py:blobs@fps_control
 """

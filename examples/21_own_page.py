@@ -1,4 +1,4 @@
-"""A page of one's own graph: a source of one's own, with its edges. Open the printed address
+"""A page of your own graph: a source of your own, with its edges. Open the printed address
 
 python examples/21_own_page.py 8080
 """
