@@ -5,7 +5,7 @@ On a ROS graph the action is a service, /ball/kick:
 rosrun ros_visualise node examples/05_own_source.py:Ball
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -25,7 +25,7 @@ class BallParams:
 class Ball:
     """A ball that falls, bounces and comes to rest, until it is kicked."""
 
-    duration_ns = None  # it never ends
+    duration_ns: int | None = None  # it never ends
 
     def __init__(self, params: BallParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
@@ -40,7 +40,7 @@ class Ball:
         for stamp_ns, pixels in self._playback.run(self):
             yield "image", Image(pixels, "mono8", Header(stamp_ns, "camera"))
 
-    def read(self, start_ns: int) -> Iterator[tuple[int, np.ndarray]]:
+    def read(self, start_ns: int) -> Generator[tuple[int, np.ndarray], None, None]:
         """(Time, pixels) without end: what `Playback.run` plays."""
         while True:
             pixels = np.zeros((320, 320), np.uint8)

@@ -9,11 +9,11 @@ import sys
 
 import numpy as np
 
-from ros_visualise.data import Header, Image, Number, PoseStamped
+from ros_visualise.data import Header, Image, Message, Number, PoseStamped
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
-TOPICS = {"/height": Number, "/float": PoseStamped, "/image_raw": Image}
+TOPICS: dict[str, type[Message]] = {"/height": Number, "/float": PoseStamped, "/image_raw": Image}
 
 types = {topic: TopicType(kind.type_name) for topic, kind in TOPICS.items()}
 with open_recorder(sys.argv[1], types, overwrite=True, live=False) as recording:

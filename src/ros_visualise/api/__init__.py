@@ -1,7 +1,7 @@
 """The Python API: ``import ros_visualise as rv``, explained in docs/reference/python.md.
 
-Its names keep their meaning within a major version; one that goes is deprecated for a release
-before, with a DeprecationWarning that names its successor.
+Its names keep their meaning within a major version; one that goes works for one release more, with
+a FutureWarning that names its successor (`ros_visualise.core.deprecation`).
 """
 
 from ros_visualise.api.nodes import ImageLike, NodeAnswer, NodeFunction, node_function

@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Generic, Literal, NamedTuple, TypeVar, overload
 
-from ros_visualise.api.trajectories import PoseTrajectory
+from ros_visualise.api.trajectories import PoseTrajectory, as_arrays
 from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError, did_you_mean
 from ros_visualise.core.message import Message
 from ros_visualise.data import Image, Pixels
@@ -151,7 +151,7 @@ class OpenSource:
 
     def trajectory(self, topic: str | None = None) -> PoseTrajectory:
         """The trajectory on a topic or of a pair of frames; see `ros_visualise.api.trajectory`."""
-        return PoseTrajectory.of(read_trajectory(self._recording, topic))
+        return as_arrays(read_trajectory(self._recording, topic))
 
     def close(self) -> None:
         """Close its files, and log what of them could not be read."""

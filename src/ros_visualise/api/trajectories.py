@@ -79,19 +79,6 @@ class PoseTrajectory:
     quats_xyzw: Floats
     _read: Trajectory
 
-    @classmethod
-    def of(cls, read: Trajectory) -> PoseTrajectory:
-        """The same trajectory in arrays."""
-        path = read.path
-        return cls(
-            read.topic,
-            path.header.frame_id,
-            path.stamps_ns,
-            path.positions_xyz,
-            path.quats_xyzw,
-            read,
-        )
-
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
@@ -161,6 +148,13 @@ class PoseTrajectory:
         return figure.svg().decode()
 
 
+def as_arrays(read: Trajectory) -> PoseTrajectory:
+    """A trajectory that was read."""
+    path, frame_id = read.path, read.path.header.frame_id
+    arrays = path.stamps_ns, path.positions_xyz, path.quats_xyzw
+    return PoseTrajectory(read.topic, frame_id, *arrays, read)
+
+
 def trajectory(path: str | PathLike[str], topic: str | None = None) -> PoseTrajectory:
     """The trajectory in a recording, or in a text file of TUM, KITTI or EuRoC.
 
@@ -177,9 +171,9 @@ def trajectory(path: str | PathLike[str], topic: str | None = None) -> PoseTraje
     if is_trajectory_file(File(path)):
         if topic is not None:
             raise UsageError(f"{topic}: {path} is a text file without topics")
-        return PoseTrajectory.of(read_trajectory_file(File(path)))
+        return as_arrays(read_trajectory_file(File(path)))
     with closing(open_source(path)) as recording:
-        return PoseTrajectory.of(read_trajectory(recording, topic))
+        return as_arrays(read_trajectory(recording, topic))
 
 
 def _errors(found: Comparison) -> TrajectoryErrors:
@@ -189,5 +183,5 @@ def _errors(found: Comparison) -> TrajectoryErrors:
         found.ate.rotation_deg if found.turns else None,
         found.rpe.translation_m if found.rpe else None,
         found.rpe.rotation_deg if found.rpe else None,
-        PoseTrajectory.of(found.trajectory),
+        as_arrays(found.trajectory),
     )
