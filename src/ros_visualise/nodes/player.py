@@ -16,9 +16,9 @@ from ros_visualise.nodes import NoParams, Source, SourceType, find_source, param
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.opening import open_again
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings import Entry, Recording
+from ros_visualise.sources.recordings import Entry, KeyImage, Recording
 from ros_visualise.sources.recordings.joined import MAX_OFFSET_S, JoinedRecording
-from ros_visualise.sources.recordings.playing import PlayableRecording
+from ros_visualise.sources.recordings.playing import PlayableRecording, PlayedTime
 
 log = logging.getLogger(__name__)
 
@@ -86,6 +86,10 @@ class Player:
         playback.recorded = playable.time
         if isinstance(recording, JoinedRecording):
             playback.sources = recording.sources(playable.time)
+            kinds = {topic: recording.topics[topic].type.data_class for topic in topics}
+            images = [topic for topic, kind in kinds.items() if kind is Image]
+            find = recording.key_image(images[0]) if len(images) == 1 else None
+            playback.key_image = find and partial(_key_image, find, playable.time)
         return playable
 
     def _calibrated(self, entry: Entry) -> Any:
@@ -110,6 +114,12 @@ class Player:
             f"a gap of {lengths}" if is_one else f"{len(gaps_ns)} gaps ({lengths})",
             "it" if is_one else "them",
         )
+
+
+def _key_image(find: KeyImage, time: PlayedTime, place_ns: int) -> tuple[int, Any] | None:
+    """The key image before a place, with its own place."""
+    found = find(time.stamp_ns(place_ns))
+    return None if found is None else (time.place_ns(found[0]), found[1])
 
 
 def player(

@@ -66,6 +66,7 @@ class FilmRecording:
 
     def __init__(self, video: VideoRecording, telemetry: SeriesRecording) -> None:
         self._parts: tuple[Recording, ...] = (video, telemetry)
+        self.image_at, self.key_image = video.image_at, video.key_image
         self.path, self.format, self.size = video.path, video.format, video.size
         self.compression = video.compression
         self.start_ns = min(video.start_ns, telemetry.start_ns)

@@ -395,6 +395,8 @@ class VideoRecording:
     def __init__(self, path: Path) -> None:
         self._video = Video(path)
         self.path = path
+        keys = self._video.key_images
+        self.key_image = None if keys is None else keys.at
         self.format = self._video.format
         self.size = self.path.stat().st_size
         self.compression = self._video.info.codec
@@ -422,6 +424,12 @@ class VideoRecording:
                     yield Entry(_TOPIC, stamp_ns, replace(image, header=header))
         for fault in self._video.faults:
             self.loss.add(fault)
+
+    def image_at(self, stamp_ns: int) -> Entry:
+        """The last image not after a stamp, else the first."""
+        with closing(self._video.read(stamp_ns)) as images:
+            shown_ns, image = next(images)
+        return Entry(_TOPIC, shown_ns, replace(image, header=Header(shown_ns, _FRAME)))
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """The times of the images, which are not decoded for that."""

@@ -16,8 +16,11 @@ from ros_visualise.commands import main
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.messages.restamped import restamped
+from ros_visualise.nodes.player import player
 from ros_visualise.sources.opening import open_again, open_joined
+from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import joined as joined_module
+from ros_visualise.sources.recordings.playing import PlayableRecording
 
 ROS1 = Definitions("ros1").store
 T = ROS1.types
@@ -211,3 +214,38 @@ def test_bytes_of_images_are_equal_beside_their_stamps():
     moved = bytes(restamped(Recorded(kind, data, definitions, 0), 3).data)
     assert moved[:4] + moved[12:] == data[:4] + data[12:]
     assert definitions.read(kind, moved).header.stamp.nanosec == 5
+
+
+@pytest.fixture
+def film_and_bag(tmp_path):
+    """A film of two seconds from 1.0 s on, in a bag of ten points."""
+    film = write_video(tmp_path / "film.mkv", numbered(50))
+    bag = write_bag(tmp_path / "long.bag", 0, range(10))
+    with closing(open_joined([film, bag])) as joined:
+        joined.move([1.0, 0])
+        yield joined
+
+
+@pytest.mark.parametrize(
+    ("at_s", "image_s", "point_s"), [(0.5, None, 0), (1.5, 0.48, 1), (8.5, 1.96, 8)]
+)
+def test_a_seek_shows_what_each_source_has_then(film_and_bag, at_s, image_s, point_s):
+    """Also before the film and after it, where steps go by the others."""
+    playable = PlayableRecording(film_and_bag, [*film_and_bag.topics], lambda: "/image_raw")
+    with closing(playable.read(round(at_s * S))) as batches:
+        place_ns, shown = next(batches)
+        next_ns, _ = next(batches)
+    stamps = {entry.topic: (entry.stamp_ns - START_NS) / S for entry in shown}
+    expected = {"/point": point_s} | ({} if image_s is None else {"/image_raw": 1 + image_s})
+    assert stamps == pytest.approx(expected, abs=0.021)
+    assert place_ns == shown[-1].stamp_ns - START_NS <= at_s * S < next_ns
+    assert playable.is_frame(shown)
+
+
+def test_the_key_images_of_the_only_film_are_previews(film_and_bag):
+    source, playback = player(film_and_bag), Playback()
+    source.make(source.params(film=1.0), playback)
+    assert playback.key_image is not None
+    place_ns, image = playback.key_image(2 * S)
+    assert (place_ns / S, image.width) == (pytest.approx(2, abs=0.05), 32)
+    assert playback.key_image(0)[0] == S

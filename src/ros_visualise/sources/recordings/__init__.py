@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from mcap.records import Attachment, Metadata
@@ -91,6 +91,24 @@ class PartialLoss(NamedTuple):
         self.add("", found.messages, found.bytes)
         for note in found.notes:
             self.add(note)
+
+
+KeyImage = Callable[[int], tuple[int, Any] | None]
+"""The stamp and the image of the key image before a stamp, or None."""
+
+
+@runtime_checkable
+class ImageAt(Protocol):
+    """A recording whose image at a time is found without reading those before, as of a film.
+
+    Attributes:
+        key_image: stamp and image of the key image before a stamp; None: unknown.
+    """
+
+    key_image: KeyImage | None
+
+    def image_at(self, stamp_ns: int) -> Entry:
+        """The last image not after a stamp, else the first."""
 
 
 class Recording(Protocol):

@@ -8,8 +8,10 @@ import re
 from collections import Counter
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +20,15 @@ from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.messages.restamped import restamped
 from ros_visualise.sources.playback import PlayedSource, RecordedTime
-from ros_visualise.sources.recordings import Entry, Extra, Loss, Recording, TopicInfo
+from ros_visualise.sources.recordings import (
+    Entry,
+    Extra,
+    ImageAt,
+    KeyImage,
+    Loss,
+    Recording,
+    TopicInfo,
+)
 
 log = logging.getLogger(__name__)
 
@@ -127,6 +137,36 @@ class JoinedRecording:
             for reading in readings:
                 reading.close()
 
+    def newest(
+        self, since_ns: int, stamp_ns: int, topics: Collection[str]
+    ) -> Generator[Entry, None, None]:
+        """Messages of a range, both ends included, with the last one of each topic.
+
+        Others of films may be missing, whose last images are there even if they are older.
+        """
+        for number, part in enumerate(self._parts):
+            wanted = topics
+            if isinstance(part, ImageAt) and stamp_ns >= self.spans_ns[number][0]:
+                by_ns = self._shifts_ns[number]
+                own, image_ns, image = part.image_at(stamp_ns - by_ns)
+                name = next(name for name, one in self._places[number].items() if one == own)
+                wanted = [topic for topic in topics if topic != name]
+                if name in topics:
+                    yield Entry(name, image_ns + by_ns, restamped(image, by_ns))
+            yield from self._read(number, since_ns, stamp_ns + 1, wanted)
+
+    def key_image(self, topic: str) -> KeyImage | None:
+        """The function that finds key images, if a topic is of a film."""
+        for part, places, by_ns in zip(self._parts, self._places, self._shifts_ns, strict=True):
+            if topic in places and isinstance(part, ImageAt) and part.key_image is not None:
+                return partial(_key_image, part.key_image, by_ns)
+        return None
+
+    def covers(self, topic: str, stamp_ns: int) -> bool:
+        """True if the source of a topic has begun and not ended at a time."""
+        spans = zip(self._places, self.spans_ns, strict=True)
+        return any(topic in at and start <= stamp_ns <= end for at, (start, end) in spans)
+
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         found: dict[str, npt.NDArray[np.int64]] = {}
         for one, places, by_ns in zip(self._parts, self._places, self._shifts_ns, strict=True):
@@ -178,6 +218,11 @@ class JoinedRecording:
             if note not in self._failures:
                 self._failures.append(note)
                 log.warning("%s", note)
+
+
+def _key_image(find: KeyImage, by_ns: int, stamp_ns: int) -> tuple[int, Any] | None:
+    found = find(max(stamp_ns - by_ns, 0))
+    return None if found is None else (found[0] + by_ns, found[1])
 
 
 def parse_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.sources.recordings import Entry, Recording
+from ros_visualise.sources.recordings.joined import JoinedRecording
 
 _LONGEST_NS = 3600 * 1_000_000_000
 _LEFT_NS = 1_000_000_000  # of a gap that is longer
@@ -71,7 +72,8 @@ class PlayableRecording:
 
     If reading begins in the middle, the first batch holds what is shown at that time: the last
     message of each topic, the transforms of the last second, and all that was latched.
-    ``step_topic`` gives the topic that is stepped through at the moment; empty: any.
+    ``step_topic`` gives the topic that is stepped through at the moment; empty: any, as at times
+    that its source, one of several, does not cover.
     """
 
     def __init__(
@@ -122,7 +124,7 @@ class PlayableRecording:
         kept: list[Entry] = []
         last: dict[str, Entry] = {}
         adding = self._transforms | self._latched
-        with closing(self._recording.read(since_ns, stamp_ns + 1, self._topics)) as entries:
+        with closing(self._read_window(since_ns, stamp_ns)) as entries:
             for entry in entries:
                 if entry.topic in adding:
                     kept.append(entry)
@@ -130,13 +132,23 @@ class PlayableRecording:
                     last[entry.topic] = entry
         return sorted([*kept, *last.values()], key=lambda entry: entry.stamp_ns)
 
+    def _read_window(self, since_ns: int, stamp_ns: int) -> Generator[Entry, None, None]:
+        if isinstance(self._recording, JoinedRecording):
+            return self._recording.newest(since_ns, stamp_ns, self._topics)
+        return self._recording.read(since_ns, stamp_ns + 1, self._topics)
+
     def _frame_last(self, window: Iterable[Entry]) -> list[Entry]:
         entries = list(window)
         at = max(i for i, entry in enumerate(entries) if self._is_stepped(entry))
         return [*entries[:at], *entries[at + 1 :], entries[at]]
 
     def _is_stepped(self, entry: Entry) -> bool:
-        return self._step_topic() in ("", entry.topic)
+        topic, recording = self._step_topic(), self._recording
+        if topic in ("", entry.topic):
+            return True
+        if not isinstance(recording, JoinedRecording):
+            return False
+        return not recording.covers(topic, entry.stamp_ns)
 
     def _latched_before(self, stamp_ns: int) -> list[Entry]:
         if not self._latched:
