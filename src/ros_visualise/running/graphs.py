@@ -100,7 +100,7 @@ def recording(
 
 def _say_alignment(joined: JoinedRecording) -> None:
     for name, path, is_aligned in zip(joined.names, joined.paths, joined.is_aligned, strict=True):
-        how = "placed by its stamps" if is_aligned else "starts with the others: no common time"
+        how = "placed by its stamps" if is_aligned else "starts with the others"
         log.info("%s: %s; --offset %s=SECONDS moves it", path.name, how, name)
         if topics := joined.skipped.get(name):
             log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))

@@ -120,8 +120,8 @@ def _may_be_video(path: Path) -> bool:
     return os.path.isfile(path) and not is_recording(path)
 
 
-def _origin_ns(path: Path) -> int:
-    """The date of a film's first image, as the film says; 0 if it does not, and for recordings."""
+def _origin_ns(path: Path) -> int | None:
+    """The date of a film's first image, None if the film does not say it; 0 for recordings."""
     if not _may_be_video(path):
         return 0
     from ros_visualise.sources.demux import open_container
@@ -131,7 +131,7 @@ def _origin_ns(path: Path) -> int:
     try:
         made = datetime.fromisoformat(written.replace("Z", "+00:00"))
     except ValueError:
-        return 0
+        return None
     return max(round(made.timestamp() * 1e9), 0)
 
 

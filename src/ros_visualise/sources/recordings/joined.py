@@ -47,7 +47,8 @@ class JoinedRecording:
 
     Args:
         parts: they are open, and closed with it.
-        origins_ns: of each part, the date of stamp 0 where its stamps are no dates, else 0.
+        origins_ns: of each part, the date of stamp 0, where its stamps only count from its start;
+            None: unknown; 0: its stamps are of a clock.
 
     Attributes:
         names: of the parts, valid in names of topics and parameters.
@@ -56,7 +57,7 @@ class JoinedRecording:
         spans_ns: of each part, the stamps of its first and its last message.
     """
 
-    def __init__(self, parts: Sequence[Recording], origins_ns: Sequence[int]) -> None:
+    def __init__(self, parts: Sequence[Recording], origins_ns: Sequence[int | None]) -> None:
         self._parts = parts
         self.paths = [one.path for one in parts]
         self.names = part_names(self.paths)
@@ -69,17 +70,19 @@ class JoinedRecording:
         placed = zip(parts, self._places, strict=True)
         named = {name: one.topics[own] for one, at in placed for name, own in at.items()}
         self.topics: Mapping[str, TopicInfo] = dict(sorted(named.items()))
-        spans_ns = [
-            (one.start_ns + by_ns, one.end_ns + by_ns)
-            for one, by_ns in zip(parts, origins_ns, strict=True)
-        ]
+        known_ns = [by_ns or 0 for by_ns in origins_ns]
+        timed = list(zip(parts, known_ns, strict=True))
+        spans_ns = [(one.start_ns + by_ns, one.end_ns + by_ns) for one, by_ns in timed]
         dated = [one.start_ns >= _A_DATE_NS for one in parts]
         first_ns, last_ns = spans_ns[dated.index(True) if any(dated) else 0]
-        self.is_aligned = [start <= last_ns and first_ns <= end for start, end in spans_ns]
+        self.is_aligned = [
+            by_ns is not None and start <= last_ns and first_ns <= end
+            for by_ns, (start, end) in zip(origins_ns, spans_ns, strict=True)
+        ]
         self._alignments_ns = [
             by_ns if is_aligned else by_ns + first_ns - start
             for by_ns, is_aligned, (start, _) in zip(
-                origins_ns, self.is_aligned, spans_ns, strict=True
+                known_ns, self.is_aligned, spans_ns, strict=True
             )
         ]
         self.move([0.0] * len(parts))
