@@ -103,9 +103,7 @@ class Rewinder:
         self._shown: set[RewoundSubscription] = set()
         self._kept: dict[str, Subscription] = {}
         self._changing = RLock()
-        self._thread = PeriodicThread(
-            "live buffer", self._keep, self._end, _PERIOD_S, lambda: False
-        )
+        self._thread = PeriodicThread("live buffer", self._keep, self._end, _PERIOD_S, lambda: True)
         self._thread.start()
 
     def close(self) -> None:

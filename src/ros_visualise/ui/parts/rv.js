@@ -117,11 +117,19 @@
     key === "y" || event.shiftKey ? past.redo() : past.undo();
   });
 
+  // The topic and the field that are dropped on a panel, or an empty topic.
+  function dropped(event, topics) {
+    const text = event.dataTransfer.getData("text/rv-topic");
+    const topic = Object.keys(topics).filter((one) => text === one || text.startsWith(`${one}.`)).sort((a, b) => b.length - a.length)[0] ?? "";
+    return [topic, text.slice(topic.length + 1)];
+  }
+
   window.rv = {
     root,
     live,
     ask,
     isTyping,
+    dropped,
     past,
     clock: new Clock(),
     cursor: new Cursor(),

@@ -111,10 +111,8 @@ export default {
       event.dataTransfer.setData("text/rv-topic", `${this.topic}.${path}`);
     },
     drop(event) {
-      const text = event.dataTransfer.getData("text/rv-topic");
-      const topic = Object.keys(this.topics).filter((one) => text === one || text.startsWith(`${one}.`)).sort((a, b) => b.length - a.length)[0];
+      const [topic, path] = rv.dropped(event, this.topics);
       if (!topic) return;
-      const path = text.slice(topic.length + 1);
       if (topic !== this.topic) this.choose(topic, path && this.isTable ? [path] : null);
       else if (path && this.isTable && !this.columns.includes(path)) this.keepFields([...this.columns, path]);
     },

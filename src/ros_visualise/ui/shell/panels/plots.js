@@ -380,10 +380,9 @@ export default {
       const text = event.dataTransfer.getData("text/rv-topic");
       const to = pane ?? null;
       if (text.startsWith("=")) return this.add(text, to);
-      const topic = Object.keys(this.topics).filter((one) => text === one || text.startsWith(`${one}.`)).sort((a, b) => b.length - a.length)[0];
+      const [topic, path] = rv.dropped(event, this.topics);
       if (!topic) return;
-      if (text === topic) return Object.assign(this, { sought: topic, isAdding: true });
-      const path = text.slice(topic.length + 1);
+      if (!path) return Object.assign(this, { sought: topic, isAdding: true });
       const paths = await this.pathsOf(topic);
       const inside = paths.includes(path) ? [path] : paths.filter((one) => one.startsWith(path) && ".[".includes(one[path.length]));
       if (!inside.length) return this.add(`${topic}:${path}`, to);

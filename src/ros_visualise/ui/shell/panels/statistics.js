@@ -85,11 +85,10 @@ export default {
       return Number(value.toPrecision(6)).toString();
     },
     drop(event) {
-      const text = event.dataTransfer.getData("text/rv-topic");
-      const topic = Object.keys(this.topics).filter((one) => text === one || text.startsWith(`${one}.`)).sort((a, b) => b.length - a.length)[0];
+      const [topic, path] = rv.dropped(event, this.topics);
       if (!topic) return;
       this.topic = topic;
-      this.choose(text.slice(topic.length + 1));
+      this.choose(path);
     },
   },
 };
