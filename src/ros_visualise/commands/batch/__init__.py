@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.commands import Command
-from ros_visualise.running.arguments import argument, count, option, period, positive
+from ros_visualise.running.arguments import argument, count, option, period, port, positive
 from ros_visualise.running.options import MemoryOptions, SettingOptions
 
 
@@ -81,6 +81,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
     timeout: float = option(
         3600.0, "give a task up after S seconds (default: 3600)", type=positive, metavar="S"
     )
+    port: int = option(8080, "port of the page of view (default: %(default)s)", type=port)
     json: bool = option(False, "print a report as one JSON object")
 
 

@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -33,13 +34,15 @@ from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.graphs import parse_insertion
 
 _SHOWN = 5  # failures that are printed
+_HOST = "127.0.0.1"
+_SPIN_S = 0.05
 
 Engine = Callable[[Callable[[Task], Any], Iterable[Task]], Iterator[Outcome]]
 
 
 def run(options: BatchOptions) -> int:
     """Run a batch, or show or retry one; 1 if a task failed."""
-    verbs = {"status": _status, "retry": _retry}
+    verbs = {"status": _status, "retry": _retry, "view": _view}
     verb = verbs.get(options.input[0])
     if verb and len(options.input) == 2:
         return verb(Results(Path(options.input[1])), options)
@@ -167,6 +170,20 @@ def _status(results: Results, options: BatchOptions) -> int:
     _, planned = results.read_plan()
     _print(_report(results, planned), options.json, results)
     return 0
+
+
+def _view(results: Results, options: BatchOptions) -> int:
+    """Show the page of the results until it is stopped."""
+    from ros_visualise.batch.page import ResultsPage  # the web server takes a while to import
+    from ros_visualise.ui.page.server import url
+    from ros_visualise.ui.server.access import access_rules
+
+    rules = access_rules(_HOST)
+    with noticed() as request, closing(ResultsPage(results, _HOST, options.port, rules)):
+        print_status(f"open {url(_HOST, options.port, rules.token)} (Ctrl-C stops)")
+        while not request.asked:
+            time.sleep(_SPIN_S)
+    return STOPPED
 
 
 def _retry(results: Results, options: BatchOptions) -> int:
