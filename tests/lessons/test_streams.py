@@ -155,6 +155,35 @@ def test_without_truth_odometry_is_drawn_alone_and_says_so():
     assert b"odometry alone: no truth" in answer["image"].data.figure.svg()
 
 
+def test_the_message_of_an_image_is_counted_in_bytes():
+    picture = np.zeros((24, 32, 3), np.uint8)
+    image = StepResult(picture, "bgr8", stamped(12.25), work=picture)
+    text = " ".join(graph.message(image, None)["text"].text.split())
+    assert "header.stamp 12.250000000 header.frame_id map height, width 24, 32" in text
+    holds(text, "step N bytes of a row data N bytes", 96, 2304)
+
+
+def test_means_and_deviations_of_an_imu_are_those_of_the_last_seconds():
+    random = np.random.default_rng(8)
+    measured = sensors.ImuReadings.declared.make(None)
+    rows = random.normal([0, 0, 0.1, 0, 0, 9.81], 0.05, (400, 6))
+    answers = [
+        measured.step(
+            Imu(UP, row[:3], row[3:], header=stamped(number / 50)),
+            sensors.MeasuredParams(seconds=2),
+        )
+        for number, row in enumerate(rows)
+    ]
+    answer = [one for one in answers if one][-1]
+    last = int(answer["text"].header.stamp_ns / 1e9 * 50 + 0.5)
+    recent = rows[last - 100 : last + 1]
+    text = " ".join(answer["text"].text.split())
+    mean, spread = recent.mean(axis=0), recent.std(axis=0)
+    holds(text, "gives N measurements per second. In the last N s", 50, 2)
+    holds(text, "rad/s mean (N, N, N) dev. (N, N, N)", *mean[:3], *spread[:3])
+    holds(text, "m/s² mean (N, N, N) dev. (N, N, N)", *mean[3:], *spread[3:])
+
+
 def test_the_graph_counts_messages_and_drops(monkeypatch):
     monkeypatch.setattr(graph, "sleep", lambda seconds: None)
     rate, slow = graph.Rate(None), graph.Slow(None)

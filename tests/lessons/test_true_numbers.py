@@ -2,17 +2,22 @@
 
 import json
 import math
+import re
 
 import cv2
 import numpy as np
 import pytest
 from sentences import drawn_pictures, holds, shown, small, texts_of
 
+from ros_visualise.data import CameraInfo
 from ros_visualise.landmarks.networks.network import Network
+from ros_visualise.landmarks.pose import square_poses
 from ros_visualise.landmarks.tags import draw_cells, parse_families
 from ros_visualise.lessons.methods.camera import calibrate, camera_matrix
+from ros_visualise.lessons.methods.tags import draw_tag, find_tag
 from ros_visualise.lessons.topics.noise import NoiseModel, add_noise
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
+from ros_visualise.vision.smoothing import bilateral, sigma_of
 
 CORNERS = ("lower left", "lower right", "upper right", "upper left")
 REAL = (
@@ -293,6 +298,7 @@ def test_noise(picture, model):
     for name, smoothed in (
         ("gauss", cv2.GaussianBlur(noisy, (0, 0), 1.2)),
         ("median", cv2.medianBlur(noisy, 3)),
+        ("bilateral", bilateral(noisy, 7, 50.0, sigma_of(7))),
     ):
         before, after = psnr(noisy, gray), psnr(smoothed, gray)
         sentence = "PSNR: N dB before, N dB after: N dB"
@@ -454,6 +460,31 @@ class TestLandmarks:
         assert shown(text, sentence) == pytest.approx(corners.mean(axis=0), abs=0.006)
         holds(texts["poses"], "the size of the tag (N m)", 0.16)
         assert shown(texts["poses"], "It is N m away") == pytest.approx([1.5], rel=0.02)
+
+    def test_the_readings_and_the_spread_of_the_pose(self, landscape):
+        texts = texts_of("landmarks", landscape, tag={"distance": 1.0}, ellipse={"sigma": 0.2})
+        readings = re.findall(r"([\d.]+)% \(([-\d.]+), ([-\d.]+), ([-\d.]+)\) m", texts["poses"])
+        assert sum(float(one) for one, *_ in readings) == pytest.approx(100, abs=0.2)
+        [away] = shown(texts["poses"], "It is N m away")
+        assert math.hypot(*map(float, readings[0][1:])) == pytest.approx(away, abs=0.002)
+        assert shown(texts["corners"], "Their error is N pixels on average, N at most")[1] < 0.2
+        sideways, along = shown(texts["ellipse"], "N mm sideways, and N mm along the camera's axis")
+        K = camera_matrix(0.9 * 320, 320, 240)
+        height, width = landscape.shape[:2]
+        seen = find_tag(
+            draw_tag(landscape, CameraInfo(height, width, K), 0.16, 1.0, np.radians([15, 10, 0]))
+        )
+        best = square_poses(seen.corners, 0.16, seen.info, 0.2)[0]
+        random = np.random.default_rng(7)
+        tried = [
+            max(
+                square_poses(seen.corners + random.normal(0, 0.2, (4, 2)), 0.16, seen.info, 0.2),
+                key=lambda one: abs(one.quat_xyzw @ best.quat_xyzw),
+            ).position_xyz
+            for _ in range(400)
+        ]
+        spread = 1000 * np.std(tried, axis=0)
+        assert [sideways, along] == pytest.approx([spread[0], spread[2]], rel=0.15)
 
     def test_tags_of_the_family_differ_in_eleven_cells(self):
         family = parse_families("tag36h11")[0]

@@ -184,6 +184,25 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
     assert report.topics["/image_raw"].messages == FRAMES
 
 
+def test_a_subscription_tells_the_end_of_its_topic_from_a_timeout():
+    run = Run(graph_of(add))
+    subscription = run.runtime.subscribe("/add/sum", depth=FRAMES)
+    assert subscription.take(0) is None
+    assert not subscription.ended
+    run.runtime.start()
+    assert run.runtime.wait(10)
+    while subscription.take(0) is not None:
+        pass
+    assert subscription.ended
+
+
+def test_an_unknown_topic_is_answered_by_the_known_ones():
+    runtime = Run(graph_of(add)).runtime
+    for ask in (runtime.subscribe, runtime.topic):
+        with pytest.raises(UsageError, match="no topic '/add/sun'; did you mean /add/sum"):
+            ask("/add/sun")
+
+
 def test_a_subscription_starts_with_the_last_message():
     run = Run(graph_of(add), hold=True)
     run.runtime.start()
