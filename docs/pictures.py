@@ -102,6 +102,7 @@ def main(wanted: list[str]) -> None:
         "examples/12_compare_trajectories": trajectory,
         "examples/13_write_a_recording": waves,
         "tutorials/drift": trajectory,
+        "demo": moving,
     }
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
@@ -208,9 +209,34 @@ def waves(name: str) -> None:
 
 def shot(name: str) -> None:
     """A page in a browser, some seconds after it was opened."""
+    command, query = SHOTS[name]
+    [picture] = watched(command, query, 1)
+    save(name, picture)
+
+
+def moving(name: str) -> None:
+    """The page of the demo, which moves."""
+    from PIL import Image
+
+    width, height = 900, 553
+    seen = [
+        Image.fromarray(cv2.resize(one, (width, height), interpolation=cv2.INTER_AREA)[..., ::-1])
+        for one in watched("demo", "", 16)
+    ]
+    seen[0].save(
+        PICTURES / f"{name}.webp",
+        save_all=True,
+        append_images=seen[1:],
+        duration=400,
+        loop=0,
+        quality=70,
+    )
+
+
+def watched(command: str, query: str, count: int) -> list[np.ndarray]:
+    """Screenshots of a page, half a second apart."""
     from playwright.sync_api import sync_playwright
 
-    command, query = SHOTS[name]
     own = command.endswith(".py")
     words = (
         [command, "8797"] if own else ["-m", "ros_visualise", *command.split(), "--port", "8797"]
@@ -226,13 +252,16 @@ def shot(name: str) -> None:
             tab = browser.new_page(viewport={"width": 1400, "height": 860})
             tab.goto(f"{address}?{query}" if query else address)
             tab.wait_for_timeout(12_000)
-            tab.screenshot(path="shot.png")
+            shots = []
+            for _ in range(count):
+                tab.wait_for_timeout(500)
+                encoded = np.frombuffer(tab.screenshot(), np.uint8)
+                shots.append(cv2.imdecode(encoded, cv2.IMREAD_COLOR))
             browser.close()
     finally:
         program.send_signal(signal.SIGINT)
         program.wait(30)
-    picture = cv2.imread("shot.png")
-    save(name, picture)
+    return shots
 
 
 def frame_of(film: str) -> np.ndarray:

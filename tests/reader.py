@@ -19,7 +19,7 @@ from ros_visualise.running.options import PlayingOptions
 ELSEWHERE = ("pip", "make", "roslaunch", "rosrun", "rosbag", "ros2", "sudo", ".venv-train/bin/pip")
 """Programs whose calls other tests make."""
 
-QUICKLY = ["--view", "none", "--rate", "0", "--duration", "1"]
+QUICKLY = ["--view", "none", "--rate", "0", "--duration", "0.3"]
 """Options of a command that would open a page, or that takes long."""
 
 LENT = {

@@ -1,4 +1,4 @@
-"""Each example of the gallery runs by the commands in its own text."""
+"""The examples of the gallery run by the commands in their texts; so do short answers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 import pytest
-from documents import PACKAGE
+from documents import DOCUMENTS, PACKAGE, steps
 from reader import LENT, lend, run
 
 from ros_visualise.commands import main
@@ -17,6 +17,12 @@ LONGEST = 60
 
 DRIVE = "sim husky --world playpen --mission square --duration 10 --view none --rate 0"
 DRIVE += " --set husky.camera=false --set husky.lidar=false --record drive.bag"
+CHEAP = ("info", "convert", "trajectory", "calibrate", "plugins")
+"""Commands of answers that take less than a second."""
+
+OTHERS = ("damaged.", "imu.bag", "other.tum", "2011_", "/dev/", "--output")
+"""Words of commands that take files which the reader here lacks."""
+
 SHOWS_A_PAGE = "21_own_page"  # until Ctrl-C: tests/test_examples.py
 
 
@@ -44,4 +50,23 @@ def test_example_runs_by_its_own_commands(example: Path, folder: Path, monkeypat
     commands = [one for one in lines if one.startswith(("ros-visualise ", "python ", "rosrun "))]
     assert commands
     for line in commands if example.stem != SHOWS_A_PAGE else []:
+        assert run(line, monkeypatch) == 0, line
+
+
+@pytest.mark.usefixtures("opengl")
+def test_cheap_answers_work(folder: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("drive.bag", "flight.mp4"):
+        (tmp_path / name).symlink_to(folder / name)
+    assert main(["trajectory", "drive.bag", "gt.tum", "--topic", "/ground_truth/odom"]) == 0
+    blocks = [
+        text for path in DOCUMENTS if path.parent.name == "howto" for _, text, _ in steps(path)
+    ]
+    lines = [line for text in blocks for line in text.splitlines()]
+    ours = [
+        line for line in lines if line.startswith(tuple(f"ros-visualise {one} " for one in CHEAP))
+    ]
+    run_here = [line for line in ours if not any(word in line for word in OTHERS)]
+    assert len(run_here) > 12
+    for line in run_here:
         assert run(line, monkeypatch) == 0, line
