@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ros_visualise.data import Header, Image
+from ros_visualise.data import Header, Image, Pixels
 from ros_visualise.nodes import action, param, source
 from ros_visualise.sources.playback import Playback
 
@@ -40,7 +40,7 @@ class Ball:
         for stamp_ns, pixels in self._playback.run(self):
             yield "image", Image(pixels, "mono8", Header(stamp_ns, "camera"))
 
-    def read(self, start_ns: int) -> Generator[tuple[int, np.ndarray], None, None]:
+    def read(self, start_ns: int) -> Generator[tuple[int, Pixels], None, None]:
         """(Time, pixels) without end: what `Playback.run` plays."""
         while True:
             pixels = np.zeros((320, 320), np.uint8)

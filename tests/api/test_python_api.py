@@ -320,3 +320,7 @@ def test_an_image_shows_itself_in_a_notebook(encoding, value, shown):
     pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
     assert pixels.shape[:2] == (4, 5)
     assert (pixels == shown).all()
+
+
+def test_an_image_without_pixels_shows_nothing():
+    assert rv.Image(np.zeros((0, 4), np.uint8), "mono8")._repr_png_() is None

@@ -163,8 +163,10 @@ class Image(Message):
         """More than one channel."""
         return len(self.data.shape) == 3
 
-    def _repr_png_(self) -> bytes:
+    def _repr_png_(self) -> bytes | None:
         """The picture that a notebook shows: 8 bits, measurements from their least to largest."""
+        if not (self.height and self.width):
+            return None
         pixels = self.pixels[..., :3] if self.is_color else self.pixels
         if self.encoding in MEASUREMENTS:
             finite = np.where(np.isfinite(pixels), pixels, np.nan)
