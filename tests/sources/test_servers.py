@@ -8,6 +8,7 @@ import json
 import struct
 import threading
 from contextlib import closing, contextmanager
+from functools import partial
 
 import cbor2
 import foxglove
@@ -352,6 +353,29 @@ def test_a_server_that_ends_and_comes_back(caplog, monkeypatch):
             assert take(connection, 1) == [("/topic0", point(4.0))]
             wait_for(lambda: any("connection restored" in one for one in caplog.messages))
             assert sum("trying again" in one for one in caplog.messages) == 1
+
+
+def test_a_server_that_reads_nothing_blocks_nobody(monkeypatch):
+    monkeypatch.setattr(connecting, "_SEND_S", 1)
+    is_over = threading.Event()
+
+    class Deaf(Rosbridge):
+        def __call__(self, socket):
+            for _ in range(2):
+                for answer in self._answers(json.loads(socket.recv())):
+                    socket.send(answer)
+            is_over.wait(60)
+
+    large = ROS2.types["std_msgs/msg/String"]("x" * 5_000_000)
+    data = bytes(ROS2.serialize_cdr(large, "std_msgs/msg/String"))
+    message = Recorded("std_msgs/msg/String", data, Definitions("cdr"), 0)
+    with serving(Deaf([], ["std_msgs/msg/String"])) as address:
+        with closing(Connection(address)) as connection:
+            connection.start([])
+            publish = partial(connection.publish, "/topic0", message)
+            with pytest.raises(Unreachable):
+                wait_for(publish)
+        is_over.set()
 
 
 def silent(socket):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from hub_client import HubClient
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scene_runtime import Told
 from waiting import wait_for
 
@@ -133,6 +133,14 @@ def test_viewers_and_pages_without_control_publish_nothing(hub, told):
             news(other, "count")
     closed.close()
     assert len(told.taken) == 1
+
+
+def test_long_arrays_take_no_memory_until_they_are_filled():
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("uint8[10000000] pixels", "a/msg/Large"))
+    [field] = described(store, "a/msg/Large")
+    assert field == {"name": "pixels", "type": "uint8[10000000]", "value": []}
+    assert fill(store, "a/msg/Large", {}).pixels.nbytes == 10_000_000
 
 
 @pytest.mark.parametrize("name", sorted(STORE.fielddefs))

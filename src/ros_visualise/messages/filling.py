@@ -20,7 +20,7 @@ _DTYPES = {"byte": "u1", "char": "u1", "octet": "u1", "float32": "f4", "float64"
 _FLOATS = ("float32", "float64")
 _SAME_AS = {"secs": "sec", "nsecs": "nanosec"}  # of ROS 1
 _ARRAYS = (list, tuple, np.ndarray, bytes)
-_MOST_FIELDS = 2000
+_MOST_FIELDS, _MOST_ELEMENTS = 2000, 1000
 
 
 def fill(store: Typestore, type_name: str, values: Any) -> Any:
@@ -50,7 +50,10 @@ def plain(message: Any) -> Any:
 
 
 def described(store: Typestore, type_name: str) -> list[dict[str, Any]]:
-    """The fields of a type: ``name``, ``type``, and ``fields`` or the default ``value``."""
+    """The fields of a type: ``name``, ``type``, and ``fields`` or the default ``value``.
+
+    The value of a very long array is empty.
+    """
     return list(_described(store, type_name, iter(range(_MOST_FIELDS))))
 
 
@@ -79,7 +82,7 @@ def _value(store: Typestore, kind: Any, value: Any, place: str) -> Any:
         return _single(about[0], value, place)
     element, size = about
     if value is ... and sort == Nodetype.ARRAY:
-        value = [...] * size
+        value = np.zeros(size, np.uint8) if _is_number(element) else [...] * size
     found = _array(store, element, () if value is ... else value, place)
     if len(found) != size and (sort == Nodetype.ARRAY or len(found) > size > 0):
         raise DamagedMessage(f"{place}: must have {size} elements, not {len(found)}")
@@ -87,8 +90,8 @@ def _value(store: Typestore, kind: Any, value: Any, place: str) -> Any:
 
 
 def _array(store: Typestore, element: Any, values: Any, place: str) -> Any:
-    sort, about = element
-    is_numbers = sort == Nodetype.BASE and about[0] not in ("string", "wstring")
+    _, about = element
+    is_numbers = _is_number(element)
     if is_numbers and isinstance(values, str):
         values = _from_base64(values, place)
     if not isinstance(values, _ARRAYS):
@@ -102,6 +105,11 @@ def _array(store: Typestore, element: Any, values: Any, place: str) -> Any:
         return values.astype(dtype, copy=False)
     made = [_single(about[0], one, f"{place}[{i}]") for i, one in enumerate(values)]
     return np.array(made, dtype)
+
+
+def _is_number(element: Any) -> bool:
+    sort, about = element
+    return bool(sort == Nodetype.BASE and about[0] not in ("string", "wstring"))
 
 
 def _from_base64(text: str, place: str) -> bytes:
@@ -163,5 +171,5 @@ def _described(store: Typestore, type_name: str, left: Iterator[int]) -> Iterato
             kind = element[1] if element[0] == Nodetype.NAME else element[1][0]
             length = size if is_array else f"<={size}" if size else ""
             one = {} if element[0] == Nodetype.NAME else _single(kind, ..., "")
-            value = [one] * size if is_array else []
+            value = [one] * size if is_array and size <= _MOST_ELEMENTS else []
             yield {"name": name, "type": f"{kind}[{length}]", "value": value}

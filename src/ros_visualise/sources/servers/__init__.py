@@ -14,6 +14,9 @@ from ros_visualise.sources.recordings.storage import Channel
 
 _ADDRESS = re.compile(r"wss?://\S+", re.IGNORECASE)
 
+LONGEST_NAME = 256
+"""Letters of a topic; longer ones are not shown."""
+
 Frame = str | bytes
 
 

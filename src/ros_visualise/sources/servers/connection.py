@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import socket
+import struct
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.sync.client import ClientConnection, connect
@@ -26,6 +29,7 @@ from ros_visualise.sources.servers.rosbridge import RosbridgeDialect
 log = logging.getLogger(__name__)
 
 _OPEN_S, _CLOSE_S, _LIST_S = 5.0, 0.5, 5.0
+_SEND_S = 2  # then a server that does not read has failed
 _SETTLED_S = 0.3  # topics are announced one after the other
 _LOOK_S = 0.1
 _BACK_OFF_S = (0.5, 10.0)
@@ -101,15 +105,15 @@ class Connection:
             DamagedMessage: the server cannot take this type.
             Unreachable: the server has left, or does not accept messages.
         """
-        socket, dialect = self._socket, self._dialect
-        if socket is None or dialect is None:
+        opened, dialect = self._socket, self._dialect
+        if opened is None or dialect is None:
             raise Unreachable(f"{self.name}: not connected")
         if not dialect.accepts:
             raise Unreachable(f"{self.name}: does not accept messages")
         try:
             with self._publishing:
                 for frame in dialect.publish(topic, message):
-                    socket.send(frame)
+                    opened.send(frame)
         except (ConnectionClosed, OSError):
             raise Unreachable(f"{self.name}: the connection was lost") from None
 
@@ -129,7 +133,7 @@ class Connection:
     def _open(self) -> None:
         """Connect; raises Unreachable."""
         try:
-            socket = connect(
+            opened = connect(
                 self._address,
                 subprotocols=[Subprotocol(one) for one in SUBPROTOCOLS],
                 compression=None,
@@ -140,13 +144,14 @@ class Connection:
         except (OSError, InvalidHandshake, InvalidURI, EOFError) as error:
             reason = "no answer" if isinstance(error, TimeoutError) else str(error)
             raise Unreachable(f"cannot connect: {reason}") from None
-        self._socket = socket
-        is_foxglove = socket.subprotocol in SUBPROTOCOLS
+        _limit_sending(opened)
+        self._socket = opened
+        is_foxglove = opened.subprotocol in SUBPROTOCOLS
         made = FoxgloveDialect if is_foxglove else RosbridgeDialect
         self._dialect = made(self._schemas)
         try:
             for frame in self._dialect.begin():
-                socket.send(frame)
+                opened.send(frame)
         except ConnectionClosed as error:
             raise Unreachable(self._reason(error)) from None
 
@@ -265,3 +270,10 @@ class Connection:
             limit = sized(unpacked_limit(0))
             return f"sent more than {limit} at once; if you trust it, add a larger --max-memory"
         return "the connection was lost"
+
+
+def _limit_sending(connection: ClientConnection) -> None:
+    """Let a server that reads nothing block a sender, and with it the end, only for a while."""
+    with suppress(OSError):  # where the system has another form of it
+        limit = struct.pack("ll", _SEND_S, 0)
+        connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)

@@ -22,13 +22,13 @@ from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sources.recordings.mcap_file import describe_channel
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel
-from ros_visualise.sources.servers import Frame, Received
+from ros_visualise.sources.servers import LONGEST_NAME, Frame, Received
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 _MESSAGE = 1
 _HEAD = struct.Struct("<BIQ")
 _OWN_HEAD = struct.Struct("<BI")
-_MOST_CHANNELS = 5000
+_MOST_CHANNELS, _LONGEST_NOTE = 5000, 300
 
 _Number = Annotated[int, Meta(ge=0, lt=2**32)]
 
@@ -137,10 +137,10 @@ class FoxgloveDialect:
                 self._subscribed.pop(self._numbers.pop(topic), None)
                 del self.channels[topic]
         elif heard.op == "status" and heard.level > 0:
-            self.notes.append(heard.message)
+            self.notes.append(heard.message[:_LONGEST_NOTE])
 
     def _advertise(self, advert: _Advert) -> None:
-        if advert.topic in self.channels:
+        if advert.topic in self.channels or len(advert.topic) > LONGEST_NAME:
             return
         if len(self.channels) >= _MOST_CHANNELS:
             raise DamagedMessage(f"more than {_MOST_CHANNELS} topics")

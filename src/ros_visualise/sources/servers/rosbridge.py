@@ -24,12 +24,12 @@ from ros_visualise.messages.filling import fill, plain
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings.schemas import Schemas, ros_name
 from ros_visualise.sources.recordings.storage import Channel
-from ros_visualise.sources.servers import Frame, Received
+from ros_visualise.sources.servers import LONGEST_NAME, Frame, Received
 
 _WITH_TYPES = "/rosapi/topics_and_raw_types"
 _LISTS = (_WITH_TYPES, "/rosapi/topics")  # older servers know only the second
 _NO_ROSAPI = "the server does not list its topics; start rosapi_node beside rosbridge"
-_MOST_CHANNELS = 5000
+_MOST_CHANNELS, _LONGEST_NOTE = 5000, 300
 _ARRAYS = {
     **{64: ">u1", 65: ">u2", 66: ">u4", 67: ">u8", 69: "<u2", 70: "<u4", 71: "<u8"},
     **{72: ">i1", 73: ">i2", 74: ">i4", 75: ">i8", 77: "<i2", 78: "<i4", 79: "<i8"},
@@ -72,7 +72,7 @@ class RosbridgeDialect:
         if op == "service_response":
             self._list(heard)
         elif op == "status" and heard.get("level") in ("error", "warning"):
-            self.notes.append(str(heard.get("msg", ""))[:1000])
+            self.notes.append(str(heard.get("msg", ""))[:_LONGEST_NOTE])
         elif op == "publish" and isinstance(topic, str) and topic in self._subscribed:
             return Received(topic, self._message(self.channels[topic], heard.get("msg"), now_ns))
         return None
@@ -124,7 +124,8 @@ class RosbridgeDialect:
         self._has_types = service == _WITH_TYPES
         self._is_ros1 = not any("/msg/" in name for name in types)
         for topic, name, text in list(zip(topics, types, texts, strict=False))[:_MOST_CHANNELS]:
-            self.channels[topic] = self._described(topic, ros_name(name), text)
+            if len(topic) <= LONGEST_NAME:
+                self.channels[topic] = self._described(topic, ros_name(name), text)
         self.is_listed = True
 
     def _described(self, topic: str, type_name: str, text: str) -> Channel:
