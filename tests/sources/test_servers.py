@@ -134,7 +134,8 @@ def serving(handle, port=0):
         sockets.append(socket)
         handle(socket)
 
-    with serve(keep, "127.0.0.1", port, compression=None, max_size=None) as server:
+    how = {"compression": None, "max_size": None, "max_queue": 1, "close_timeout": 0.1}
+    with serve(keep, "127.0.0.1", port, **how) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
