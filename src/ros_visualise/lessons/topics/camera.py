@@ -146,11 +146,11 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
     text = """
         For each pixel of the straight picture we compute where the lens has moved it, and take the
         colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} % of
-        the picture is recovered; the black rest was outside the view of the lens. The recovered
-        part differs from the truth by {difference:.2f} levels on average, because it was
-        interpolated twice.
+        the picture is recovered{rest}. The recovered part differs from the truth by
+        {difference:.2f} levels on average, because it was interpolated twice.
         """
-    return show(image, back, text, share=100 * valid.mean(),
+    rest = "" if valid.all() else "; the black rest was outside the view of the lens"
+    return show(image, back, text, share=100 * valid.mean(), rest=rest,
                 difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
 
 
