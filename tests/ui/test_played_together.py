@@ -113,7 +113,7 @@ def run(tmp_path, port):
     film = write_video(tmp_path / "film.mkv", numbered(50))
     command = [sys.executable, "-m", "ros_visualise", str(film), "--port", str(port), "--no-open"]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
-        assert any("look at" in line for line in process.stderr)
+        assert any("open http" in line for line in process.stderr)
         yield process
         process.terminate()
         process.communicate()
