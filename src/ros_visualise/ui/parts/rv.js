@@ -124,12 +124,37 @@
     return [topic, text.slice(topic.length + 1)];
   }
 
+  // A panel of what the nodes report, from a level on and with some words; it shows what it can `take`.
+  const monitored = (what, levels, first) => ({
+    props: { state: Object, readOnly: Boolean },
+    data() {
+      const { level, words } = this.state;
+      return { levels, level: levels.includes(level) ? level : first, words: String(words ?? "") };
+    },
+    mounted() {
+      const open = () => (this.begin?.(), this.live.send({ show: what }));
+      this.live = live("/live/monitor", { open, message: (news) => this.take(news) });
+    },
+    beforeUnmount() {
+      this.live.close();
+    },
+    methods: {
+      keep() {
+        rv.keep(this.$el, { level: this.level, node: this.node || undefined, words: this.words || undefined });
+      },
+      passes(rank, text) {
+        return rank >= levels.indexOf(this.level) && text.toLowerCase().includes(this.words.toLowerCase());
+      },
+    },
+  });
+
   window.rv = {
     root,
     live,
     ask,
     isTyping,
     dropped,
+    monitored,
     past,
     clock: new Clock(),
     cursor: new Cursor(),

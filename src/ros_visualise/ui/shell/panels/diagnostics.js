@@ -3,6 +3,7 @@ const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_S = 5;
 
 export default {
+  mixins: [rv.monitored("diagnostics", LEVELS, "OK")],
   template: `
     <div class="rv-diagnostics">
       <div class="rv-tools" role="toolbar" aria-label="Diagnostics">
@@ -18,38 +19,23 @@ export default {
         <p v-if="!shown.length">{{ statuses.length ? "Nothing found" : "No diagnostics yet" }}</p>
       </div>
     </div>`,
-  props: { state: Object, readOnly: Boolean },
-  data() {
-    const { level, words } = this.state;
-    return { statuses: [], isLive: false, levels: LEVELS, level: LEVELS.includes(level) ? level : "OK", words: String(words ?? ""), opened: {} };
-  },
+  data: () => ({ statuses: [], isLive: false, opened: {} }),
   computed: {
     ranked() {
       const rank = ({ level, age }) => (this.isLive && age > STALE_S ? LEVELS.length - 1 : Math.min(Math.max(level, 0), 3));
       return this.statuses.map((one) => ({ ...one, rank: rank(one) })).sort((a, b) => b.rank - a.rank || a.name.localeCompare(b.name));
     },
     shown() {
-      const words = this.words.toLowerCase();
-      const least = LEVELS.indexOf(this.level);
-      return this.ranked.filter((one) => one.rank >= least && `${one.name} ${one.message}`.toLowerCase().includes(words));
+      return this.ranked.filter((one) => this.passes(one.rank, `${one.name} ${one.message}`));
     },
     counts() {
       const number = (rank) => this.ranked.filter((one) => one.rank === rank).length;
       return LEVELS.map((name, rank) => [name, number(rank)]).filter(([, count]) => count).map((one) => one.join(" ")).join(", ");
     },
   },
-  mounted() {
-    this.live = rv.live("/live/monitor", {
-      open: () => this.live.send({ show: "diagnostics" }),
-      message: ({ statuses, live }) => ([this.statuses, this.isLive] = [statuses, live]),
-    });
-  },
-  beforeUnmount() {
-    this.live.close();
-  },
   methods: {
-    keep() {
-      rv.keep(this.$el, { level: this.level, words: this.words || undefined });
+    take({ statuses, live }) {
+      [this.statuses, this.isLive] = [statuses, live];
     },
   },
 };

@@ -4,6 +4,7 @@ const KEPT = 2000;
 const SHOWN = 500;
 
 export default {
+  mixins: [rv.monitored("log", LEVELS, "INFO")],
   template: `
     <div class="rv-log">
       <div class="rv-tools" role="toolbar" aria-label="Log">
@@ -18,17 +19,14 @@ export default {
         <p v-if="!shown.length">No lines</p>
       </div>
     </div>`,
-  props: { state: Object, readOnly: Boolean },
   data() {
-    const { level, node, words } = this.state;
-    return { lines: [], levels: LEVELS, level: LEVELS.includes(level) ? level : "INFO", node: String(node ?? ""), words: String(words ?? ""), follows: true };
+    return { lines: [], node: String(this.state.node ?? ""), follows: true };
   },
   computed: {
     nodes() { return [...new Set([...this.lines.map((line) => line.node), this.node])].filter(Boolean).sort(); },
     shown() {
-      const words = this.words.toLowerCase();
-      const least = LEVELS.indexOf(this.level);
-      return this.lines.filter((line) => LEVELS.indexOf(line.level) >= least && (!this.node || line.node === this.node) && `${line.node} ${line.text}`.toLowerCase().includes(words)).slice(-SHOWN);
+      const passes = ({ level, node, text }) => (!this.node || node === this.node) && this.passes(LEVELS.indexOf(level), `${node} ${text}`);
+      return this.lines.filter(passes).slice(-SHOWN);
     },
   },
   watch: {
@@ -38,19 +36,12 @@ export default {
       this.$refs.rows.scrollTop = this.$refs.rows.scrollHeight;
     },
   },
-  mounted() {
-    const open = () => {
-      this.lines = [];
-      this.live.send({ show: "log" });
-    };
-    this.live = rv.live("/live/monitor", { open, message: ({ lines }) => (this.lines = [...this.lines, ...lines].slice(-KEPT)) });
-  },
-  beforeUnmount() {
-    this.live.close();
-  },
   methods: {
-    keep() {
-      rv.keep(this.$el, { level: this.level, node: this.node || undefined, words: this.words || undefined });
+    begin() {
+      this.lines = [];
+    },
+    take({ lines }) {
+      this.lines = [...this.lines, ...lines].slice(-KEPT);
     },
   },
 };
