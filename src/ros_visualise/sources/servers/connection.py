@@ -28,7 +28,7 @@ from ros_visualise.sources.servers.rosbridge import RosbridgeDialect
 
 log = logging.getLogger(__name__)
 
-_OPEN_S, _CLOSE_S, _LIST_S = 5.0, 0.5, 5.0
+_OPEN_S, _CLOSE_S, _LIST_S = 8.0, 0.5, 8.0
 _SEND_S = 2  # then a server that does not read has failed
 _SETTLED_S = 0.3  # topics are announced one after the other
 _LOOK_S = 0.1
