@@ -35,5 +35,7 @@ def run(options: BagOptions) -> int:
 
 
 COMMAND = Command(
-    "play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .SRT)", BagOptions, run
+    "play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .bin, .SRT)",
+    BagOptions,
+    run,
 )

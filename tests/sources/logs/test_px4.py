@@ -14,7 +14,7 @@ from ros_visualise.data import Imu, NavSatFix, Odometry, Path, Transforms
 from ros_visualise.geometry import rotations
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.sources.logs.px4 import open_ulog
-from ros_visualise.sources.logs.ulog import find_strays
+from ros_visualise.sources.logs.tables import find_strays
 from ros_visualise.sources.opening import open_recording
 
 

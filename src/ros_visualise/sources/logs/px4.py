@@ -1,12 +1,7 @@
-"""PX4's flight logs as recordings: position, attitude, IMU and fixes.
+"""PX4's flight logs as recordings.
 
-Topics: ``/odom`` (pose in ``map``, velocities in ``base_link``), ``/path``, ``/tf``, ``/imu/data``,
-``/gps/fix``, and below ``/px4`` every topic as PX4 logged it. ``map`` has its origin where the
-estimator was started, x east, y north, z up; ``base_link`` has x forward, y left, z up.
-
-Source: PX4 User Guide, uORB message reference: VehicleAttitude (w, x, y, z; FRD in NED),
-VehicleLocalPosition (NED, with flags of what is valid), SensorCombined and VehicleAngularVelocity
-(FRD), SensorGps; file format: PX4 Developer Guide, ULog File Format.
+Topics: those of `ros_visualise.sources.logs.flight`, and below ``/px4`` every topic as PX4 logged
+it. File format: PX4 Developer Guide, ULog File Format.
 """
 
 from __future__ import annotations
@@ -14,24 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from ros_visualise.core.errors import OpenError
-from ros_visualise.data import (
-    Floats,
-    Header,
-    Imu,
-    NavSatFix,
-    Odometry,
-    Transforms,
-    TransformStamped,
-)
-from ros_visualise.data import Path as PathMessage
-from ros_visualise.geometry import rotations
-from ros_visualise.sources.logs.ulog import LogTable, ULog, read_ulog
-from ros_visualise.sources.logs.uorb import uorb_series
+from ros_visualise.sources.logs.logged import FlightLog, recorded_flight
+from ros_visualise.sources.logs.tables import LogTable
+from ros_visualise.sources.logs.ulog import read_ulog
 from ros_visualise.sources.recordings.series import SeriesRecording
-from ros_visualise.sources.series import Series, single
 
 _TOPICS = (
     "vehicle_attitude",
@@ -41,22 +23,6 @@ _TOPICS = (
     "sensor_gps",
     "sensor_combined",
 )
-_MAP, _BASE = "map", "base_link"
-_GPS = "gps"  # the frame of the antenna
-_NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
-_UNKNOWN = np.zeros((3, 3))
-_NO_FIX, _FIX, _GBAS = -1, 0, 2
-_STATUS = {0: _NO_FIX, 1: _NO_FIX, 5: _GBAS, 6: _GBAS}
-"""PX4's fix_type, unless it is a plain fix -> status of sensor_msgs/NavSatFix.
-
-RTK has a base on the ground; the origin of a differential fix's (4) corrections is unknown.
-"""
-_NO_COVARIANCE, _APPROXIMATED = 0, 1
-_HELD_US = 100_000
-_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])  # half a turn about north-east
-_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about forward
-
-_Times = npt.NDArray[np.int64]
 
 
 def open_ulog(path: Path) -> SeriesRecording:
@@ -67,23 +33,11 @@ def open_ulog(path: Path) -> SeriesRecording:
     """
     log = read_ulog(path, _TOPICS)
     tables = log.tables
-    gps = tables.get("vehicle_gps_position") or tables.get("sensor_gps")
-    utc_us = _utc_offset_us(gps)
-    clock = "time since start" if utc_us is None else "UTC"
-    made = _FlightTopics(tables, gps, utc_us or 0)
-    if not made.series:
-        raise OpenError(f"{path}: contains no attitude, position or fix; log the default topics")
-    series = made.series + _as_logged(log, made.series, utc_us or 0)
-    size = path.stat().st_size
-    return SeriesRecording(path, f"PX4 ULog ({clock})", size, series, made.notes, loss=log.loss)
-
-
-def _as_logged(log: ULog, made: list[Series], utc_us: int) -> list[Series]:
-    """All topics as PX4 logged them, over the time of those that were made from them."""
-    stamps_us = np.concatenate([one.stamps_ns for one in made]) // 1000 - utc_us
-    span = int(stamps_us.min()), int(stamps_us.max())
-    tables = {name: table.within(*span) for name, table in log.all.items()}
-    return list(uorb_series(tables, log.formats, utc_us))
+    if "vehicle_gps_position" in tables:
+        tables["sensor_gps"] = tables["vehicle_gps_position"]
+    utc_us = _utc_offset_us(tables.get("sensor_gps"))
+    found = FlightLog("px4", tables, log.all, log.formats, log.loss, utc_us=utc_us)
+    return recorded_flight(path, "PX4 ULog", found)
 
 
 def _utc_offset_us(gps: LogTable | None) -> int | None:
@@ -95,196 +49,3 @@ def _utc_offset_us(gps: LogTable | None) -> int | None:
     if not known.any():
         return None
     return int(np.median(utc_us[known] - gps.times_us[known]))
-
-
-class _FlightTopics:
-    """Topics made from the tables of the log.
-
-    Attributes:
-        series: the topics.
-        notes: what was skipped, and why.
-    """
-
-    def __init__(self, tables: dict[str, LogTable], gps: LogTable | None, utc_us: int) -> None:
-        self.notes: list[str] = []
-        self.series: list[Series] = []
-        self._utc_us = utc_us
-        self._attitude = _Attitude(tables.get("vehicle_attitude"))
-        self._rates = tables.get("vehicle_angular_velocity")
-        position = tables.get("vehicle_local_position")
-        if position is not None:
-            self._add_positions(position)
-        self._add_imu(tables.get("sensor_combined"))
-        if gps is not None:
-            self._add_fixes(gps)
-
-    def _stamps_ns(self, times_us: _Times) -> _Times:
-        return (times_us + self._utc_us) * 1000
-
-    def _add_positions(self, all_of_them: LogTable) -> None:
-        flags = all_of_them.column("xy_valid", 1) * all_of_them.column("z_valid", 1)
-        finite = np.isfinite(all_of_them.columns("x", "y", "z")).all(axis=1)
-        valid = (flags != 0) & finite
-        self._note(int((~valid).sum()), len(valid), "positions are not valid (xy_valid, z_valid)")
-        known = valid & self._attitude.is_known(all_of_them.times_us)
-        self._note(int((valid & ~known).sum()), len(valid), "positions have no attitude")
-        if known.any():
-            self._add_odometry(all_of_them.where(known))
-
-    def _add_odometry(self, local: LogTable) -> None:
-        stamps_ns = self._stamps_ns(local.times_us)
-        positions = _to_enu(local.columns("x", "y", "z"))
-        quats = self._attitude.at(local.times_us)
-        moving = (local.column("v_xy_valid", 1) * local.column("v_z_valid", 1)) != 0
-        along = _to_enu(local.columns("vx", "vy", "vz"))
-        linear = (np.swapaxes(rotations.to_matrix(quats), -1, -2) @ along[..., None])[..., 0]
-        linear = np.where(moving[:, None] & np.isfinite(linear), linear, 0)
-        angular = self._angular(local.times_us)
-        errors = local.columns("eph", "eph", "epv") ** 2
-
-        def odometry(index: int) -> Odometry:
-            covariance = np.zeros((6, 6))
-            if np.isfinite(errors[index]).all():
-                covariance[[0, 1, 2], [0, 1, 2]] = errors[index]
-            return Odometry(
-                positions[index],
-                quats[index],
-                linear[index],
-                angular[index],
-                covariance,
-                child_frame_id=_BASE,
-                header=Header(int(stamps_ns[index]), _MAP),
-            )
-
-        def transform(index: int) -> Transforms:
-            header = Header(int(stamps_ns[index]), _MAP)
-            return Transforms((TransformStamped(_BASE, positions[index], quats[index], header),))
-
-        start_ns = int(stamps_ns.min())
-        path = PathMessage(stamps_ns, positions, quats, Header(start_ns, _MAP))
-        self.series += [
-            Series("/odom", Odometry, stamps_ns, odometry),
-            Series("/tf", Transforms, stamps_ns, transform),
-            single("/path", path, start_ns),
-        ]
-
-    def _add_imu(self, sensors: LogTable | None) -> None:
-        """At the stamps of accelerometer and gyroscope, else of the attitude."""
-        times_us = self._attitude.times_us if sensors is None else sensors.times_us
-        if not len(times_us):
-            return
-        known, quats = self._attitude.is_known(times_us), self._attitude.at(times_us)
-        accelerations = np.zeros((len(times_us), 3))
-        angular = self._angular(times_us)
-        if sensors is not None:
-            accelerations = _to_flu(sensors.vector("accelerometer_m_s2", 3))
-            angular = _to_flu(sensors.vector("gyro_rad", 3))
-        stamps_ns = self._stamps_ns(times_us)
-        has_rates = sensors is not None or self._rates is not None
-
-        def imu(index: int) -> Imu:
-            return Imu(
-                quats[index],
-                angular[index],
-                accelerations[index],
-                orientation_covariance=_UNKNOWN if known[index] else _NONE,
-                angular_covariance=_UNKNOWN if has_rates else _NONE,
-                linear_covariance=_UNKNOWN if sensors is not None else _NONE,
-                header=Header(int(stamps_ns[index]), _BASE),
-            )
-
-        self.series.append(Series("/imu/data", Imu, stamps_ns, imu))
-
-    def _add_fixes(self, gps: LogTable) -> None:
-        stamps_ns = self._stamps_ns(gps.times_us)
-        places = _places(gps)
-        types = gps.column("fix_type").astype(int)
-        errors = gps.columns("eph", "eph", "epv") ** 2
-        known = np.logical_and(np.isfinite(errors).all(axis=1), gps.has("eph", "epv"))
-
-        def fix(index: int) -> NavSatFix:
-            latitude, longitude, altitude = places[index].tolist()
-            return NavSatFix(
-                latitude,
-                longitude,
-                altitude,
-                covariance=np.diag(errors[index]) if known[index] else _UNKNOWN,
-                covariance_type=_APPROXIMATED if known[index] else _NO_COVARIANCE,
-                status=_STATUS.get(int(types[index]), _FIX),
-                header=Header(int(stamps_ns[index]), _GPS),
-            )
-
-        self.series.append(Series("/gps/fix", NavSatFix, stamps_ns, fix))
-
-    def _angular(self, times_us: _Times) -> Floats:
-        if self._rates is None:
-            return np.zeros((len(times_us), 3))
-        rates = _to_flu(self._rates.vector("xyz", 3))
-        columns = [np.interp(times_us, self._rates.times_us, column) for column in rates.T]
-        return np.stack(columns, axis=1)
-
-    def _note(self, count: int, of: int, what: str) -> None:
-        if count:
-            self.notes.append(f"{count} of {of} {what}; skipped")
-
-
-def _places(gps: LogTable) -> Floats:
-    """Latitude, longitude and altitude above the ellipsoid (N, 3), in the units of any version.
-
-    A log without the altitude above the ellipsoid gives the one above the sea.
-    """
-    if gps.has("latitude_deg"):
-        high = "altitude_ellipsoid_m" if gps.has("altitude_ellipsoid_m") else "altitude_msl_m"
-        return gps.columns("latitude_deg", "longitude_deg", high)
-    high = "alt_ellipsoid" if gps.has("alt_ellipsoid") else "alt"
-    return gps.columns("lat", "lon", high) * [1e-7, 1e-7, 1e-3]
-
-
-class _Attitude:
-    """Attitude at any time; it is held for a moment before the first and after the last sample."""
-
-    def __init__(self, table: LogTable | None) -> None:
-        none = np.zeros(0, np.int64)
-        self.times_us = none if table is None else table.times_us
-        if table is not None:
-            quats = table.vector("q", 4)
-            norms = np.linalg.norm(quats, axis=1)
-            whole = (norms > 0.5) & (norms < 1.5)
-            self.times_us = self.times_us[whole]
-            self._quats = _to_attitude(quats[whole])
-
-    def is_known(self, times_us: _Times) -> npt.NDArray[np.bool_]:
-        """(N,) true for times at which it is known."""
-        if not len(self.times_us):
-            return np.zeros(len(times_us), bool)
-        first, last = self.times_us[[0, -1]]
-        known: npt.NDArray[np.bool_] = times_us >= first - _HELD_US
-        known &= times_us <= last + _HELD_US
-        return known
-
-    def at(self, times_us: _Times) -> Floats:
-        """(N, 4) x, y, z, w; where it is unknown, that of the map."""
-        if not len(self.times_us):
-            return np.tile([0.0, 0.0, 0.0, 1.0], (len(times_us), 1))
-        places = np.interp(times_us, self.times_us, np.arange(len(self.times_us)))
-        before = places.astype(int)
-        after = np.minimum(before + 1, len(self.times_us) - 1)
-        return rotations.slerp(self._quats[before], self._quats[after], places - before)
-
-
-def _to_enu(ned: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the world."""
-    north, east, down = np.moveaxis(np.asarray(ned, np.float64), -1, 0)
-    return np.stack([east, north, -down], axis=-1)
-
-
-def _to_flu(frd: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the body."""
-    return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
-
-
-def _to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:
-    """Quaternions x, y, z, w (..., 4) of FLU in ENU, of w, x, y, z of FRD in NED."""
-    quat_xyzw = np.roll(np.asarray(quat_wxyz, np.float64), -1, axis=-1)
-    turned = rotations.multiply(rotations.multiply(_ENU_NED, quat_xyzw), _FRD_FLU)
-    return rotations.normalise(turned)
