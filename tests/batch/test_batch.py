@@ -13,10 +13,13 @@ import pytest
 from made_flights import ask, batch, command, drive, environment, films, rows
 from made_videos import numbered, write_video
 
-from ros_visualise.batch.inputs import content_of, find_inputs
+from ros_visualise.batch.inputs import FoundInput, content_of, find_inputs
+from ros_visualise.batch.plan import plan
 from ros_visualise.batch.results import Results
 from ros_visualise.batch.tables import LISTED, TABLES
+from ros_visualise.batch.work import Work
 from ros_visualise.core.errors import UsageError
+from ros_visualise.landmarks.networks.session import Provider
 from ros_visualise.sources import open_source
 
 ROWS = ("topics", "poses", "fields", "image_stats", "segments")
@@ -234,12 +237,21 @@ def test_inputs_are_found(tmp_path):
 def test_ten_thousand_tasks_are_planned_without_opening_them(tmp_path):
     results = Results(tmp_path)
     results.create()
-    from ros_visualise.batch.inputs import FoundInput
-    from ros_visualise.batch.plan import plan
-    from ros_visualise.batch.work import Work
-
     inputs = [FoundInput(f"{n}.bag", f"/nowhere/{n}.bag", 1) for n in range(10_000)]
     planned = plan(inputs, [str(n) for n in range(10_000)], Work())
     assert len({one.key for one in planned}) == 10_000
     results.write_plan({}, planned)
     assert results.read_plan() == ({}, planned)
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+@pytest.mark.parametrize("has_gpu", [False, True])
+def test_networks_run_on_a_gpu_where_there_is_one(tmp_path, monkeypatch, device, has_gpu):
+    monkeypatch.setattr(
+        "ros_visualise.batch.work.is_available",
+        lambda provider: provider is Provider.CPU or has_gpu,
+    )
+    film = write_video(tmp_path / "film.mkv", numbered(2))
+    work = Work(node=("landmark_detector@streamer",), pipeline="none", device=device)
+    chosen = work.graph(str(film)).node("landmark_detector").params.provider
+    assert chosen is (Provider.CUDA if has_gpu and device == "cuda" else Provider.CPU)

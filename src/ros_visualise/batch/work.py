@@ -13,6 +13,7 @@ from typing import Any
 
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.graph import IMAGE_NODES, Graph
+from ros_visualise.landmarks.networks.session import Provider, is_available
 from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.graphs import Selection, film, graph_of, parse_insertion, recording
 from ros_visualise.running.options import NodeOptions
@@ -46,6 +47,7 @@ class Work:
     fields: tuple[str, ...] = ()
     record: tuple[str, ...] = ()
     export: tuple[str, ...] = ()
+    device: str = "cpu"
     version: str = ""
 
     @classmethod
@@ -79,10 +81,17 @@ class Work:
             navigate="" if self.pipeline == "navigate" else None,
             node=self.node,
         )
-        graph = graph_of(self._selection(path), options)
+        graph = self._on_device(graph_of(self._selection(path), options))
         if self.pipeline in ("landmarks", "navigate"):
             return _without(graph, {*IMAGE_NODES, "path"} - _named(self, graph))
         return graph
+
+    def _on_device(self, graph: Graph) -> Graph:
+        """The graph with its networks on the GPU, if asked for and where there is one."""
+        if self.device == Provider.CPU.value or not is_available(Provider(self.device)):
+            return graph
+        networks = [node.name for node in graph.nodes if hasattr(node.params, "provider")]
+        return graph.configured({name: {"provider": self.device} for name in networks})
 
     def _selection(self, path: str) -> Selection:
         if is_recording(path) or named(Path(path)):

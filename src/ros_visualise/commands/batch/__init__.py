@@ -66,6 +66,12 @@ class BatchOptions(SettingOptions, MemoryOptions):
         " that all its machines share",
         metavar="ADDRESS|local",
     )
+    device: str = option(
+        "cpu",
+        "run networks on a GPU where a task has one and onnxruntime-gpu, else on the CPU (default:"
+        " cpu)",
+        choices=("cpu", "cuda"),
+    )
     segment: float | None = option(
         None,
         "split longer recordings into parts of this duration, such as 10m",

@@ -93,6 +93,7 @@ def _work(options: BatchOptions) -> Work:
         fields=tuple(options.fields),
         record=tuple(options.record),
         export=tuple(options.export),
+        device=options.device,
         version=version("ros_visualise"),
     )
 

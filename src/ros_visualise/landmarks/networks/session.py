@@ -36,6 +36,13 @@ class Provider(Enum):
     CUDA = "cuda"
 
 
+def is_available(provider: Provider) -> bool:
+    """True if the installed onnxruntime supports this hardware."""
+    with suppress(OpenError):
+        return _provider_name(provider) in _load_onnxruntime().get_available_providers()
+    return False
+
+
 class TensorPort(NamedTuple):
     """An input or output; free sides of its shape are None or have a name."""
 
@@ -93,13 +100,12 @@ class OnnxSession:
         return outputs
 
     def _find(self, provider: Provider) -> str:
-        name = f"{provider.value.upper()}ExecutionProvider"
-        if name not in self._runtime.get_available_providers():
+        if not is_available(provider):
             raise OpenError(
                 f"provider={provider.value}: the installed onnxruntime does not support it;"
                 " pip install onnxruntime-gpu in its place, or set provider=cpu"
             )
-        return name
+        return _provider_name(provider)
 
     def _options(self, threads: int) -> Any:
         _limit_memory()
@@ -111,6 +117,10 @@ class OnnxSession:
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.use_env_allocators", "1")
         return options
+
+
+def _provider_name(provider: Provider) -> str:
+    return f"{provider.value.upper()}ExecutionProvider"
 
 
 def _cancel(options: Any) -> None:
