@@ -44,8 +44,8 @@ test-oldest: .venv-oldest/.ready
 
 # Warnings, such as a link that leads nowhere, are errors.
 docs: .venv/.docs
-	.venv/bin/sphinx-build -W --keep-going -q docs docs/_build/html
-	$(if $(LINKS),.venv/bin/sphinx-build -W --keep-going -q -b linkcheck docs docs/_build/links)
+	.venv/bin/sphinx-build -W --keep-going -q -d docs/_build/pages docs docs/_build/html
+	$(if $(LINKS),.venv/bin/sphinx-build -W --keep-going -q -b linkcheck -d docs/_build/pages docs docs/_build/links)
 	@echo 'built in docs/_build/html; to read it: .venv/bin/ros-visualise docs'
 
 fuzz: .venv-test/.ready
