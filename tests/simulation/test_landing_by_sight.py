@@ -149,7 +149,7 @@ def test_it_climbs_again_where_it_sees_the_pad_no_more():
 def test_a_mission_that_lands_on_a_pad_brings_it_along():
     simulation = Simulation("quadrotor", "plane", 0, Mission(land_on="pad"), BLIND_QUADROTOR)
     assert simulation.pad is not None
-    assert simulation.lands_by_sight
+    assert simulation.lands_visually
     assert collect(simulation, 6)["truth"][-1].position_xyz[2] > 3
 
 

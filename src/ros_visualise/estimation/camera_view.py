@@ -108,7 +108,9 @@ def view_of(
     found = [one for one in detections.detections if one.hypotheses]
     rays, noise, poses = _rays(found, detections), _noise(found, floor_px), _poses(found)
     for number, one in enumerate(found):
-        sight = _sight(one, rays.get(number), noise.get(number, _NO_NOISE), poses[number], prefix)
+        sight = _sighting_of(
+            one, rays.get(number), noise.get(number, _NO_NOISE), poses[number], prefix
+        )
         if sight.name in moving:
             skipped[sight.name] = "moves"
         elif sight.poses or sight.has_corners:
@@ -136,7 +138,7 @@ def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
     return {n: Rays(d, px) for n, d, px in several if np.isfinite(d).all()}
 
 
-def _sight(
+def _sighting_of(
     one: Detection, rays: Rays | None, noise: Floats, poses: tuple[ObservedPose, ...], prefix: str
 ) -> Sighting:
     first = one.hypotheses[0]

@@ -121,7 +121,7 @@ class Robot(Protocol):
         return 0.0
 
     @property
-    def lands_by_sight(self) -> bool:
+    def lands_visually(self) -> bool:
         """True while it searches for a landing target or lands on it; False for ground robots."""
         return False
 

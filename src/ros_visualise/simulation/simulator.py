@@ -112,9 +112,9 @@ class Simulation:
         return self._robot.mission.failure
 
     @property
-    def lands_by_sight(self) -> bool:
+    def lands_visually(self) -> bool:
         """True while the robot needs `see`: it searches for a landing target or lands on it."""
-        return self._robot.lands_by_sight
+        return self._robot.lands_visually
 
     @property
     def upright(self) -> bool:

@@ -204,7 +204,7 @@ class SimulatedRobot:
         """True for the landing target while it lands on one, and for the pose it steers by."""
         if port == ESTIMATE:
             return self._needs_estimate
-        return port == TARGET and self._simulation.lands_by_sight
+        return port == TARGET and self._simulation.lands_visually
 
     def close(self) -> None:
         """Nothing to do: the renderer is freed with the messages."""

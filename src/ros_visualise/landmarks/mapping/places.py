@@ -92,7 +92,7 @@ def separated(problem: Problem) -> tuple[Problem, list[Outlier]]:
         if best is None or gain < _GAIN:
             break
         rivals = [one for one in tried if one[2] is not best and one[0] >= _AS_GOOD * gain]
-        doubts |= _doubts(problem, best, tree, [one[2:] for one in rivals], _FAR * size_m)
+        doubts |= _ambiguous(problem, best, tree, [one[2:] for one in rivals], _FAR * size_m)
         links = best.links
         (wrong if best.is_survey else split).add(best.tag)
     problem, named = _renamed(problem, links, spread(links, *start), split, wrong, scale)
@@ -132,7 +132,7 @@ def _surveyed_well(problem: Problem) -> tuple[Problem, list[Outlier]]:
     return replace(problem, surveyed=rest), explained
 
 
-def _doubts(
+def _ambiguous(
     problem: Problem,
     best: _Explanation,
     tree: PoseTree,
@@ -150,7 +150,7 @@ def _doubts(
             continue  # its place is known by hand
         moved = [at is None or T is None or _apart(at, T) > far_m for T in others]
         if any(moved) or (rivals and tag in blamed):
-            text = f"hangs by {wrong}, and one of these was moved; omitted from the map"
+            text = f"connected only by {wrong}, and one of these was moved; omitted from the map"
             found[name] = Outlier(name, HANGING, f"{text} (--ignore-tags, or new ids by --tags)")
     return found
 

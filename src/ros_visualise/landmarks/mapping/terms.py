@@ -142,7 +142,7 @@ class Terms:
         believed = relative(state.views)
 
         def residuals(shared: Floats) -> Floats:
-            apart = offsets(believed, _carried(recorded_motion, shared))
+            apart = offsets(believed, _propagated(recorded_motion, shared))
             weighed: Floats = np.einsum("nij,nj->ni", whiten, apart)
             return weighed
 
@@ -194,7 +194,7 @@ def _by_steps(views: Poses, whiten: Floats) -> tuple[Floats, Floats]:
     return between(whiten, before, before.t, views.at(first + 1))
 
 
-def _carried(recorded_motion: Poses, shared: Floats) -> Poses:
+def _propagated(recorded_motion: Poses, shared: Floats) -> Poses:
     """Motions of the camera as mounted, from those of the camera according to tf."""
     R, t = mounting(shared)
     way = recorded_motion.t / (1 + shared[LONGER]) + recorded_motion.R @ t - t

@@ -34,12 +34,12 @@ def bearings(points_uv: Floats, covariances: Floats, info: CameraInfo) -> list[B
     """
     rays = rays_of(points_uv, info)
     return [
-        (ray, _carried(ray, to_pixels, covariance)) if np.isfinite(ray).all() else None
+        (ray, _propagated(ray, to_pixels, covariance)) if np.isfinite(ray).all() else None
         for ray, to_pixels, covariance in zip(*rays, covariances, strict=True)
     ]
 
 
-def _carried(direction: Floats, to_pixels: Floats, covariance: Floats) -> Floats:
+def _propagated(direction: Floats, to_pixels: Floats, covariance: Floats) -> Floats:
     """The pixel's covariance propagated to the plane across the ray (first order)."""
     to_plane = np.linalg.pinv(to_pixels)
     full = np.eye(6) * _UNKNOWN

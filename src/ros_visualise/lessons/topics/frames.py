@@ -38,19 +38,19 @@ class Tree:
     """The frame tree, and a transform from tf."""
 
     def __init__(self, _: TreeParams) -> None:
-        self._told_ns: int | None = None
+        self._reported_ns: int | None = None
 
     def reset(self) -> None:
-        self._told_ns = None
+        self._reported_ns = None
 
     def step(
         self, tf: Transforms, params: TreeParams, frames: FrameTree
     ) -> dict[str, Message] | None:
         """Every second: the present tree."""
         stamp_ns = tf.header.stamp_ns
-        if self._told_ns is not None and 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
+        if self._reported_ns is not None and 0 <= stamp_ns - self._reported_ns < _PERIOD_NS:
             return None
-        self._told_ns = stamp_ns
+        self._reported_ns = stamp_ns
         chains = {name: _chain(frames, name) for name in frames.frames()}
         if not chains:
             return None
@@ -117,7 +117,7 @@ class Drift:
 
     def reset(self) -> None:
         self._odom, self._truth = _Way(), _Way()
-        self._told_ns: int | None = None
+        self._reported_ns: int | None = None
 
     def step(
         self, params: object, odom: Odometry | None = None, truth: Odometry | None = None
@@ -129,10 +129,10 @@ class Drift:
             return None
         self._odom.add(odom)
         stamp_ns = odom.header.stamp_ns
-        is_due = self._told_ns is None or not 0 <= stamp_ns - self._told_ns < _PERIOD_NS
+        is_due = self._reported_ns is None or not 0 <= stamp_ns - self._reported_ns < _PERIOD_NS
         if not is_due or len(self._odom.rows) < 2:
             return None
-        self._told_ns = stamp_ns
+        self._reported_ns = stamp_ns
         stamps = np.array(self._odom.rows)[:, 0]
         if len(self._truth.rows) < 2:
             places, _ = self._odom.at(stamps)

@@ -84,7 +84,7 @@
   }
 
   // What a person did, in all of the page; each is {undo, redo}. "change" tells of another state.
-  class Past extends EventTarget {
+  class EditHistory extends EventTarget {
     done = [];
     undone = [];
     did(step) {
@@ -108,7 +108,7 @@
   }
 
   const isTyping = (target) => !!target?.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]");
-  const past = new Past();
+  const past = new EditHistory();
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.altKey || isTyping(event.target)) return;
     const key = event.key.toLowerCase();

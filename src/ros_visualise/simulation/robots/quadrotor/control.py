@@ -171,7 +171,7 @@ class Quadrotor(Robot):
         self._next.append(self.mission.end)
 
     @property
-    def lands_by_sight(self) -> bool:
+    def lands_visually(self) -> bool:
         return self._lander is not None and not self.mission.finished
 
     def see(self, target: Odometry) -> None:
