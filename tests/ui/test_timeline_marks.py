@@ -103,6 +103,8 @@ def test_messages_of_each_topic_are_counted_along_the_time(recording, port):
     }
     assert len(counts["/image_raw"]) == 500
     assert max(counts["/image_raw"]) == 1
+    recording.rename(recording.with_suffix(".moved"))
+    assert get(port, "/?ask=ticks", **{HEADER: "1"})[2] == '{"topics": {}}'
 
 
 def test_a_person_sets_and_removes_a_mark_and_sees_the_messages(chromium, recording, port):
