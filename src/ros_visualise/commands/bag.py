@@ -35,7 +35,7 @@ def run(options: BagOptions) -> int:
 
 
 COMMAND = Command(
-    "play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .bin, .SRT)",
+    "play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .bin, .tlog, .SRT)",
     BagOptions,
     run,
 )
