@@ -155,7 +155,7 @@ def test_jpegs_are_as_good_as_asked(hub: Hub, peer: Peer) -> None:
 
 
 def test_topics_of_unsupported_types_are_listed(hub: Hub, peer: Peer) -> None:
-    unsupported = {"/odd": "odd_msgs/msg/<Odd>", "/chatter": "std_msgs/msg/String"}
+    unsupported = {"/odd": "odd_msgs/msg/<Odd>", "/chatter": "std_msgs/msg/ColorRGBA"}
     for topic, kind in {**unsupported, "/set": "dynamic_reconfigure/msg/C"}.items():
         hub.topic(topic, kind).publishers.append("/talker")
     with closing(RemoteRuntime(peer.transport)) as viewer:
@@ -163,7 +163,7 @@ def test_topics_of_unsupported_types_are_listed(hub: Hub, peer: Peer) -> None:
         assert report.unknown == unsupported
         rows = topic_rows(viewer.graph, report)
     assert [row for row in rows if len(row) == 2] == [
-        ["/chatter", "std_msgs/String"],
+        ["/chatter", "std_msgs/ColorRGBA"],
         ["/odd", "odd_msgs/<Odd>"],
     ]
 

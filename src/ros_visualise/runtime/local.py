@@ -15,7 +15,6 @@ from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.data import ParameterEvent
 from ros_visualise.graph import Graph, Member, Node
-from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.ingress import Ingress, Numbering
 from ros_visualise.runtime.memory import manage_memory
 from ros_visualise.runtime.node_inputs import node_inputs
@@ -150,7 +149,7 @@ class LocalRuntime:
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic that comes from outside, or where the source comes from."""
         if topic in self._ingresses:
-            self._ingresses[topic].publish(content(message))
+            self._ingresses[topic].publish(message)
         elif self._source is not None:
             self._source.publish(topic, message)
 

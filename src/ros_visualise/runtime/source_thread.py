@@ -14,7 +14,7 @@ from ros_visualise.core.errors import DamagedMessage, ParameterError, RosVisuali
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.core.rate import Steady
 from ros_visualise.graph import SourceNode
-from ros_visualise.messages.recorded import Recorded, recorded_ns
+from ros_visualise.messages.recorded import Recorded, content, recorded_ns
 from ros_visualise.nodes import Source
 from ros_visualise.runtime.counters import NodeCounter
 from ros_visualise.runtime.ingress import Epochs
@@ -250,7 +250,7 @@ class SourceInput:
     def put(self, packet: Packet) -> None:
         """Take a packet."""
         if packet.message is not None:
-            self._source.receive(self._port, packet.message)
+            self._source.receive(self._port, content(packet.message))
         with self._changed:
             self._answered = max(self._answered, packet.number - packet.more)
             self._changed.notify_all()
