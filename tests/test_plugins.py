@@ -71,8 +71,10 @@ def test_the_sample_is_listed(sample):
         ("drawings", "compass", "ros_visualise_example", ""),
         ("panels", "clock", "ros_visualise_example", ""),
         ("lessons", "negative", "ros_visualise_example", ""),
+        ("robots", "cart", "ros_visualise_example", ""),
         ("sensors", "thermometer", "ros_visualise_example", ""),
         ("worlds", "hall", "ros_visualise_example", ""),
+        ("measurements", "doppler", "ros_visualise_example", ""),
         ("commands", "gaps", "ros_visualise_example", ""),
     ]
     assert (done.returncode, done.stderr) == (0, "")
@@ -97,7 +99,10 @@ def test_its_node_runs_by_its_name(sample, tmp_path):
     _, image = cv2.VideoCapture(str(out)).read()
     assert image[24, 32].mean() > 190
     assert image[0, 0].mean() < 20
-    assert "vignette: Darkens the corners" in sample.run("nodes").stdout
+    listed = sample.run("nodes").stdout
+    assert "vignette: Darkens the corners" in listed
+    assert "doppler (geometry_msgs/msg/TwistWithCovarianceStamped)" in listed  # a measurement
+    assert "cart: A cart" in listed
 
 
 def test_its_format_is_opened_whatever_it_is_called(sample, packages, tmp_path):

@@ -1,1 +1,1 @@
-"""A node, a format, a drawing, a panel, a lesson, a sensor, a world and a command."""
+"""A file for each kind of thing that a package can add to ros_visualise."""
