@@ -161,7 +161,9 @@ def _run(
             done += 1
             if isinstance(outcome, TaskFailure):
                 failed += 1
-                results.fail(task.key, outcome)
+                # recordings of one content share their task
+                reason = outcome.reason.removeprefix(f"{task.path}: ")
+                results.fail(task.key, outcome._replace(reason=reason))
             bar.set_postfix_str(f"{done} of {count} tasks, {failed} failed", refresh=False)
             bar.update(left[task.key].size)
     return failed
