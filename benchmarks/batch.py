@@ -234,7 +234,7 @@ def main() -> None:
         if "overhead" in options.parts:
             overhead(options.film, folder, options.count, options.images, options.rounds)
         if "cluster" in options.parts:
-            cluster(options.film, folder, 6, 600, options.rounds)
+            cluster(options.film, folder, 4, options.images * 12, options.rounds)
 
 
 if __name__ == "__main__":
