@@ -18,7 +18,7 @@ from ros_visualise.batch.plan import plan
 from ros_visualise.batch.results import Results
 from ros_visualise.batch.tables import LISTED, TABLES
 from ros_visualise.batch.work import Work
-from ros_visualise.core.errors import UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.landmarks.networks.session import Provider
 from ros_visualise.sources import open_source
 
@@ -66,7 +66,7 @@ def test_what_fails_is_a_row_and_stops_nothing_else(tmp_path):
     node.write_text(BAD_NODE)
     done = batch(
         *(folder, "--out", tmp_path / "out", "--node", f"{node}:bad@streamer", "--json"),
-        *("--timeout", 4, "--max-memory", "600M", "--workers", 2),
+        *("--timeout", 6, "--max-memory", "600M", "--workers", 2),
     )
     assert done.returncode == 1, done.stderr
     report = json.loads(done.stdout)
@@ -230,6 +230,8 @@ def test_inputs_are_found(tmp_path):
     found = find_inputs([str(tmp_path / "a" / "folder")])[0]
     assert found.size > 0
     assert content_of(found.path) != content_of(str(tmp_path / "a" / "drive.mcap"))
+    with pytest.raises(OpenError, match="no such file"):
+        find_inputs([str(tmp_path / "missing.bag")])
     with pytest.raises(UsageError, match="no recordings"):
         find_inputs([str(tmp_path / "a" / "*.bag")])
 

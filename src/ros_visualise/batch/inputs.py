@@ -36,9 +36,12 @@ def find_inputs(given: Sequence[str]) -> list[FoundInput]:
     A name is the path below the folder that all have in common.
 
     Raises:
-        OpenError: a list cannot be read.
+        OpenError: a list cannot be read, or a path is missing.
         UsageError: nothing is found.
     """
+    for text in given:
+        if not (text.startswith(_LIST) or glob.has_magic(text) or os.path.lexists(text)):
+            raise OpenError.missing(text)
     found = sorted({os.path.abspath(path) for text in given for path in _expand(text)})
     if not found:
         raise UsageError(f"{' '.join(given)}: no recordings; give files, folders or patterns")

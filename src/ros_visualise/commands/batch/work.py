@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -120,6 +120,7 @@ def _execute(
     options: BatchOptions,
     request: StopRequest,
 ) -> int:
+    """Run what is left of a plan, write the tables, and report."""
     began_s = time.monotonic()
     left = _left(results, planned)
     tasks = (task_of(one, work, results, options.overlap) for one in left.values())
@@ -196,6 +197,7 @@ def _retry(results: Results, options: BatchOptions) -> int:
     for one in planned:
         if one.key in with_errors or results.failure(one.key) is not None:
             results.forget(one.key)
+    options = replace(options, overlap=kept["overlap"])  # which the keys depend on
     with noticed() as request:
         return _execute(results, planned, Work.restored(kept["work"]), options, request)
 
