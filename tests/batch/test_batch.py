@@ -220,9 +220,11 @@ def test_inputs_are_found(tmp_path):
     films(tmp_path / "a" / "b", 2)
     drive(tmp_path / "a" / "drive.mcap")
     drive(tmp_path / "a" / "folder")  # a ROS 2 bag
+    (tmp_path / "a" / "kitti" / "drive_sync" / "oxts" / "data").mkdir(parents=True)
+    (tmp_path / "a" / "kitti" / "drive_sync" / "oxts" / "data" / "0.bin").touch()
     (tmp_path / "a" / "notes.txt").write_text("x")
     (tmp_path / "a" / "b" / "film_00.srt").write_text("1\n")
-    names = ["b/film_00.mkv", "b/film_01.mkv", "drive.mcap", "folder"]
+    names = ["b/film_00.mkv", "b/film_01.mkv", "drive.mcap", "folder", "kitti/drive_sync"]
     assert [one.name for one in find_inputs([str(tmp_path / "a")])] == names
     assert [one.name for one in find_inputs([str(tmp_path / "a" / "**")])] == names
     (tmp_path / "list").write_text(f"# flights\n{tmp_path}/a/b\n\n{tmp_path}/a/drive.mcap\n")

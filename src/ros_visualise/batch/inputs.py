@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.regular_files import open_file, read_text
+from ros_visualise.sources.kitti.files import is_drive, is_sequence
 from ros_visualise.sources.opening import is_recorded_folder, is_recording
 from ros_visualise.ui.file_chooser import SUFFIXES, VIDEOS
 
@@ -143,7 +144,7 @@ def _below(folder: Path) -> Iterator[str]:
 
 def _is_one(folder: Path) -> bool:
     try:
-        return is_recorded_folder(folder)
+        return is_recorded_folder(folder) or is_drive(folder) or is_sequence(folder)
     except OSError:
         return False
 

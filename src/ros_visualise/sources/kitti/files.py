@@ -131,7 +131,7 @@ def find_folders(path: Path) -> list[Path]:
             searched += 1
             if searched > _MOST_FOLDERS:
                 return found
-            if _is_drive(folder) or is_sequence(folder):
+            if is_drive(folder) or is_sequence(folder):
                 found.append(folder)
             else:
                 below += _folders(folder)
@@ -142,7 +142,7 @@ def find_folders(path: Path) -> list[Path]:
 def find_whole(part: Path) -> Path | None:
     """The drive or the sequence that a folder belongs to, if any."""
     above = part.absolute().parents[:_PART_DEPTH]
-    return next((folder for folder in above if _is_drive(folder) or is_sequence(folder)), None)
+    return next((folder for folder in above if is_drive(folder) or is_sequence(folder)), None)
 
 
 def is_sequence(folder: Path) -> bool:
@@ -159,7 +159,7 @@ def poses_file(sequence: Path) -> Path:
     return sequence.parents[1] / "poses" / f"{sequence.name}.txt"
 
 
-def _is_drive(folder: Path) -> bool:
+def is_drive(folder: Path) -> bool:
     """True if it holds a sensor's folder as the raw drives have it: with its ``data`` below."""
     return any((folder / name / "data").is_dir() for name in _names(folder) & PARTS)
 
