@@ -19,7 +19,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
 smartquotes = False  # options begin with two hyphens
 myst_heading_anchors = 4
-suppress_warnings = ["toc.empty_glob"] if os.environ.get("QUICK") else []  # without lessons
 autodoc_typehints = "description"
 linkcheck_ignore = [r"https://github\.com/OWNER/.*", r"https?://(127\.0\.0\.1|robot).*"]
 

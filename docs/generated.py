@@ -28,8 +28,7 @@ def write(lessons: bool = True) -> None:
     """Write all pages; one that says the same as before keeps its time, and is not read again."""
     pages = {**_copied(), **_nodes(), **_commands(), **_gallery()}
     pages |= {"messages": _messages(), "formats": _formats()}
-    if lessons:
-        pages |= _lessons()
+    pages |= _lessons(lessons)
     for name, lines in pages.items():
         path, text = FOLDER / f"{name}.md", "\n".join(lines) + "\n"
         if not path.exists() or path.read_text() != text:
@@ -236,14 +235,28 @@ def _example(path: Path, title: str) -> Iterator[str]:
         )
 
 
-def _lessons() -> dict[str, Iterable[str]]:
-    """Each lesson, as `explain --export` writes it, unless its page is newer than all lessons."""
+def _lessons(written: bool) -> dict[str, Iterable[str]]:
+    """The list of lessons, and each as `explain --export` writes it, unless its page is newer."""
     import ros_visualise.lessons as room
 
     changed = max(path.stat().st_mtime for path in Path(room.__file__).parent.rglob("*.py"))
-    pages = [(one, FOLDER / "lessons" / f"{one.name}.md") for one in room.LESSONS.all()]
-    old = [one for one, page in pages if not page.exists() or page.stat().st_mtime < changed]
-    return {f"lessons/{lesson.name}": _lesson(lesson) for lesson in old}
+    lessons = list(room.LESSONS.all())
+    pages = {one.name: FOLDER / "lessons" / f"{one.name}.md" for one in lessons}
+    old = [n for n, page in pages.items() if not page.exists() or page.stat().st_mtime < changed]
+    made = {f"lessons/{one.name}": _lesson(one) for one in lessons if written and one.name in old}
+    linked = [name for name, page in pages.items() if written or page.exists()]
+    rows = [
+        (
+            f"[{one.name}](lessons/{one.name}.md)" if one.name in linked else one.name,
+            _text(one.about),
+        )
+        for one in lessons
+    ]
+    contents = _contents("lessons") if linked else []
+    return {
+        "lessons": ["# All lessons", "", *_table("", ("lesson", "about"), rows), *contents],
+        **made,
+    }
 
 
 def _lesson(lesson) -> Iterator[str]:
