@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from ros_visualise.commands import _parser
 
 _OF_THE_TESTS = ("ORT_", "MESA_", "__GL_", "CI", "XDG_", "DISPLAY", "TF_BUILD", "PYTHONDONTWRITE")
 NOTHING: list[str] = []
+SETS = [f"set*/{'/'.join('*' * depth)}" for depth in range(2, 6)]
+"""Files of a data set."""
 COMMANDS: dict[str, tuple[str, list[str]]] = {
     "demo": ("demo --view none --frames 3 --rate 0", NOTHING),
     "demo, page": ("demo landscape --duration 2", NOTHING),
@@ -54,13 +57,26 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
         ["way.tum", "way.png"],
     ),
     "calibrate": ("calibrate {data}/calib/opencv --size 9x6 --output cam.yaml", ["cam.yaml"]),
+    "batch": (
+        "batch {data}/bags/evo_tf_example.bag --out out",
+        ["out", "out/*", "out/tasks/*", "out/tasks/*/*"],
+    ),
+    "query": ("query {results} --csv answer.csv", ["answer.csv*"]),
+    "compare": ("compare {results} {results} --junit compared.xml", ["compared.xml"]),
+    "dataset": ("dataset {results} set --format lerobot", ["set*", "set*/*", *SETS]),
     "nodes": ("nodes", NOTHING),
     "plugins": ("plugins", NOTHING),
     "completion": ("completion bash", NOTHING),
 }
 """Command -> how it is called, and what it was asked to write."""
+_NOT_HERE = {"docs", "live"}
+"""Commands that need a built site, or a server to ask."""
 _VISITED = [sys.executable, str(Path(__file__).with_name("visited.py"))]
-TEMPORARY = {"bag, compressed": "ros_visualise_", "video, windows": "ros_visualise-font-"}
+TEMPORARY = {
+    "bag, compressed": "ros_visualise_",
+    "video, windows": "ros_visualise-font-",
+    "batch": "pymp-",  # sockets of Python's processes
+}
 """Those that need a folder of their own for a while -> how its name begins."""
 
 
@@ -72,17 +88,22 @@ def inputs(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[s
             pytest.fail("nothing can be traced: apt-get install strace")
         pytest.skip("nothing can be traced: apt-get install strace, and allow user namespaces")
     folder = tmp_path_factory.mktemp("inputs")
+    drive = recordings / "kitti" / "drive0009_f000-004" / "2011_09_26"
+    batch = ["batch", drive, "--out", folder / "results"]
+    subprocess.run([sys.executable, "-m", "ros_visualise", *batch], check=True)
     return {
+        "results": folder / "results",
         "data": recordings,
         "video": write_video(folder / "film.mkv", numbered(8, 64, 48)),
         "packed": _packed(recordings / "bags" / "evo_tf_example", folder / "packed"),
-        "kitti": recordings / "kitti" / "drive0009_f000-004" / "2011_09_26",
+        "kitti": drive,
     }
 
 
 def test_every_command_is_among_them():
     [parsers] = [one for one in _parser()._actions if one.dest == "command"]
-    assert {name.partition(",")[0] for name in COMMANDS} == set(parsers.choices)
+    called = {name.partition(",")[0] for name in COMMANDS}
+    assert called | _NOT_HERE == set(parsers.choices)
 
 
 @pytest.mark.timeout(400)  # what is watched takes several times as long

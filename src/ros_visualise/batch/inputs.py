@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.regular_files import open_file, read_text
-from ros_visualise.sources.kitti.files import is_drive, is_sequence
 from ros_visualise.sources.opening import is_recorded_folder, is_recording
 from ros_visualise.ui.file_chooser import SUFFIXES, VIDEOS
 
@@ -20,6 +19,7 @@ _WHOLE_BYTES = 64 << 20
 _SAMPLE_BYTES = 1 << 16
 _SAMPLES = 64
 _SUBTITLES = ".srt"
+_OF_ANYTHING = ".bin"  # also that of ArduPilot's logs
 _LIST = "@"
 
 
@@ -144,7 +144,7 @@ def _below(folder: Path) -> Iterator[str]:
 
 def _is_one(folder: Path) -> bool:
     try:
-        return is_recorded_folder(folder) or is_drive(folder) or is_sequence(folder)
+        return is_recorded_folder(folder)
     except OSError:
         return False
 
@@ -157,4 +157,4 @@ def _is_wanted(path: Path) -> bool:
     if suffix == _SUBTITLES:
         beside = (path.with_suffix(end) for film in VIDEOS for end in (film, film.upper()))
         return not any(one.exists() for one in beside)
-    return suffix in SUFFIXES or is_recording(path)
+    return (suffix in SUFFIXES and suffix != _OF_ANYTHING) or is_recording(path)

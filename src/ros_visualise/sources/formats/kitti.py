@@ -7,6 +7,7 @@ from ros_visualise.sources.formats import Format, lazily
 FORMAT = Format(
     "KITTI drive",
     lazily("kitti:open_kitti"),
+    is_folder=lazily("kitti:is_whole"),
     is_within=lazily("kitti:is_kitti"),
     whole_of=lazily("kitti:find_whole"),
 )

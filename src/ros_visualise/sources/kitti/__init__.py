@@ -21,12 +21,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.sources.kitti.files import find_folder, find_folders, find_whole, is_sequence
+from ros_visualise.sources.kitti.files import (
+    find_folder,
+    find_folders,
+    find_whole,
+    is_sequence,
+    is_whole,
+)
 from ros_visualise.sources.kitti.odometry import open_sequence
 from ros_visualise.sources.kitti.raw import open_drive
 from ros_visualise.sources.recordings.series import SeriesRecording
 
-__all__ = ["find_whole", "is_kitti", "open_kitti"]
+__all__ = ["find_whole", "is_kitti", "is_whole", "open_kitti"]
 
 
 def is_kitti(path: str | Path) -> bool:

@@ -131,7 +131,7 @@ def find_folders(path: Path) -> list[Path]:
             searched += 1
             if searched > _MOST_FOLDERS:
                 return found
-            if is_drive(folder) or is_sequence(folder):
+            if is_whole(folder):
                 found.append(folder)
             else:
                 below += _folders(folder)
@@ -139,10 +139,15 @@ def find_folders(path: Path) -> list[Path]:
     return found
 
 
+def is_whole(folder: Path) -> bool:
+    """True for a drive and for a sequence."""
+    return is_drive(folder) or is_sequence(folder)
+
+
 def find_whole(part: Path) -> Path | None:
     """The drive or the sequence that a folder belongs to, if any."""
     above = part.absolute().parents[:_PART_DEPTH]
-    return next((folder for folder in above if is_drive(folder) or is_sequence(folder)), None)
+    return next(filter(is_whole, above), None)
 
 
 def is_sequence(folder: Path) -> bool:
