@@ -137,7 +137,9 @@ def test_two_files_of_one_name_do_not_break_one_another(own, tmp_path):
 
 
 def test_an_unknown_built_in_name_is_answered_with_those_that_there_are():
-    with pytest.raises(UsageError, match=r"no node 'demo'; choose from calibrator, camera"):
+    with pytest.raises(
+        UsageError, match=r"no node 'demo'; choose from autopilot, calibrator, camera"
+    ):
         find("demo")
 
 

@@ -54,6 +54,8 @@ class NodeType:
         topics: output -> topic, if not derived from the names of node and output
             (see `ros_visualise.graph.place`).
         splittable: True if parts of a recording give the results of the whole, after a while.
+        live: True if ``tick`` brings messages from outside: in any graph it is called 50 times a
+            second, each time until it answers with none.
     """
 
     name: str
@@ -74,6 +76,7 @@ class NodeType:
     calibrated: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
     splittable: bool = True
+    live: bool = False
 
 
 class _OptionalMethods:
@@ -112,6 +115,7 @@ def node(
     calibrated: bool = False,
     topics: Mapping[str, str] | None = None,
     splittable: bool = True,
+    live: bool = False,
     join: SyncPolicy | None = None,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
@@ -164,6 +168,7 @@ def node(
             calibrated=calibrated,
             topics=topics or {},
             splittable=splittable,
+            live=live,
         )
         return target
 

@@ -6,6 +6,7 @@ includes all common messages.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -19,6 +20,8 @@ MARKS = (0xFE, 0xFD)
 
 _INSTALL = "pip install 'ros_visualise[drone]', in a clone '.[drone]'"
 _SIGNED, _SIGNATURE = 1, 13
+_LONGEST = 10 + 255 + 2 + _SIGNATURE
+_MARK = re.compile(b"[\xfd\xfe]")
 _DTYPES = {"float": "f4", "double": "f8", "char": "u1", "uint8_t_mavlink_version": "u1"}
 
 
@@ -73,6 +76,47 @@ def is_whole(data: bytes, place: int, frame: MavlinkFrame) -> bool:
     checksum = _crc()(data[place + 1 : end])
     checksum.accumulate(bytes([kind.crc_extra]))
     return bool(checksum.crc == data[end] | data[end + 1] << 8)
+
+
+class MavlinkStream:
+    """Messages in what comes over a line; whole ones are found again after any damage.
+
+    Attributes:
+        damaged: number of bytes that belong to no known message.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._rest = b""
+        self._decoder = dialect().MAVLink(None)
+
+    def feed(self, data: bytes, is_datagram: bool) -> list[Any]:
+        """The messages that these bytes end; frames do not go on in the next datagram."""
+        data, found, place = self._rest + data, [], 0
+        while (mark := _MARK.search(data, place)) is not None:
+            self.damaged += mark.start() - place
+            place = mark.start()
+            frame = frame_at(data, place)
+            if frame is None and not is_datagram and len(data) - place < _LONGEST:
+                break  # the rest comes
+            message = None if frame is None else self._decoded(data, place, frame)
+            if frame is None or message is None:
+                self.damaged += 1
+                place += 1
+                continue
+            found.append(message)
+            place = frame.end
+        self._rest = data[place:] if mark is not None else b""
+        self.damaged += len(data) - place - len(self._rest)
+        return found
+
+    def _decoded(self, data: bytes, place: int, frame: MavlinkFrame) -> Any:
+        if layout(frame.number) is None or not is_whole(data, place, frame):
+            return None
+        try:
+            return self._decoder.decode(bytearray(data[place : frame.end]))
+        except (dialect().MAVError, UnicodeDecodeError):
+            return None
 
 
 class MessageLayout(NamedTuple):

@@ -24,10 +24,16 @@ from ros_visualise.graph.pipelines import (
     server_pipeline,
 )
 from ros_visualise.graph.presets import preset
+from ros_visualise.graph.vehicles import guiding_vehicles, with_vehicles
 from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.running.arguments import parse_setting
-from ros_visualise.running.options import NodeOptions, PlayingOptions, SettingOptions
+from ros_visualise.running.options import (
+    NetworkOptions,
+    NodeOptions,
+    PlayingOptions,
+    SettingOptions,
+)
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
@@ -150,8 +156,10 @@ def graph_of(selection: Selection, options: NodeOptions) -> Graph:
         UsageError: an option does not fit the source.
     """
     with ExitStack() as undo:
-        graph = with_tags(selection.graph(undo), options.landmarks, options.navigate)
-        graph = _with_nodes(graph, options.node)
+        vehicles = options.mavlink if isinstance(options, NetworkOptions) else ()
+        graph = with_vehicles(selection.graph(undo), vehicles)
+        graph = with_tags(graph, options.landmarks, options.navigate)
+        graph = guiding_vehicles(_with_nodes(graph, options.node))
         if options.preset:
             graph = graph.configured(preset(options.preset, graph))
         graph = with_settings(graph, options, selection.is_recording)

@@ -232,6 +232,12 @@ class NetworkOptions:
         " repeatable",
         metavar="ADDRESS",
     )
+    mavlink: Sequence[str] = option(
+        [],
+        "connect a vehicle, such as udp://:14540, tcp/serial as in tcp://HOST:5760 and"
+        " serial:///dev/ttyACM0:57600; repeatable",
+        metavar="ADDRESS",
+    )
     node_name: str = option(
         "",
         "name on that network, with a namespace for its topics: uav1/camera",

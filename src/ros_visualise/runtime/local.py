@@ -242,9 +242,17 @@ class LocalRuntime:
             if not supervision.attempt(name, work, BaseException):
                 self._broken = True
         finally:
+            if self._source is not None and name == self._source.name:
+                self._end_live_nodes()
             with self._ended:
                 self._running -= 1
                 self._ended.notify_all()
+
+    def _end_live_nodes(self) -> None:
+        """End the nodes that nothing else ends, as they take what is made of their own messages."""
+        for node in self._nodes.values():
+            if node.runner.node.type.live:
+                node.inbox.close()
 
     def _make_nodes(self) -> dict[str, NodeThread]:
         """The nodes; if one cannot be made, the source is closed again."""

@@ -16,7 +16,8 @@ from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import CallbackListener, Listener, Topic
 
-_TICK_S = 0.1
+_TICK_S, _LIVE_TICK_S = 0.1, 0.02
+_MOST_TICKS = 200
 
 
 class NodeThread:
@@ -39,6 +40,8 @@ class NodeThread:
         self.runner = runner
         self._inputs = inputs
         self._tick_s = _TICK_S if ticks and not runner.stateless else None
+        if runner.node.type.live:
+            self._tick_s = _LIVE_TICK_S
         self._ticked_s = time.monotonic()
         self.inbox = Inbox(lossless=False)
         self.listeners = [
@@ -118,13 +121,17 @@ class NodeThread:
     def _tick_in_time(self) -> None:
         if self._tick_s is not None and time.monotonic() - self._ticked_s >= self._tick_s:
             self._ticked_s = time.monotonic()
-            self._publish_answer(self.runner.tick)
+            times = _MOST_TICKS if self.runner.node.type.live else 1
+            while times and self._publish_answer(self.runner.tick):
+                times -= 1
 
-    def _publish_answer(self, ask: Callable[[], Mapping[str, Any]]) -> None:
-        """Publish what the node answers between two steps, if anything."""
+    def _publish_answer(self, ask: Callable[[], Mapping[str, Any]]) -> bool:
+        """Publish what the node answers between two steps; false if that is nothing."""
         with self._at_work:
-            if answer := ask():
+            answer = ask()
+            if answer:
                 self._publish(answer)
+            return bool(answer)
 
     def _publish(self, answer: Mapping[str, Any]) -> None:
         for port, topic in self._outputs.items():

@@ -29,6 +29,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.data import Path as PathMessage
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.aircraft import to_attitude, to_enu, to_flu
 from ros_visualise.sources.logs.tables import LogTable
 from ros_visualise.sources.series import Series, single
 
@@ -44,8 +45,6 @@ RTK has a base on the ground; the origin of a differential fix's (4) corrections
 """
 _NO_COVARIANCE, _APPROXIMATED = 0, 1
 _HELD_US = 100_000
-_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])  # half a turn about north-east
-_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about forward
 
 _Times = npt.NDArray[np.int64]
 
@@ -227,21 +226,3 @@ class _Attitude:
         before = places.astype(int)
         after = np.minimum(before + 1, len(self.times_us) - 1)
         return rotations.slerp(self._quats[before], self._quats[after], places - before)
-
-
-def to_enu(ned: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the world."""
-    north, east, down = np.moveaxis(np.asarray(ned, np.float64), -1, 0)
-    return np.stack([east, north, -down], axis=-1)
-
-
-def to_flu(frd: npt.ArrayLike) -> Floats:
-    """Vectors (..., 3) of the body."""
-    return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
-
-
-def to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:
-    """Quaternions x, y, z, w (..., 4) of FLU in ENU, of w, x, y, z of FRD in NED."""
-    quat_xyzw = np.roll(np.asarray(quat_wxyz, np.float64), -1, axis=-1)
-    turned = rotations.multiply(rotations.multiply(_ENU_NED, quat_xyzw), _FRD_FLU)
-    return rotations.normalise(turned)

@@ -1,0 +1,286 @@
+"""A vehicle at the other end of a link: heartbeats, its clock, and what passes both ways."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from typing import Any
+
+from ros_visualise.core import supervision
+from ros_visualise.data import PoseWithCovarianceStamped
+from ros_visualise.links import guidance
+from ros_visualise.links.mavlink import MavlinkStream, dialect
+from ros_visualise.links.telemetry import Answer, Telemetry
+from ros_visualise.links.wires import Peer, Rewire
+
+log = logging.getLogger(__name__)
+
+COMPONENT = 191
+"""MAV_COMP_ID_ONBOARD_COMPUTER."""
+_AUTOPILOT, _INVALID = 1, 8
+_ONBOARD, _ACTIVE = 18, 4
+_SPEAK_S = 1.0
+_LOST_S = 3.0
+_LOOK_S = 0.05
+_KEPT = 2_000  # messages that nobody has taken
+_ARMED = 128
+_WARNING, _INFO = 4, 6
+_MOST_TEXT = 50
+_SLOW_NS = 500_000_000  # round trip of a time that is not used
+
+
+class ClockOffset:
+    """Offset of the vehicle's clock, by the quickest of the last round trips of TIMESYNC.
+
+    Attributes:
+        offset_ns: our time minus the vehicle's, since its start; None: unknown.
+        round_trip_ns: of the round trip that it is from.
+    """
+
+    def __init__(self) -> None:
+        self.offset_ns: int | None = None
+        self.round_trip_ns = 0
+        self._trips: deque[tuple[int, int]] = deque(maxlen=10)
+
+    def answer(self, theirs_ns: int, sent_ns: int, now_ns: int) -> None:
+        """Take the answer to a request."""
+        round_trip_ns = now_ns - sent_ns
+        if 0 <= round_trip_ns < _SLOW_NS and theirs_ns > 0:
+            self._trips.append((round_trip_ns, (sent_ns + now_ns) // 2 - theirs_ns))
+            self.round_trip_ns, self.offset_ns = min(self._trips)
+
+    def forget(self) -> None:
+        """The vehicle was started again, perhaps."""
+        self._trips.clear()
+        self.offset_ns = None
+
+
+class Vehicle:
+    """One vehicle, followed in a thread of its own.
+
+    Nothing arms it or changes its mode.
+
+    Args:
+        address: see `ros_visualise.links.wires`.
+        system: number of the vehicle; 0: the first that is heard.
+
+    Attributes:
+        autopilot: MAV_AUTOPILOT; None: unknown yet.
+        mode: its name; empty: unknown.
+        armed: if its motors may turn.
+        lost: was heard, and is no longer.
+        counts: damaged bytes, messages and so on.
+    """
+
+    def __init__(self, address: str, system: int) -> None:
+        self._dialect = dialect()
+        self.address, self.system = address, system
+        self.autopilot: int | None = None
+        self.mode = ""
+        self.armed = self.lost = False
+        self.clock = ClockOffset()
+        self.counts: Counter[str] = Counter()
+        self.telemetry = Telemetry()
+        self._wire = Rewire(address)
+        self._sending = threading.Lock()
+        self._sender = self._dialect.MAVLink(None, system or 1, COMPONENT)
+        self._stream = MavlinkStream()
+        self._peer: Peer = None
+        self._answers: deque[Answer] = deque(maxlen=_KEPT)
+        self._heard_s = self._spoke_s = 0.0
+        self._others: set[int] = set()
+        self._said = ""
+        self._resets = 0
+        self._closed = threading.Event()
+        self._thread = supervision.start("autopilot link", self._run)
+
+    def take(self) -> list[Answer]:
+        """Outputs and messages that came since."""
+        found = []
+        while self._answers:
+            found.append(self._answers.popleft())
+        return found
+
+    def send_target(self, target: PoseWithCovarianceStamped) -> bool:
+        """Send a landing target; false if this autopilot takes none, or the vehicle is away."""
+        return self._guide(
+            lambda autopilot: guidance.landing_target(
+                target, autopilot, self.telemetry, _now_ns() // 1000
+            )
+        )
+
+    def send_pose(self, pose: PoseWithCovarianceStamped, jumped: bool) -> bool:
+        """Send a pose of the body; ``jumped``: it does not continue the one before."""
+        resets = (self._resets + jumped) % 256
+        is_sent = self._guide(
+            lambda autopilot: guidance.pose(pose, autopilot, _now_ns() // 1000, resets)
+        )
+        self._resets = resets if is_sent else self._resets
+        return is_sent
+
+    def say(self, text: str, is_warning: bool) -> None:
+        """Show a text to the person at the ground station."""
+        severity = _WARNING if is_warning else _INFO
+        self._send(self._dialect.MAVLink_statustext_message(severity, text.encode()[:_MOST_TEXT]))
+
+    @property
+    def state(self) -> str:
+        """Its state in a few words."""
+        if self.autopilot is None:
+            return f"no vehicle on {self.address}" + (self._wire.error and f": {self._wire.error}")
+        if self.lost:
+            return f"link to system {self.system} lost"
+        return f"{self.mode or 'unknown mode'}, {'armed' if self.armed else 'disarmed'}"
+
+    def close(self) -> None:
+        """End the thread and close the link."""
+        self._closed.set()
+        self._thread.join()
+
+    def _guide(self, make: Any) -> bool:
+        if self.autopilot is None or self.lost:
+            return False
+        if self.autopilot not in (guidance.PX4, guidance.ARDUPILOT):
+            self._warn(f"autopilot {self.autopilot} is neither PX4 nor ArduPilot: sent no guidance")
+            return False
+        message = make(self.autopilot)
+        if message is None:
+            return False
+        self._send(message)
+        self.counts[message.get_type()] += 1
+        return True
+
+    def _send(self, message: Any) -> None:
+        with self._sending:
+            data = message.pack(self._sender)
+            self._sender.seq = (self._sender.seq + 1) % 256
+            self._wire.write(data, self._peer)
+
+    def _run(self) -> None:
+        try:
+            while not self._closed.is_set():
+                data, peer = self._wire.read(_LOOK_S)
+                for message in self._parse(data, peer) if data else ():
+                    self._hear(message, peer)
+                self._watch()
+        finally:
+            self._wire.close()
+
+    def _parse(self, data: bytes, peer: Peer) -> list[Any]:
+        """The messages in these bytes; only those of a line continue its last ones."""
+        damaged = self._stream.damaged
+        found = self._stream.feed(data, is_datagram=peer is not None)
+        self.counts["damaged_bytes"] += self._stream.damaged - damaged
+        return found
+
+    def _hear(self, message: Any, peer: Peer) -> None:
+        kind = message.get_type()
+        system, component = message.get_srcSystem(), message.get_srcComponent()
+        if kind == "HEARTBEAT" and component == _AUTOPILOT and message.autopilot != _INVALID:
+            if not self.system or (self.autopilot is None and self.system == system):
+                self._find(system)
+            elif system != self.system:
+                self._note_other(system)
+        if not self.system or system != self.system or component == COMPONENT:
+            return
+        self.counts["messages"] += 1
+        self._peer = peer
+        if kind == "HEARTBEAT" and component == _AUTOPILOT:
+            self._beat(message)
+        elif kind == "TIMESYNC":
+            self._synchronize(message)
+        else:
+            self._answers.extend(self.telemetry.take(message, self._stamp_ns(message)))
+
+    def _find(self, system: int) -> None:
+        self.system = system
+        self._sender.srcSystem = system
+
+    def _note_other(self, system: int) -> None:
+        if system not in self._others and len(self._others) < 255:
+            self._others.add(system)
+            log.warning("autopilot: ignoring system %d; it has system %d", system, self.system)
+
+    def _beat(self, message: Any) -> None:
+        if self.lost or self.autopilot is None:
+            log.info("autopilot: system %d is %s", self.system, "back" if self.lost else "there")
+            self.clock.forget()
+        self.autopilot, self.lost = message.autopilot, False
+        self._heard_s = time.monotonic()
+        self.armed = bool(message.base_mode & _ARMED)
+        self.mode = mode_name(message)
+
+    def _synchronize(self, message: Any) -> None:
+        now_ns = _now_ns()
+        if message.tc1 == 0:
+            self._send(self._dialect.MAVLink_timesync_message(now_ns, message.ts1))
+        else:
+            self.clock.answer(message.tc1, message.ts1, now_ns)
+
+    def _stamp_ns(self, message: Any) -> int:
+        """The time at which a message was measured, by our clock; else that of its arrival."""
+        now_ns = _now_ns()
+        since_ms = getattr(message, "time_boot_ms", 0)
+        if self.clock.offset_ns is None or not since_ms:
+            return now_ns
+        stamp_ns = int(since_ms * 1_000_000 + self.clock.offset_ns)
+        return stamp_ns if abs(now_ns - stamp_ns) < _LOST_S * 1e9 else now_ns
+
+    def _watch(self) -> None:
+        now_s = time.monotonic()
+        if self.autopilot is not None and not self.lost and now_s - self._heard_s > _LOST_S:
+            self.lost = True
+            log.warning("autopilot: no heartbeat of system %d for %g s", self.system, _LOST_S)
+        if self._wire.error != self._said:
+            self._said = self._wire.error
+            if self._said:
+                log.warning("autopilot: %s: %s; trying again", self.address, self._said)
+        if now_s - self._spoke_s >= _SPEAK_S:
+            self._spoke_s = now_s
+            beat = self._dialect.MAVLink_heartbeat_message(_ONBOARD, _INVALID, 0, 0, _ACTIVE, 3)
+            self._send(beat)
+            if self.autopilot is not None:
+                self._send(self._dialect.MAVLink_timesync_message(0, _now_ns()))
+
+    def _warn(self, text: str) -> None:
+        if not self.counts[text]:
+            log.warning("autopilot: %s", text)
+        self.counts[text] += 1
+
+
+def mode_name(heartbeat: Any) -> str:
+    """The vehicle's mode, as its ground stations call it; a number where it is unknown."""
+    mode = heartbeat.custom_mode
+    if heartbeat.autopilot == guidance.PX4:
+        main, sub = mode >> 16 & 255, mode >> 24
+        return _PX4_AUTO.get(sub, f"AUTO {sub}") if main == 4 else _PX4_MODES.get(main, str(mode))
+    if heartbeat.autopilot == guidance.ARDUPILOT and heartbeat.type in _COPTERS:
+        names = {one: enum.name for one, enum in dialect().enums["COPTER_MODE"].items()}
+        return str(names.get(mode, mode)).removeprefix("COPTER_MODE_")
+    return str(mode)
+
+
+_COPTERS = (2, 3, 4, 13, 14, 15)
+_PX4_MODES = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+}
+_PX4_AUTO = {
+    2: "TAKEOFF",
+    3: "LOITER",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    8: "FOLLOW ME",
+    9: "PRECISION LAND",
+}
+
+
+def _now_ns() -> int:
+    return time.time_ns()
