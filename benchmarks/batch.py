@@ -139,9 +139,9 @@ def cluster(film: Path, folder: Path, count: int, images: int, rounds: int) -> N
         ]
         try:
             for _ in range(rounds):
-                here = batch(folder / "long", folder / "out", "--workers", 2)
-                there = timed_batch(folder, address)
-                ratios.append((here.wall_s, there, there / here.wall_s))
+                here = timed_batch(folder, "--workers", "2")
+                there = timed_batch(folder, "--cluster", address)
+                ratios.append((here, there, there / here))
         finally:
             for process in started:
                 process.terminate()
@@ -152,11 +152,11 @@ def cluster(film: Path, folder: Path, count: int, images: int, rounds: int) -> N
     print(f"| processes | {here_s:.1f} | 1 |\n| Dask | {there_s:.1f} | {ratio:.2f} |")
 
 
-def timed_batch(folder: Path, address: str) -> float:
-    """Seconds of a batch on a cluster that runs already."""
+def timed_batch(folder: Path, *options: str) -> float:
+    """Seconds of a batch, while others may run beside it."""
     shutil.rmtree(folder / "out", ignore_errors=True)
     command = [sys.executable, "-m", "ros_visualise", "batch", str(folder / "long")]
-    command += ["--out", str(folder / "out"), "--pipeline", "landmarks", "--cluster", address]
+    command += ["--out", str(folder / "out"), "--pipeline", "landmarks", *options]
     start = time.monotonic()
     subprocess.run(command, check=True, capture_output=True)
     return time.monotonic() - start
