@@ -420,6 +420,15 @@ def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
     assert runtime.report().nodes["path"].own["refused"] == 1
 
 
+def test_simulated_time_begins_at_0(runtime, caplog):
+    subscription = runtime.subscribe("/path")
+    for x in range(3):
+        runtime.publish("/odom", odometry(x, time_s=x / 10))
+        path = subscription.take(5)
+    assert path.positions_xyz[:, 0].tolist() == [0, 1, 2]
+    assert not caplog.messages
+
+
 @pytest.mark.parametrize("frame", ["odom", ""])
 @pytest.mark.parametrize("without", [0, 1, 2])
 def test_a_pose_without_a_timestamp_costs_itself_alone_and_is_reported(

@@ -58,6 +58,14 @@ def test_threshold_slider_changes_the_pixels_on_all_browsers(browse, runtime):
         wait_in(tab, lambda tab=tab: is_brightest(tab, threshold))
 
 
+def test_arrow_keys_move_the_slider_that_has_the_focus(browse, runtime):
+    tab, filters = browse(""), runtime.parameters["filters"]
+    tab.get_by_role("slider", name="Threshold").focus()
+    tab.keyboard.press("ArrowLeft")
+    wait_in(tab, lambda: filters.current.threshold == 127)
+    assert runtime.playback.state.position_s == 0
+
+
 def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, runtime):
     tab = browse("")
     runtime.parameters["filters"].update({"threshold": 77})

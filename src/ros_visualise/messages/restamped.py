@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
 from ros_visualise.core.errors import DamagedMessage
@@ -13,6 +14,7 @@ from ros_visualise.data import Header, Path
 from ros_visualise.messages.recorded import Recorded
 
 T = TypeVar("T")
+Later = Callable[[int], int]
 
 _NS = 1_000_000_000
 _END_S = 2**31  # of what stamps of ROS 2 hold
@@ -24,8 +26,8 @@ _AT = 4  # of the stamp in messages that begin with a header: after the number, 
 def restamped(message: T, by_ns: int) -> T:
     """The message with its stamps later by so much.
 
-    Recorded ones stay bytes, and their stamps of zero, which mean none; those that cannot be
-    decoded stay as they are.
+    Recorded ones stay bytes, and their stamps of zero, which mean none unless time itself begins at
+    zero, as it does in simulations; those that cannot be decoded stay as they are.
     """
     if not by_ns:
         return message
@@ -37,11 +39,12 @@ def restamped(message: T, by_ns: int) -> T:
 def _recorded(message: Recorded, by_ns: int) -> Recorded:
     data, definitions = message.data, message.definitions
     kinds = definitions.stamped(message.type_name)
+    later = partial(_later, by_ns, message.stamp_ns < _NS)
     if kinds == "first":
-        data = _patched(data, definitions.encoding == "ros1", by_ns)
+        data = _patched(data, definitions.encoding == "ros1", later)
     elif kinds == "inner":
         with suppress(DamagedMessage):
-            data = definitions.write(message.type_name, _moved(message.message, by_ns))
+            data = definitions.write(message.type_name, _moved(message.message, later))
     return Recorded(
         message.type_name,
         data,
@@ -53,37 +56,38 @@ def _recorded(message: Recorded, by_ns: int) -> Recorded:
     )
 
 
-def _patched(data: bytes | memoryview, is_ros1: bool, by_ns: int) -> bytes | memoryview:
+def _patched(data: bytes | memoryview, is_ros1: bool, later: Later) -> bytes | memoryview:
     """The bytes of a message that begins with its only header."""
     if len(data) < _AT + 8:
         return data
     time = struct.Struct("<II" if is_ros1 or data[1] & 1 else ">II")
     sec, nanosec = time.unpack_from(data, _AT)
-    stamp_ns = _later(sec * _NS + nanosec, by_ns)
+    stamp_ns = later(sec * _NS + nanosec)
     patched = bytearray(data)
     time.pack_into(patched, _AT, *divmod(stamp_ns, _NS))
     return bytes(patched)
 
 
-def _later(stamp_ns: int, by_ns: int) -> int:
-    return min(max(stamp_ns + by_ns, 1), _END_S * _NS - 1) if stamp_ns else 0
+def _later(by_ns: int, is_zero_a_time: bool, stamp_ns: int) -> int:
+    is_time = stamp_ns or is_zero_a_time
+    return min(max(stamp_ns + by_ns, 1), _END_S * _NS - 1) if is_time else 0
 
 
-def _moved(message: Any, by_ns: int) -> Any:
+def _moved(message: Any, later: Later) -> Any:
     """A decoded message, whose stamps are changed in place."""
     for one in fields(message):
         value = getattr(message, one.name)
         kind = getattr(value, "__msgtype__", "")
         if kind == _TIME and one.name == _STAMP:
-            stamp_ns = _later(value.sec * _NS + value.nanosec, by_ns)
+            stamp_ns = later(value.sec * _NS + value.nanosec)
             sec, nanosec = divmod(stamp_ns, _NS)
             setattr(message, one.name, replace(value, sec=sec, nanosec=nanosec))
         elif kind:
-            _moved(value, by_ns)
+            _moved(value, later)
         elif isinstance(value, list):
             for inner in value:
                 if is_dataclass(inner):
-                    _moved(inner, by_ns)
+                    _moved(inner, later)
     return message
 
 

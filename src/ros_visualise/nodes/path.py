@@ -27,6 +27,9 @@ from ros_visualise.nodes import action, node
 
 log = logging.getLogger(__name__)
 
+_FIRST_SECOND = range(1, 1_000_000_000)
+"""Stamps, ns, where simulated time begins: before them, 0 is a time."""
+
 
 @dataclass(frozen=True)
 class PathParams:
@@ -213,7 +216,7 @@ class PathNode:
     def _is_stamped_alike(self, header: Header) -> bool:
         """True if the pose and the path both have timestamps, or both do not."""
         has_stamp, had_stamp = bool(header.stamp_ns), bool(self._header.stamp_ns)
-        if not len(self._track) or has_stamp == had_stamp:
+        if not len(self._track) or has_stamp == had_stamp or header.stamp_ns in _FIRST_SECOND:
             return True
         if not self._unstamped:
             log.warning("path: dropping poses without a timestamp (further occurrences suppressed)")

@@ -145,8 +145,10 @@ def test_bytes_are_as_if_they_had_been_written_later(encoding):
     assert (moved.stamp_ns, moved.header.frame_id) == (6 * S + S // 2, "map")
     assert restamped(moved, -S // 2).data == data
     unstamped = types[kind](types["std_msgs/msg/Header"](*number, type(time)(0, 0), ""), place)
-    none = Recorded(kind, bytes(definitions.write(kind, unstamped)), definitions, 0)
+    none = Recorded(kind, bytes(definitions.write(kind, unstamped)), definitions, 6 * S)
     assert restamped(none, S).header.stamp_ns == 0
+    first = Recorded(kind, none.data, definitions, 0)  # of a simulation
+    assert restamped(first, S).header.stamp_ns == S
 
 
 def test_transforms_are_those_of_the_first(tmp_path):

@@ -133,6 +133,7 @@ export default {
     key(event) {
       if (!this.isKnown || rv.isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return false;
       if (event.key === " " && event.target.closest?.("button")) return false; // a button's own
+      if (/^(Arrow|Home|End|Page)/.test(event.key) && event.target.matches?.("input[type=range]")) return false; // a slider's own
       const { live } = this.state;
       const part = this.state.part?.[0] ?? 0;
       const to = RATES.filter((rate) => rate);
