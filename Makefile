@@ -25,8 +25,8 @@ demo: .venv/.ready
 QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,core geometry \
 	messages vision sources sinks plotting nodes lessons package)
 
-# Tests of ROS and of pages wait for other processes a third of their time: one more than 2 cores.
-PARALLEL := -n 3 --dist loadfile
+# Tests of ROS and of pages wait for other processes half of their time: two more than 2 cores.
+PARALLEL := -n 4 --dist loadfile
 
 # The processes of the tests share the cores; threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1

@@ -183,7 +183,7 @@ def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyP
 def test_a_file_is_no_camera(tmp_path: Path) -> None:
     path = tmp_path / "v.mp4"
     path.touch()
-    with pytest.raises(OpenError, match="played as a video"):
+    with pytest.raises(OpenError, match="not a camera"):
         LiveCamera(str(path))
 
 

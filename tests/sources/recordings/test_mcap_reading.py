@@ -308,8 +308,8 @@ def test_closing_from_another_thread_ends_reading(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "an empty file"),
-        (b"hello", "no MCAP file"),
-        (b"\x89MCAP1\r\n", "no MCAP file"),
+        (b"hello", "not an MCAP file"),
+        (b"\x89MCAP1\r\n", "not an MCAP file"),
     ],
 )
 def test_what_is_no_mcap_is_said_in_a_line(tmp_path: Path, content: bytes, words: str) -> None:
