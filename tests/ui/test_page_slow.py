@@ -69,7 +69,7 @@ def stall_after(monkeypatch, stall_s):
 
 
 def test_who_takes_an_answer_slowly_gets_all_of_it(shown, port, monkeypatch):
-    stall_after(monkeypatch, 2.0)
+    stall_after(monkeypatch, 5.0)
     reader = Reader(port, LARGE)
     with closing(reader.socket):
         begun_s = time.monotonic()

@@ -130,8 +130,7 @@ def test_a_log_is_added_to_a_film_and_dragged(run, chromium, port):
         files.read_until(lambda: "log.mcap" in files.state.get("files", []))
         files.send("open", name="log.mcap", add=True)
         wait_for(lambda: "<title>film.mkv, log.mcap " in get(port)[2])
-        state = clock.read_until(lambda state: len(state["sources"]) == 2)
-        assert state["position"] == 1.2
+        clock.read_until(lambda state: len(state["sources"]) == 2 and state["position"] == 1.2)
         clock.act(mark=[0.5, "there"])
         clock.read_until(lambda state: state["marks"] == [[0.5, "there"]])
     tab = chromium.new_page(viewport={"width": 1280, "height": 720})

@@ -6,6 +6,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import tempfile
 import time
 from collections.abc import Callable
 from functools import cache
@@ -21,6 +22,7 @@ from ros_visualise.core.printing import sized
 from ros_visualise.core.regular_files import read_file
 
 _LOOK_S = 0.1
+_LONGEST_FOLDER = 70  # a socket's address in it has 32 more letters, and at most 107
 _OF_TERMINAL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = ("crash", "timeout", "memory")
 
@@ -101,7 +103,8 @@ def _context() -> BaseContext:
     """Processes that are forked from one that has imported everything and runs no threads."""
     # that of a Dask worker is a daemon, which may have no children: they end with it all the same
     multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-    if "forkserver" not in multiprocessing.get_all_start_methods():
+    has_room = len(os.fsencode(tempfile.gettempdir())) <= _LONGEST_FOLDER
+    if "forkserver" not in multiprocessing.get_all_start_methods() or not has_room:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["ros_visualise.batch.preload"])

@@ -40,7 +40,7 @@ export default {
         <img v-if="thumbnail && pointer !== null" class="rv-thumbnail" :src="thumbnail" :style="{ left: place(pointer) }" alt="">
         <button v-for="[at, name] in state.marks ?? []" :key="at" class="rv-mark" :style="{ left: place(at) }" :title="name + '  ' + clock(at)"
           :aria-label="'Mark ' + name + ' at ' + clock(at)" @pointerdown.stop @click="seek(at)">
-          <q-menu v-if="!readOnly" context-menu @show="marked = name"><div class="rv-marking">
+          <q-menu v-if="!readOnly" context-menu @before-show="marked = name"><div class="rv-marking">
             <q-input v-model="marked" dense autofocus label="Name of the mark" @keydown.stop @keydown.enter="act({ mark: [at, marked] })" />
             <q-btn v-close-popup flat dense no-caps label="Rename" @click="act({ mark: [at, marked] })" />
             <q-btn v-close-popup flat dense no-caps label="Loop from here to the next mark" @click="loop(at)" />
