@@ -9,6 +9,8 @@ import numpy as np
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 path, topic = sys.argv[1:]
 began_ns, longest_ns = None, 0
 for sample in rv.messages(path, topic, kind=rv.Odometry):

@@ -7,6 +7,8 @@ import sys
 
 import ros_visualise as rv
 
+if len(sys.argv) != 4:
+    sys.exit(__doc__)
 path, estimated, true = sys.argv[1:]
 truth = rv.trajectory(path, true)
 odometry = rv.trajectory(path, estimated)

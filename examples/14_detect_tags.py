@@ -10,6 +10,8 @@ import numpy as np
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 source, target = sys.argv[1:]
 picture = cv2.imread(source)
 for tag in rv.detect(source, "tag36h11"):

@@ -10,6 +10,8 @@ import cv2
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 folder, target = sys.argv[1:]
 photos = sorted(Path(folder).iterdir())
 camera = rv.calibrate(photos, "9x6")

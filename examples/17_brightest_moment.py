@@ -9,6 +9,8 @@ import cv2
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 source, target = sys.argv[1:]
 brightest = max(rv.frames(source), key=lambda frame: frame.pixels.mean())
 cv2.imwrite(target, brightest.pixels)

@@ -9,6 +9,8 @@ import cv2
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 source, target = sys.argv[1:]
 graph = rv.pipeline(source).configured({"filters": {"gray": True, "blur": "gaussian"}})
 film, frame = None, None

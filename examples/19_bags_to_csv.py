@@ -11,6 +11,8 @@ import numpy as np
 
 import ros_visualise as rv
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 folder, target = sys.argv[1:]
 with open(target, "w", newline="") as file:
     table = csv.writer(file)

@@ -167,7 +167,7 @@ def test_the_best_type_is_chosen():
 @pytest.mark.parametrize(
     ("topic", "says"),
     [
-        (None, "give one as topic: /a, /b"),
+        (None, "choose one: /a, /b"),
         ("/c", "no poses on /c; choose from /a, /b"),
         ("/tf", "no poses on /tf"),
         ("/tf:map", "/tf:PARENT.CHILD"),

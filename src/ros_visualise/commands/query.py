@@ -48,6 +48,7 @@ def run(options: QueryOptions) -> int:
     import duckdb
 
     from ros_visualise.batch.results import Results
+    from ros_visualise.core.printing import print_status
 
     with closing(Results(options.results).open_tables()) as sql:
         try:
@@ -59,7 +60,10 @@ def run(options: QueryOptions) -> int:
                     _save(answer, write, path, options.overwrite)
             if options.plot:
                 _plot(answer, options.plot, options.overwrite)
-            if not (options.csv or options.parquet or options.plot):
+            files = [path for path in (options.csv, options.parquet, options.plot) if path]
+            for path in files:
+                print_status(f"{path}: written")
+            if not files:
                 _print(answer, options.json)
         except duckdb.Error as error:
             raise UsageError(f"query: {str(error).splitlines()[0]}") from None

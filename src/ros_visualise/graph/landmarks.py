@@ -68,8 +68,8 @@ def with_tags(graph: Graph, wanted: bool | None, navigate: str | None) -> Graph:
     elif found and navigate is not None:
         graph = with_landmarks(graph, [found], [RECORDED_TAGS], navigate=True)
     else:
-        option = "--landmarks" if navigate is None else "--navigate"
-        raise UsageError(f"{option}: needs images, which this source lacks")
+        what = "landmarks" if navigate is None else "navigation"
+        raise UsageError(f"{what}: needs images, which this source lacks")
     if navigate:
         return graph.configured({NAVIGATOR: {"map": navigate, "mode": "frozen"}})
     return graph

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -95,19 +95,20 @@ def recording(
             opened = undo.enter_context(closing(open_recording(path)))
             return recording_pipeline(opened, topics, *chosen)
         joined = undo.enter_context(closing(open_joined([Path(one) for one in (path, *more)])))
-        _say_alignment(joined)
+        moved = dict(zip(joined.names, parse_offsets(offsets, joined), strict=True))
+        _say_alignment(joined, moved)
         graph = recording_pipeline(joined, topics, *chosen)
-        moved = zip(joined.names, parse_offsets(offsets, joined), strict=True)
-        return graph.configured({"player": dict(moved)})
+        return graph.configured({"player": moved})
 
     name = ", ".join(Path(one).resolve().name for one in (path, *more))
     return Selection(name, graph, path, tuple(more), is_recording=True)
 
 
-def _say_alignment(joined: JoinedRecording) -> None:
+def _say_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> None:
     for name, path, is_aligned in zip(joined.names, joined.paths, joined.is_aligned, strict=True):
         how = "placed by its stamps" if is_aligned else "starts with the others"
-        log.info("%s: %s; --offset %s=SECONDS moves it", path.name, how, name)
+        by = f"moved by {moved[name]:g} s" if moved[name] else f"--offset {name}=SECONDS moves it"
+        log.info("%s: %s; %s", path.name, how, by)
         if topics := joined.skipped.get(name):
             log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))
 

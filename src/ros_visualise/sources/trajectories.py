@@ -275,9 +275,7 @@ def _choose(recording: Recording, but: str | None) -> str:
             return of_kind[0]
         if of_kind:
             listed = ", ".join(there)
-            raise UsageError(
-                f"{recording.path}: several topics have poses; give one as topic: {listed}"
-            )
+            raise UsageError(f"{recording.path}: several topics have poses; choose one: {listed}")
     raise UsageError(f"{recording.path}: no topic with poses; see ros-visualise info")
 
 

@@ -152,6 +152,8 @@ def _run(
 ) -> int:
     """Run what is left, with a progress bar; the number of failures."""
     failed = 0
+    if len(left) < count:
+        print_status(f"{count - len(left)} of {counted(count, 'task')} done before")
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     total = sum(one.size for one in left.values())
     done = count - len(left)
