@@ -178,8 +178,11 @@ def open_input(path: str, undo: ExitStack, **robot: Any) -> SourceNode | Recordi
 
 
 def made_topics() -> frozenset[str]:
-    """Topics that nodes of this package publish: recorded ones went through them already."""
-    nodes = [one for one in find_all() if isinstance(one, NodeType)]
+    """Topics that nodes of this package make: recorded ones went through them already.
+
+    Those of live nodes are brought from outside, as by a source.
+    """
+    nodes = [one for one in find_all() if isinstance(one, NodeType) and not one.live]
     return frozenset(topic for node in nodes for topic in place(node, {}).topics)
 
 
