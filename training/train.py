@@ -258,8 +258,6 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.batch < 2 or asked.second_batch < 1 or asked.worlds < 0 or asked.processes < 1:
         parser.error("give --batch from 2, --second-batch and --processes from 1, --worlds from 0")
-    if asked.start is not None and (asked.out / "checkpoint.pt").exists():
-        parser.error(f"{asked.out} has a checkpoint, from which it goes on: give another folder")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the rendering ends, too
     torch.set_num_threads(asked.threads)
     torch.manual_seed(asked.seed)

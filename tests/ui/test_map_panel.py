@@ -21,7 +21,7 @@ def test_the_track_is_shown_and_a_click_goes_to_its_time(chromium, recordings, p
         context = chromium.new_context(viewport={"width": 800, "height": 600})
         tab = context.new_page()
         tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/{MAP}")
-        track = tab.locator("path.leaflet-interactive").first
+        track = tab.locator("path.leaflet-interactive[fill=none]").first  # not the place
         track.wait_for(timeout=60_000)
         wait_in(tab, lambda: tab.locator(".leaflet-control-scale-line").inner_text() == "10 m")
         wait_in(tab, lambda: is_fitted(track.bounding_box()))
