@@ -3,6 +3,7 @@
 import json
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import duckdb
@@ -68,3 +69,13 @@ def test_another_folder_is_one_line(tmp_path):
     done = query(tmp_path)
     assert done.returncode == 2
     assert "no tables" in done.stderr
+
+
+def test_without_duckdb_it_is_one_line(once):
+    run = "from ros_visualise.commands import main; sys.exit(main())"
+    code = f"import sys; sys.modules['duckdb'] = None; {run}"
+    given = [sys.executable, "-c", code, "query", str(once / "out")]
+    done = subprocess.run(given, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "DuckDB" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

@@ -45,12 +45,12 @@ def run(options: QueryOptions) -> int:
     """Answer a question."""
     from contextlib import closing
 
-    import duckdb
-
     from ros_visualise.batch.results import Results
     from ros_visualise.core.printing import print_status
 
     with closing(Results(options.results).open_tables()) as sql:
+        import duckdb  # which is there, as the tables are open
+
         try:
             answer = sql.sql(options.query)
             if answer is None:  # a statement without one
