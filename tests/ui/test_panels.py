@@ -174,7 +174,14 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     assert tab.get_by_role("tab", name="Frames").count() == 1  # shown again, not opened twice
     tab.get_by_role("button", name="Search the page").click()
     field.fill("thresh")
-    tab.get_by_role("option", name="parameter filters/threshold", exact=True).wait_for()
+    tab.get_by_role("option", name="parameter filters/threshold", exact=True).click()
+    for words in ("fps_control/fps", "filters/threshold"):
+        tab.get_by_role("button", name="Search the page").click()
+        field.fill(words)
+        field.press("Enter")
+        tab.locator(f"[data-name='{words}']:focus-within").wait_for()
+        assert tab.get_by_role("tab", name="Nodes").count() == 1
+    tab.get_by_role("button", name="Search the page").click()
     field.fill("0:00.5")
     field.press("Enter")
     wait_in(tab, lambda: runtime.playback.state.position_s == 0.5)

@@ -21,6 +21,7 @@
     presets = [];
     preset = "";
     readOnly = false;
+    sought = null;
 
     begin() {
       this.count = 0;
@@ -88,6 +89,12 @@
 
     act(node, action) {
       if (!this.readOnly) this.socket.send({ do: "act", node, action });
+    }
+
+    // Have a panel show a parameter or an action, by "node/name"; one that opens now finds it in `sought`.
+    reveal(node, name) {
+      this.sought = { node, name };
+      this.dispatchEvent(new Event("reveal"));
     }
 
     // Send the texts of these topics; `reader` shows them.

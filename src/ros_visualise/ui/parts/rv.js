@@ -161,8 +161,8 @@
     offered: new Offered(),
     // Keep a panel's state in the address: what is given replaces what it had under the same names.
     keep: (element, state) => element.dispatchEvent(new CustomEvent("rv-keep", { bubbles: true, detail: state })),
-    // Open a panel of this kind.
-    open: (kind, state = {}) => document.dispatchEvent(new CustomEvent("rv-open", { detail: { kind, state } })),
+    // Show a panel of this kind whose state `serves`, else open one with this state.
+    open: (kind, state = {}, serves = () => false) => document.dispatchEvent(new CustomEvent("rv-open", { detail: { kind, state, serves } })),
   };
   rv.clock.begin();
   rv.offered.begin();

@@ -10,7 +10,7 @@ function seconds(text) {
 
 export default {
   template: `
-    <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()">
+    <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()" @hide="hidden">
       <q-card class="rv-search" role="search">
         <input ref="field" v-model="words" type="search" placeholder="Panel, topic, parameter, action or time" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
@@ -42,8 +42,9 @@ export default {
       const time = Number.isNaN(to) || this.readOnly ? [] : [{ kind: "time", word: WORDS.time, name: words, to }];
       const parts = words.split(/\s+/);
       const fits = this.all.filter(({ text }) => parts.every((part) => text.includes(part)));
-      const first = (one) => (one.name.toLowerCase().includes(words) ? 0 : 1); // names before what they do
-      return [...time, ...fits.sort((a, b) => first(a) - first(b))].slice(0, MOST);
+      // Whole names, then parts of names, then what things do.
+      const rank = ({ name }) => (`/${name.toLowerCase()}`.endsWith(`/${words}`) ? 0 : name.toLowerCase().includes(words) ? 1 : 2);
+      return [...time, ...fits.sort((a, b) => rank(a) - rank(b))].slice(0, MOST);
     },
   },
   watch: {
@@ -73,12 +74,21 @@ export default {
       ({
         panels: () => rv.open(one.panel),
         topics: () => rv.open(kind, { topic: one.name }),
-        parameters: () => rv.open("nodes", { nodes: [one.node] }),
-        actions: () => rv.open("nodes", { nodes: [one.node] }),
+        parameters: () => this.reveal(one.node, one.name),
+        actions: () => this.reveal(one.node, one.name),
         time: () => rv.clock.seek(one.to),
       })[one.kind]();
       this.isOpen = false;
       this.words = "";
+    },
+    reveal(node, name) {
+      rv.open("nodes", {}, ({ nodes }) => !nodes || nodes.includes(node));
+      this.sought = [node, name];
+    },
+    // The dialog has given the focus back by now.
+    hidden() {
+      if (this.sought) rv.nodes.reveal(...this.sought);
+      this.sought = null;
     },
   },
 };

@@ -178,7 +178,7 @@ export default {
     };
     rv.offered.addEventListener("change", this.other);
     this.other(); // another graph may have begun since the server made this page
-    this.opened = ({ detail: { kind, state } }) => this.open(kind, state);
+    this.opened = ({ detail: { kind, state, serves } }) => this.open(kind, state, null, serves);
     document.addEventListener("rv-open", this.opened);
     this.stepped = () => ([this.undoable, this.redoable] = [rv.past.done.length > 0, rv.past.undone.length > 0]);
     rv.past.addEventListener("change", this.stepped);
@@ -280,13 +280,14 @@ export default {
         this.address();
       }, KEPT_MS);
     },
-    open(kind, state = {}, beside = null) {
+    open(kind, state = {}, beside = null, serves = () => false) {
       if (!Object.hasOwn(this.kinds, kind)) return;
       const { many } = this.kinds[kind];
-      const isSame = (one) => one.kind === kind && (!many || (Object.keys(state).length && JSON.stringify(one.state) === JSON.stringify(state)));
+      const isSame = (one) => one.kind === kind && (!many || serves(one.state) || (Object.keys(state).length && JSON.stringify(one.state) === JSON.stringify(state)));
       const there = [...tabsOf(this.root)].find(({ panels }) => panels.some(isSame));
       if (there) {
         there.shown = there.panels.findIndex(isSame);
+        if (this.maximal !== there.key) this.maximal = null;
         return this.changed();
       }
       const panel = { id: ++count, kind, state };

@@ -9,7 +9,7 @@ function written(value) {
 
 const Param = {
   template: `
-    <div class="rv-param" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (currently without effect)' : '')">
+    <div class="rv-param" tabindex="-1" :data-name="node + '/' + param.name" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (currently without effect)' : '')">
       <label :for="id">{{ param.label }}</label>
       <span class="rv-input">
         <q-toggle v-if="param.kind === 'bool'" dense :model-value="value" :disable="locked" :aria-label="param.label" @update:model-value="set" />
@@ -109,7 +109,7 @@ export default {
             </component>
           </template>
           <div v-if="node.actions.length" class="rv-actions">
-            <q-btn v-for="action in node.actions" :key="action.name" outline dense no-caps size="sm" :label="action.label" :title="action.help" :disable="readOnly"
+            <q-btn v-for="action in node.actions" :key="action.name" :data-name="node.node + '/' + action.name" outline dense no-caps size="sm" :label="action.label" :title="action.help" :disable="readOnly"
               @click="store.act(node.node, action.name)" />
           </div>
           <div v-for="topic in node.texts" :key="topic" class="rv-text" v-html="all.texts[topic]"></div>
@@ -143,11 +143,14 @@ export default {
   mounted() {
     this.follow = () => (this.all = this.copy());
     this.store.addEventListener("change", this.follow);
+    this.store.addEventListener("reveal", this.reveal);
     this.follow();
     this.store.read(this, this.read);
+    this.reveal();
   },
   beforeUnmount() {
     this.store.removeEventListener("change", this.follow);
+    this.store.removeEventListener("reveal", this.reveal);
     this.store.read(this, []);
   },
   methods: {
@@ -176,6 +179,22 @@ export default {
       if (this.words) return;
       const key = `${node}/${name}`;
       this.groups = target.open ? [...new Set([...this.groups, key])] : this.groups.filter((one) => one !== key);
+    },
+    // Scroll to what was sought, if this panel shows its node.
+    async reveal() {
+      await this.$nextTick(); // its tab is shown by now
+      const { node, name } = this.store.sought ?? {};
+      const about = this.all.about[node];
+      if (!about || (this.only && !this.only.includes(node)) || !this.$el.checkVisibility()) return;
+      this.store.sought = null;
+      this.words = "";
+      this.closed = this.closed.filter((one) => one !== node);
+      const group = about.params.find((param) => `${node}/${param.name}` === name)?.group;
+      if (group) this.groups = [...new Set([...this.groups, `${node}/${group}`])];
+      await this.$nextTick();
+      const found = this.$el.querySelector(`[data-name="${CSS.escape(name)}"]`);
+      found?.scrollIntoView({ block: "center" });
+      (found?.querySelector(":enabled") ?? found)?.focus({ preventScroll: true });
     },
     choose({ target }) {
       this.store.choose(target.value);
