@@ -231,6 +231,11 @@ def test_inputs_are_found(tmp_path):
     assert [one.name for one in find_inputs([f"@{tmp_path}/list"])] == names[:3]
     found = find_inputs([str(tmp_path / "a" / "folder")])[0]
     assert found.size > 0
+    (tmp_path / "a" / "b" / "cover.png").touch()  # no recording, as films are beside it
+    (tmp_path / "a" / "shots").mkdir()
+    (tmp_path / "a" / "shots" / "1.jpg").touch()
+    assert [one.name for one in find_inputs([str(tmp_path / "a")])] == [*names, "shots"]
+    assert [one.name for one in find_inputs([str(tmp_path / "a" / "shots")])] == ["shots"]
     assert content_of(found.path) != content_of(str(tmp_path / "a" / "drive.mcap"))
     with pytest.raises(OpenError, match="no such file"):
         find_inputs([str(tmp_path / "missing.bag")])

@@ -118,7 +118,7 @@ def test_what_cannot_be_done_is_one_line(run, arguments, words):
 def test_a_folder_without_pictures_is_told(run, tmp_path):
     status, _, errors = run(tmp_path)
     assert status == 2
-    assert "no pictures and no recording in this folder" in errors
+    assert "no recording, video or picture in this folder" in errors
 
 
 def test_the_board_is_written_once(run, tmp_path):

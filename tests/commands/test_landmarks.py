@@ -279,7 +279,7 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
         (["{photo}", "--survey", "none.yaml"], "requires --map OUT.yaml"),
         (["{photo}", "--topic", "/image"], "--topic /image: only valid with a recording"),
         (["{bad}"], "bad.yaml: not a video that FFmpeg can read"),
-        (["{folder}"], "no pictures and no recording in this folder"),
+        (["{folder}"], "no recording, video or picture in this folder"),
         ([""], "give a picture, a folder of pictures, a video, a recording"),
         (["{photo}", "--world", "field"], "--world: only valid with a simulated robot"),
         (["{photo}", "--seed", "1"], "--seed: only valid with a simulated robot"),

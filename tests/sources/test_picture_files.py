@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from ros_visualise.core.errors import OpenError
+from ros_visualise.sources import info
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.pictures import read_picture
 
 PIXELS = np.random.default_rng(1).integers(0, 255, (20, 30, 3), np.uint8)
@@ -42,6 +44,20 @@ def test_what_a_png_says_beside_its_pixels_does_not_matter(png, tmp_path, capfd)
     path.write_bytes(png[:HEAD] + part(b"iCCP", profile) + png[HEAD:])
     assert (read_picture(path).pixels == PIXELS).all()
     assert capfd.readouterr().err == ""
+
+
+def test_a_folder_of_pictures_is_summarized_and_its_videos_are_named(tmp_path, png, caplog):
+    for number in range(3):
+        (tmp_path / f"{number}.png").write_bytes(png)
+    found = info(str(tmp_path))
+    assert (found["format"], found["messages"]) == ("pictures", 3)
+    assert not caplog.text
+    (tmp_path / "clip.MP4").touch()
+    assert info(str(tmp_path))["messages"] == 3
+    assert f"no videos; to play one: {tmp_path / 'clip.MP4'}" in caplog.text
+    (tmp_path / "clip.MP4").unlink()
+    with pytest.raises(OpenError, match="to play it: ros-visualise video"):
+        open_recording(tmp_path)
 
 
 def test_a_large_file_is_refused_before_it_is_read(tmp_path):

@@ -12,8 +12,10 @@ from typing import NamedTuple
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.regular_files import open_file, read_text
+from ros_visualise.sources.formats import VIDEOS
 from ros_visualise.sources.opening import is_recorded_folder, is_recording
-from ros_visualise.ui.file_chooser import SUFFIXES, VIDEOS
+from ros_visualise.sources.pictures import is_pictures
+from ros_visualise.ui.file_chooser import SUFFIXES
 
 _WHOLE_BYTES = 64 << 20
 _SAMPLE_BYTES = 1 << 16
@@ -130,16 +132,19 @@ def _lines(path: Path) -> list[str]:
 
 
 def _below(folder: Path) -> Iterator[str]:
-    """The recordings in a folder and those below; other files are skipped."""
+    """The recordings in a folder and below it; its pictures are one if there is no other in it."""
     try:
         there = sorted(folder.iterdir())
     except OSError:
         return
+    here = [path for path in there if (_is_one(path) if path.is_dir() else _is_wanted(path))]
     for path in there:
-        if path.is_dir() and not _is_one(path):
-            yield from _below(path)
-        elif path.is_dir() or _is_wanted(path):
+        if path in here:
             yield str(path)
+        elif path.is_dir():
+            yield from _below(path)
+    if not here and is_pictures(folder):
+        yield str(folder)
 
 
 def _is_one(folder: Path) -> bool:

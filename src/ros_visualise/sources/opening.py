@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, named
-from ros_visualise.sources.pictures import is_pictures, recorded_pictures
+from ros_visualise.sources.pictures import is_pictures, recorded_pictures, videos_in
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.recordings.summary import read_through, summarize
@@ -64,7 +64,7 @@ def open_again(recording: Recording) -> Recording:
 def info(path: Path, check: bool) -> dict[str, Any]:
     """Summary of a recording or a video; see `ros_visualise.sources.info`."""
     if not _may_be_video(path):
-        with closing(open_recording(path)) as recording:
+        with closing(open_source(path)) as recording:
             if check:
                 read_through(recording)
             return summarize(recording)
@@ -184,14 +184,24 @@ def _open_folder(path: Path) -> Recording:
         if whole_path := one.whole_of(path):
             raise OpenError(f"{path}: a part of a {one.name}; give the whole: {whole_path}")
     if not found:
-        raise NoRecording(f"{path}: no recording in this folder; give a recording")
+        raise NoRecording(_nothing_in(path))
     if len(found) == 1:
         return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
+    raise OpenError(_several_in(path, found))
+
+
+def _nothing_in(folder: Path) -> str:
+    if videos := videos_in(folder):
+        return _several_in(folder, videos)
+    if is_pictures(folder):
+        return f"{folder}: a folder of pictures; to play it: ros-visualise video {folder}"
+    return f"{folder}: no recording, video or picture in this folder; check the path"
+
+
+def _several_in(folder: Path, found: Sequence[Path]) -> str:
     names = ", ".join(item.name for item in found[:_LISTED])
     more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-    raise OpenError(
-        f"{path}: a folder that contains {names}{more}; choose, for instance {found[0]}"
-    )
+    return f"{folder}: a folder that contains {names}{more}; choose, for instance {found[0]}"
 
 
 def _format_of_folder(path: Path) -> Format | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_file
 from ros_visualise.core.regular_files import natural, read_file
 from ros_visualise.data import Header, Image, Pixels
+from ros_visualise.sources.formats import VIDEOS
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import DamagedFile, Series
 from ros_visualise.vision.color import encoding_of
@@ -59,11 +60,6 @@ def read_picture(path: Path) -> Image:
         raise OpenError(f"{path}: not a readable image; {_GIVEN}")
     found: Pixels = pixels
     return Image(found, encoding_of(found, "BGR"))
-
-
-def no_pictures(folder: str | os.PathLike[str]) -> OpenError:
-    """The error for a folder without pictures and without a recording."""
-    return OpenError(f"{folder}: no pictures and no recording in this folder; {_GIVEN}")
 
 
 class Pictures:
@@ -132,12 +128,19 @@ def _files(path: Path) -> list[Path]:
     found = _in_folder(path)
     if not found:
         raise OpenError(f"{path}: a folder without pictures; {_GIVEN}")
+    if videos := videos_in(path):
+        log.warning("%s: pictures alone are read, no videos; to play one: %s", path, videos[0])
     return found
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    """The pictures directly in a folder, ``9.png`` before ``10.png``."""
+def videos_in(folder: Path) -> list[Path]:
+    """The videos directly in a folder, by their names."""
+    return _in_folder(folder, VIDEOS)
+
+
+def _in_folder(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
+    """The pictures, or others, directly in a folder: ``9.png`` before ``10.png``."""
     with contextlib.suppress(OSError):
-        there = [one for one in folder.iterdir() if one.suffix.lower() in SUFFIXES]
+        there = [one for one in folder.iterdir() if one.suffix.lower() in suffixes]
         return sorted((one for one in there if one.is_file()), key=natural)
     return []

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import without_secrets
-from ros_visualise.sources.formats import suffixes
+from ros_visualise.sources.formats import VIDEOS, suffixes
 from ros_visualise.sources.opening import is_recorded_folder
 
-VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
 SUFFIXES = (*suffixes(), *VIDEOS)
 """Suffixes of files that can be opened."""
 _MOST = 500  # files of a folder that are offered

@@ -27,8 +27,7 @@ from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration import to_yaml
 from ros_visualise.sources.camera import LiveCamera, is_live
-from ros_visualise.sources.opening import NoRecording
-from ros_visualise.sources.pictures import Pictures, is_pictures, no_pictures, read_picture
+from ros_visualise.sources.pictures import Pictures, is_pictures, read_picture
 from ros_visualise.sources.recordings.images import image_topic, recorded_images
 
 T = TypeVar("T")
@@ -109,11 +108,7 @@ def _collect(
         return []
     if is_pictures(source):
         return _look_at_pictures(Pictures(source, 1.0).files, collector, request)
-    try:
-        opened = open_source(source)
-    except NoRecording:
-        raise no_pictures(source) from None
-    with closing(opened) as recording:
+    with closing(open_source(source)) as recording:
         images = recorded_images(recording, image_topic(recording, options.topic), _MOST_LOOKED_AT)
         for stamp_ns, image in _bar(images):
             name = f"{(stamp_ns - recording.start_ns) / 1e9:.2f} s"

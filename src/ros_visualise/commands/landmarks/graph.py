@@ -19,8 +19,6 @@ from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.running.graphs import with_settings
 from ros_visualise.simulation.robots import OURS, ROBOTS
 from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.opening import NoRecording
-from ros_visualise.sources.pictures import no_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image, own_cameras
 
@@ -60,10 +58,7 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, lis
     """The source, and the topics of images or detections."""
     if not options.input:
         raise UsageError(f"give a picture, a folder of pictures, a video, a recording, {OURS}")
-    try:
-        source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
-    except NoRecording:
-        raise no_pictures(options.input) from None
+    source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
     if options.scenario and not is_robot:
         raise UsageError(

@@ -18,6 +18,9 @@ from ros_visualise.core.registry import Registry, holding
 if TYPE_CHECKING:
     from ros_visualise.sources.recordings import Recording
 
+VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
+"""Extensions by which videos are found in folders; a file that is given may have any."""
+
 
 def lazily(target: str) -> Callable[..., Any]:
     """A function ``package.module:name`` below this package, whose module is imported on a call."""
