@@ -1,9 +1,12 @@
 """Standard layouts: what a person sees first of a film, a robot, a log of numbers, and nothing."""
 
+from contextlib import closing
+
 import pytest
 
 from ros_visualise.graph import Graph
-from ros_visualise.graph.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline, recording_pipeline
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.ui.shell import layouts
 from ros_visualise.ui.shell.layouts import standard_layout
 
@@ -30,6 +33,12 @@ def test_a_film_has_its_parameters_beside_its_images():
     assert panels(layout) == ["nodes", "files", "image", "image", "image"]
     first, *_ = layout["row"][1]["row"][0]["column"]
     assert first["state"]["topic"] == "/controlled_stream"
+
+
+def test_a_recording_without_images_has_its_topics_3d_and_a_plot(recordings):
+    with closing(open_recording(recordings / "bags/robot_localization_test1.bag")) as recording:
+        layout = standard_layout(recording_pipeline(recording))
+    assert panels(layout) == ["topics", "nodes", "files", "space", "plots"]
 
 
 def test_nothing_yet_offers_files():

@@ -21,13 +21,17 @@ _LEFT = 0.24
 def standard_layout(graph: Graph | None) -> Place:
     """The layout for addresses without one: parameters at the left, then 3D, then images.
 
-    Without 3D, images have the room; without both, as in a log of numbers, a plot has it.
+    Without 3D, images have the room; without both, as in a log of numbers, a plot has it. In a
+    recording without images, the topics come first and a plot stands below 3D.
     """
     if graph is None or not graph.members:
         return _tabs(["files", "nodes", "topics"])
     kinds = {name: topic.type for name, topic in graph.topics.items()}
     has_scene = bool(topics_of(graph))
     shown = images_to_show(graph)
+    if has_scene and not shown and graph.source is not None and graph.source.type.recording:
+        views = {"column": [{"panel": "space"}, {"panel": "plots"}], "at": [0.5, 0.5]}
+        return {"row": [_tabs(["topics", "nodes", "files"]), views], "at": [0.3, 0.7]}
     images = _column(shown[:_MOST_BESIDE]) if has_scene else _grid(shown[:_MOST_IMAGES])
     parts: list[tuple[Place, float]] = [(_controls(graph), _LEFT)]
     if has_scene:

@@ -40,6 +40,7 @@ function* tabsOf(place) {
   else yield place;
 }
 
+const isSpace = ({ panels, shown }) => panels[shown].kind === "space";
 const isView = ({ panels, shown }) => ["image", "space"].includes(panels[shown].kind);
 
 // A place without empty tabs, and without splits of a single one.
@@ -136,10 +137,10 @@ export default {
       else if (this.root) put(this.root, 0, 0, this.width, this.height);
       return found;
     },
-    // Below one another: what is looked at, then its parameters, then the rest.
+    // Below one another: what is looked at, images before 3D, then its parameters, then the rest.
     stacked() {
       const all = [...tabsOf(this.root)];
-      const views = all.filter((place) => isView(place));
+      const views = all.filter((place) => isView(place)).sort((a, b) => isSpace(a) - isSpace(b));
       const nodes = all.filter((place) => !isView(place) && place.panels.some(({ kind }) => kind === "nodes"));
       const rest = all.filter((place) => !isView(place) && !nodes.includes(place));
       return [...views.slice(0, 1), ...nodes, ...views.slice(1), ...rest];
