@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ros_visualise.core.errors import DamagedMessage
-from ros_visualise.data import Header, Path
+from ros_visualise.data import Header, MarkerArray, Path
 from ros_visualise.messages.recorded import Recorded
 
 T = TypeVar("T")
@@ -92,7 +92,9 @@ def _moved(message: Any, later: Later) -> Any:
 
 
 def _plain(message: Any, by_ns: int) -> Any:
-    """One of `ros_visualise.data`, or a part of one."""
+    """One of `ros_visualise.data`, or a part of one; markers are valid at all times."""
+    if isinstance(message, MarkerArray):
+        return message
     if isinstance(message, Header):
         return replace(message, stamp_ns=max(message.stamp_ns + by_ns, 0))
     if isinstance(message, tuple):

@@ -7,10 +7,10 @@ those of the simulation, the clock of the ground truth and of the robot's own co
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from ros_visualise.data import Header, Image, MarkerArray, Transforms
+from ros_visualise.messages.restamped import restamped
 from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.sensors import SensorType, setting
 
@@ -85,16 +85,3 @@ def longest_delay_s(sensors: list[SensorType], settings: Any) -> float:
         getattr(settings, f"{n}_latency") + 3 * getattr(settings, f"{n}_jitter") for n in names
     )
     return max(delays, default=0.0)
-
-
-def restamped(message: Any, shift_ns: int) -> Any:
-    """A message with its stamps shifted."""
-    if isinstance(message, Transforms):
-        return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
-    if isinstance(message, MarkerArray):  # valid at all times
-        return message
-    header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)
-    if isinstance(message, Image) and message.camera_info is not None:
-        info = replace(message.camera_info, header=header)
-        return replace(message, header=header, camera_info=info)
-    return replace(message, header=header)

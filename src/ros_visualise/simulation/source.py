@@ -17,7 +17,8 @@ from ros_visualise.data import (
     Transforms,
     Twist,
 )
-from ros_visualise.simulation.delivery import longest_delay_s, restamped
+from ros_visualise.messages.restamped import restamped
+from ros_visualise.simulation.delivery import longest_delay_s
 from ros_visualise.simulation.estimated_state import ControlPose
 from ros_visualise.simulation.frames import prefixed
 from ros_visualise.simulation.schedule import SensorOutput
