@@ -1,13 +1,15 @@
 """Vehicles beside a source: their topics, what they are sent, and the end of a run."""
 
+import math
+
 import pytest
-from links_ends import PX4, FakeVehicle, free_port
+from links_ends import PX4, FakeVehicle, Station, free_port
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.graph import place
 from ros_visualise.graph.landmarks import with_landmarks
 from ros_visualise.graph.pipelines import image_pipeline, simulation_pipeline
-from ros_visualise.graph.vehicles import guiding_vehicles, with_vehicles
+from ros_visualise.graph.vehicles import as_vehicle, guiding_vehicles, with_vehicles
 from ros_visualise.nodes import find_node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
@@ -55,3 +57,25 @@ def test_a_pose_from_its_own_odometry_is_not_sent_back():
     graph = with_vehicles(simulation_pipeline("quadrotor"), ["udp://:14540"])
     other = guiding_vehicles(with_landmarks(graph, ["/image_raw"], ["tag_detector"], navigate=True))
     assert other.node("autopilot").inputs["pose"] == "/navigation/pose"
+
+
+def test_a_simulated_quadrotor_is_a_vehicle_that_flies():
+    station = Station()
+    graph = as_vehicle(simulation_pipeline("quadrotor"), [f"udpout://127.0.0.1:{station.port}"])
+    unused = {"camera": False, "lidar": False, "imu_rate": 1.0}
+    runtime = LocalRuntime(graph.configured({"quadrotor": unused}), Playback())
+    try:
+        runtime.start()
+        start = station.wait("LOCAL_POSITION_NED")
+        assert station.command(400, 1) == 0
+        assert station.command(22, 0, 0, 0, *[math.nan] * 4) == 0
+        risen = station.wait("LOCAL_POSITION_NED", lambda m: m.z < -1)
+    finally:
+        runtime.stop()
+        station.close()
+    assert math.dist((risen.x, risen.y), (start.x, start.y)) < 0.3
+
+
+def test_a_rover_is_no_vehicle():
+    with pytest.raises(UsageError, match="needs a flying robot"):
+        as_vehicle(simulation_pipeline("husky"), ["udp://:14550"])

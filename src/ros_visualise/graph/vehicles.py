@@ -12,7 +12,8 @@ from ros_visualise.links.wires import parse
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS
 
-_AUTOPILOT = "autopilot"
+_AUTOPILOT, _SIMULATED = "autopilot", "mavlink_vehicle"
+_MEASURED = ("odom", "imu", "fix")
 _GUIDANCE = {"landing_target": "/landing_target", "pose": SOURCE_TOPICS["estimate"]}
 
 
@@ -31,6 +32,24 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
         settings = {"address": address, "simulated": is_simulated}
         graph = graph.joined(node).configured({node.name: settings})
     return graph
+
+
+def as_vehicle(graph: Graph, addresses: Sequence[str]) -> Graph:
+    """The same graph; its robot is found as a MAVLink vehicle at these addresses, if any.
+
+    Raises:
+        UsageError: not an address, or the robot does not fly.
+    """
+    if not addresses:
+        return graph
+    for address in addresses:
+        parse(address)
+    robot = graph.source
+    if robot is None or "linear.z" not in robot.type.velocity_axes:
+        raise UsageError(f"--mavlink-vehicle {addresses[0]}: needs a flying robot: quadrotor")
+    inputs = {port: robot.outputs[port] for port in _MEASURED if port in robot.outputs}
+    node = place(find_node(_SIMULATED), inputs)
+    return graph.joined(node).configured({node.name: {"address": " ".join(addresses)}})
 
 
 def guiding_vehicles(graph: Graph) -> Graph:

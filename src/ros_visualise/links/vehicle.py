@@ -8,12 +8,12 @@ import time
 from collections import Counter, deque
 from typing import Any
 
-from ros_visualise.core import supervision
 from ros_visualise.data import PoseWithCovarianceStamped
 from ros_visualise.links import guidance
-from ros_visualise.links.mavlink import MavlinkStream, dialect
+from ros_visualise.links.line import MavlinkLine, line_at
+from ros_visualise.links.mavlink import dialect
 from ros_visualise.links.telemetry import Answer, Telemetry
-from ros_visualise.links.wires import Peer, Rewire
+from ros_visualise.links.wires import Peer
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ _AUTOPILOT, _INVALID = 1, 8
 _ONBOARD, _ACTIVE = 18, 4
 _SPEAK_S = 1.0
 _LOST_S = 3.0
-_LOOK_S = 0.05
+_MOST_WARNINGS = 100
 _KEPT = 2_000  # messages that nobody has taken
 _ARMED = 128
 _WARNING, _INFO = 4, 6
@@ -58,13 +58,14 @@ class ClockOffset:
 
 
 class Vehicle:
-    """One vehicle, followed in a thread of its own.
+    """One vehicle, followed in the thread of its line.
 
-    Nothing arms it or changes its mode.
+    It is bound to the address that its heartbeats come from: until they are lost, the same system
+    at another address is ignored, as it may be forged.
 
     Args:
-        address: see `ros_visualise.links.wires`.
-        system: number of the vehicle; 0: the first that is heard.
+        address: see `ros_visualise.links.wires`; several vehicles may share it.
+        system: number of the vehicle; 0: the first that is heard, and nobody else follows.
 
     Attributes:
         autopilot: MAV_AUTOPILOT; None: unknown yet.
@@ -83,18 +84,15 @@ class Vehicle:
         self.clock = ClockOffset()
         self.counts: Counter[str] = Counter()
         self.telemetry = Telemetry()
-        self._wire = Rewire(address)
         self._sending = threading.Lock()
         self._sender = self._dialect.MAVLink(None, system or 1, COMPONENT)
-        self._stream = MavlinkStream()
         self._peer: Peer = None
         self._answers: deque[Answer] = deque(maxlen=_KEPT)
         self._heard_s = self._spoke_s = 0.0
-        self._others: set[int] = set()
-        self._said = ""
         self._resets = 0
-        self._closed = threading.Event()
-        self._thread = supervision.start("autopilot link", self._run)
+        self._warned: set[str] = set()
+        self._line = line_at(address)
+        self._line.join(self)
 
     def take(self) -> list[Answer]:
         """Outputs and messages that came since."""
@@ -129,15 +127,14 @@ class Vehicle:
     def state(self) -> str:
         """Its state in a few words."""
         if self.autopilot is None:
-            return f"no vehicle on {self.address}" + (self._wire.error and f": {self._wire.error}")
+            return f"no vehicle on {self.address}" + (self._line.error and f": {self._line.error}")
         if self.lost:
             return f"link to system {self.system} lost"
         return f"{self.mode or 'unknown mode'}, {'armed' if self.armed else 'disarmed'}"
 
     def close(self) -> None:
-        """End the thread and close the link."""
-        self._closed.set()
-        self._thread.join()
+        """Follow it no more."""
+        self._line.leave(self)
 
     def _guide(self, make: Any) -> bool:
         if self.autopilot is None or self.lost:
@@ -154,54 +151,44 @@ class Vehicle:
 
     def _send(self, message: Any) -> None:
         with self._sending:
-            data = message.pack(self._sender)
+            frame = message.pack(self._sender)
             self._sender.seq = (self._sender.seq + 1) % 256
-            self._wire.write(data, self._peer)
+            self._line.send(frame, self._peer)
 
-    def _run(self) -> None:
-        try:
-            while not self._closed.is_set():
-                data, peer = self._wire.read(_LOOK_S)
-                for message in self._parse(data, peer) if data else ():
-                    self._hear(message, peer)
-                self._watch()
-        finally:
-            self._wire.close()
-
-    def _parse(self, data: bytes, peer: Peer) -> list[Any]:
-        """The messages in these bytes; only those of a line continue its last ones."""
-        damaged = self._stream.damaged
-        found = self._stream.feed(data, is_datagram=peer is not None)
-        self.counts["damaged_bytes"] += self._stream.damaged - damaged
-        return found
-
-    def _hear(self, message: Any, peer: Peer) -> None:
-        kind = message.get_type()
+    def hear(self, message: Any, line: MavlinkLine, peer: Peer) -> None:
+        """Take a message of any system on the line."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        if kind == "HEARTBEAT" and component == _AUTOPILOT and message.autopilot != _INVALID:
-            if not self.system or (self.autopilot is None and self.system == system):
-                self._find(system)
-            elif system != self.system:
-                self._note_other(system)
+        is_beat = message.get_type() == "HEARTBEAT" and component == _AUTOPILOT
+        if is_beat and message.autopilot != _INVALID:
+            self._notice(system)
         if not self.system or system != self.system or component == COMPONENT:
             return
+        if peer != self._peer and not (self._is_free and is_beat):
+            if not self._is_free:
+                places = f"{_place(peer)}; it is at {_place(self._peer)}"
+                self._warn(f"ignoring system {system} at {places}")
+            return
         self.counts["messages"] += 1
-        self._peer = peer
-        if kind == "HEARTBEAT" and component == _AUTOPILOT:
+        if is_beat:
+            self._peer = peer
             self._beat(message)
-        elif kind == "TIMESYNC":
+        elif message.get_type() == "TIMESYNC":
             self._synchronize(message)
         else:
             self._answers.extend(self.telemetry.take(message, self._stamp_ns(message)))
 
-    def _find(self, system: int) -> None:
-        self.system = system
-        self._sender.srcSystem = system
+    @property
+    def _is_free(self) -> bool:
+        """True if it may come from any address."""
+        return self.autopilot is None or self.lost
 
-    def _note_other(self, system: int) -> None:
-        if system not in self._others and len(self._others) < 255:
-            self._others.add(system)
-            log.warning("autopilot: ignoring system %d; it has system %d", system, self.system)
+    def _notice(self, system: int) -> None:
+        """Follow the first vehicle that nobody else follows; name the others."""
+        others = self._line.systems
+        if not self.system and system not in others:
+            self.system = self._sender.srcSystem = system
+        elif system not in {*others, self.system}:
+            self._warn(f"ignoring system {system}; it has system {self.system}")
 
     def _beat(self, message: Any) -> None:
         if self.lost or self.autopilot is None:
@@ -228,15 +215,13 @@ class Vehicle:
         stamp_ns = int(since_ms * 1_000_000 + self.clock.offset_ns)
         return stamp_ns if abs(now_ns - stamp_ns) < _LOST_S * 1e9 else now_ns
 
-    def _watch(self) -> None:
+    def watch(self) -> None:
+        """Notice the loss of the vehicle; send heartbeats."""
         now_s = time.monotonic()
+        self.counts["damaged_bytes"] = self._line.damaged
         if self.autopilot is not None and not self.lost and now_s - self._heard_s > _LOST_S:
             self.lost = True
             log.warning("autopilot: no heartbeat of system %d for %g s", self.system, _LOST_S)
-        if self._wire.error != self._said:
-            self._said = self._wire.error
-            if self._said:
-                log.warning("autopilot: %s: %s; trying again", self.address, self._said)
         if now_s - self._spoke_s >= _SPEAK_S:
             self._spoke_s = now_s
             beat = self._dialect.MAVLink_heartbeat_message(_ONBOARD, _INVALID, 0, 0, _ACTIVE, 3)
@@ -245,9 +230,10 @@ class Vehicle:
                 self._send(self._dialect.MAVLink_timesync_message(0, _now_ns()))
 
     def _warn(self, text: str) -> None:
-        if not self.counts[text]:
+        """Say it once; what others can cause without end is not kept without end."""
+        if text not in self._warned and len(self._warned) < _MOST_WARNINGS:
+            self._warned.add(text)
             log.warning("autopilot: %s", text)
-        self.counts[text] += 1
 
 
 def mode_name(heartbeat: Any) -> str:
@@ -280,6 +266,10 @@ _PX4_AUTO = {
     8: "FOLLOW ME",
     9: "PRECISION LAND",
 }
+
+
+def _place(peer: Peer) -> str:
+    return "{}:{}".format(*peer) if peer else "no address"
 
 
 def _now_ns() -> int:

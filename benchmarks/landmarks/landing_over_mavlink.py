@@ -1,0 +1,171 @@
+"""Accuracy of precision landings of a vehicle that is guided over MAVLink, as a real one is.
+
+    python benchmarks/landmarks/landing_over_mavlink.py [--seeds 20] [--first 0] [--wind 6]
+
+Each landing is one command as a user types it, in real time: `sim quadrotor` with
+`--mavlink-vehicle`, found over UDP as a PX4 by two others. The one is `--mavlink` with the whole
+chain: rendered images, `tag_detector`, `landing_target`, `autopilot`, LANDING_TARGET. The other is
+a ground station of this script, by pymavlink, which arms it, takes off, flies to about the pad and
+changes the mode to precision landing. What is measured is where the middle of the quadrotor is from
+the middle of the pad when it has disarmed, by the truth in the recording.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pymavlink import mavutil
+
+from ros_visualise.messages.recorded import content
+from ros_visualise.sources.opening import open_recording
+
+TRUTH, PAD = "/ground_truth/odom", "/ground_truth/pad"
+ARM, TAKE_OFF, CHANGE_MODE = 400, 22, 176
+OFFBOARD, PRECISION_LAND = (6, 0), (4, 9)
+LIMIT_S = 150
+HEIGHT_M = 4.0
+
+
+class Station:
+    """A ground station: arms, takes off, flies to a place, lands precisely."""
+
+    def __init__(self, port: int) -> None:
+        self._link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255)
+        self._link.wait_heartbeat(timeout=60)
+
+    def command(self, number: int, *values: float) -> None:
+        """Send a command until it is accepted."""
+        values = (*values, *[0.0] * (7 - len(values)))
+        for _ in range(20):
+            self._link.mav.command_long_send(1, 1, number, 0, *values)
+            answer = self._link.recv_match(type="COMMAND_ACK", blocking=True, timeout=1)
+            if answer is not None and answer.command == number and answer.result == 0:
+                return
+            time.sleep(0.2)
+        raise RuntimeError(f"command {number} was not accepted")
+
+    def wait(self, kind: str, condition: Any) -> Any:
+        """The next message of a kind for which something holds."""
+        end_s = time.monotonic() + LIMIT_S
+        while time.monotonic() < end_s:
+            message = self._link.recv_match(type=kind, blocking=True, timeout=1)
+            if message is not None and condition(message):
+                return message
+        raise RuntimeError(f"no such {kind} in {LIMIT_S} s")
+
+    def fly_to(self, north: float, east: float, down: float) -> None:
+        """Fly there by set points."""
+        nan = math.nan
+
+        def near(m: Any) -> bool:
+            self._link.mav.set_position_target_local_ned_send(
+                0, 1, 1, 1, 0b110111111000, north, east, down, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+            return math.dist((m.x, m.y, m.z), (north, east, down)) < 0.6
+
+        for _ in range(10):
+            near(self._link.recv_match(type="LOCAL_POSITION_NED", blocking=True, timeout=1))
+        self.command(CHANGE_MODE, 1, *OFFBOARD, nan)
+        self.wait("LOCAL_POSITION_NED", near)
+
+    def land(self) -> float:
+        """Land precisely; seconds until it is disarmed."""
+        start_s = time.monotonic()
+        self.command(CHANGE_MODE, 1, *PRECISION_LAND)
+        self.wait("HEARTBEAT", lambda m: m.get_srcComponent() == 1 and not m.base_mode & 128)
+        return time.monotonic() - start_s
+
+    def close(self) -> None:
+        """Leave."""
+        self._link.close()
+
+
+def fly(seed: int, wind: float, folder: Path, more: list[str]) -> tuple[float, float]:
+    """One landing: metres off, and seconds."""
+    random = np.random.default_rng(seed)
+    record, ports = folder / "run.mcap", (free_port(), free_port())
+    x, y = random.uniform(-4.5, -2.5), random.uniform(0.5, 2.5)
+    over_x, over_y = np.array([x, y]) + random.uniform(-1.0, 1.0, 2)
+    settings = {
+        "pad": "true",
+        "pad_x": x,
+        "pad_y": y,
+        "pad_heading": random.uniform(-180, 180),
+        "wind": wind,
+        "wind_direction": random.uniform(0, 360),
+    }
+    command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--world", "plane"]
+    command += ["--seed", str(seed), "--view", "none", "--record", f"{record}@{TRUTH},{PAD}"]
+    command += ["--overwrite", "--mavlink", f"udp://:{ports[0]}", *more]
+    for port in ports:
+        command += ["--mavlink-vehicle", f"udpout://127.0.0.1:{port}"]
+    for name, value in settings.items():
+        command += ["--set", f"quadrotor.{name}={value}"]
+    process = subprocess.Popen(command, stderr=(folder / "log.txt").open("w"))
+    station = Station(ports[1])
+    try:
+        station.wait("LOCAL_POSITION_NED", lambda m: True)
+        station.command(ARM, 1)
+        station.command(TAKE_OFF, 0, 0, 0, *[math.nan] * 4)
+        station.wait("LOCAL_POSITION_NED", lambda m: m.z < -2)
+        station.fly_to(over_y, over_x, -HEIGHT_M)
+        seconds = station.land()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(60)
+        station.close()
+    return off_pad(record), seconds
+
+
+def off_pad(record: Path) -> float:
+    """Metres between the middles of robot and pad at the end of a recording."""
+    places = {}
+    with closing(open_recording(record)) as recording:
+        for topic, _, message in recording.read():
+            places[topic] = content(message)
+    return float(np.hypot(*(places[TRUTH].position_xyz - places[PAD].position_xyz)[:2]))
+
+
+def free_port() -> int:
+    """A port that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def main() -> None:
+    """Fly all landings, and tell of each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--wind", type=float, default=6.0)
+    parser.add_argument("--set", action="append", default=[])
+    args = parser.parse_args()
+    more = [text for one in args.set for text in ("--set", one)]
+    off = []
+    for seed in range(args.first, args.first + args.seeds):
+        with tempfile.TemporaryDirectory() as name:  # the world `plane` starts at its origin
+            off_m, seconds = fly(seed, args.wind, Path(name), more)
+        load = os.getloadavg()[0]
+        print(f"{seed}: {off_m:.3f} m off, {seconds:.0f} s, load {load:.1f}", flush=True)
+        off.append(off_m)
+    print(
+        f"{len(off)} landings, {sum(m <= 0.2 for m in off)} within 0.2 m,"
+        f" median {np.median(off):.3f} m, largest {max(off):.3f} m"
+    )
+
+
+if __name__ == "__main__":
+    main()
