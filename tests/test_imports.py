@@ -38,7 +38,7 @@ EVERYWHERE = {
     *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "tqdm"),
     *("pyapriltags", "argcomplete", "fastapi", "nicegui", "uvicorn"),
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "websockets", "msgspec", "cbor2"),
-    "onnxruntime",
+    *("onnxruntime", "rasterio"),
     *("duckdb", "dask", "distributed"),
     *sys.stdlib_module_names,
 }

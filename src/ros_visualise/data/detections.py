@@ -189,9 +189,9 @@ class Detection(Detected):
 class Detections(DetectedArray):
     """All things detected in one image, whose header it has.
 
-    ``camera_info`` is the image's calibration, None if unknown. ROS messages lack ``corners_uv``,
-    ``point_uv``, ``side_m``, the covariances of these and the calibration; in ROS 1 a class is a
-    number, and things have no ``id``.
+    ``camera_info`` is the image's calibration and ``size`` its width and height, None if unknown.
+    ROS messages lack these, ``corners_uv``, ``point_uv``, ``side_m`` and the covariances; in ROS 1
+    a class is a number, and things have no ``id``.
     """
 
     type_name = "vision_msgs/msg/Detection2DArray"
@@ -204,6 +204,7 @@ class Detections(DetectedArray):
 
     detections: tuple[Detection, ...]
     camera_info: CameraInfo | None = None
+    size: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)

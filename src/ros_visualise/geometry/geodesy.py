@@ -60,14 +60,7 @@ class LocalPlane:
 
     def __init__(self, latitude: float, longitude: float, altitude: float = 0.0) -> None:
         self._origin = to_ecef([latitude, longitude, altitude])
-        lat, lon = np.radians([latitude, longitude])
-        self._R_enu_ecef = np.array(
-            [
-                [-np.sin(lon), np.cos(lon), 0],
-                [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
-                [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
-            ]
-        )
+        self._R_enu_ecef = _enu_axes(latitude, longitude)
 
     def to_enu(self, geodetic: npt.ArrayLike) -> Floats:
         """Positions (..., 3) in the plane: metres east, north and up of the datum."""
@@ -78,6 +71,11 @@ class LocalPlane:
     def from_enu(self, enu: npt.ArrayLike) -> Floats:
         """Geodetic positions (..., 3)."""
         return from_ecef(np.asarray(enu, np.float64) @ self._R_enu_ecef + self._origin)
+
+    def rotation_at(self, latitude: float, longitude: float) -> Floats:
+        """R_plane_local (3, 3): from east, north and up of another place."""
+        turned: Floats = self._R_enu_ecef @ _enu_axes(latitude, longitude).T
+        return turned
 
 
 def kitti_mercator(geodetic: npt.ArrayLike, first_latitude: float) -> Floats:
@@ -97,6 +95,18 @@ def kitti_mercator(geodetic: npt.ArrayLike, first_latitude: float) -> Floats:
     radius = np.cos(np.radians(first_latitude)) * _A
     y = radius * np.log(np.tan(np.pi / 4 + lat / 2))
     return np.stack([radius * lon, y, altitude], axis=-1)
+
+
+def _enu_axes(latitude: float, longitude: float) -> Floats:
+    """R_enu_ecef (3, 3)."""
+    lat, lon = np.radians([latitude, longitude])
+    return np.array(
+        [
+            [-np.sin(lon), np.cos(lon), 0],
+            [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
+            [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
+        ]
+    )
 
 
 def _radians(geodetic: npt.ArrayLike) -> tuple[Floats, Floats, Floats]:

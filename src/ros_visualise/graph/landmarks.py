@@ -12,6 +12,7 @@ from ros_visualise.data import (
     Detections,
     Imu,
     Message,
+    NavSatFix,
     Odometry,
     Transforms,
     TwistWithCovarianceStamped,
@@ -24,12 +25,15 @@ from ros_visualise.simulation.worlds import WORLDS
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
+GEOREFERENCE = "georeference"
 LANDING, POSE_ERROR = "landing_target", "pose_error"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or convert those that others found."""
 
 LANDING_INPUT = "landing_target_odom"
 """Input of a source: the pad that it is to land on."""
+
+_ORIGIN, _LENS = "/map_origin", "/lens"
 
 _OBJECTS = {
     "detections": "/objects",
@@ -81,6 +85,7 @@ def with_landmarks(
     detectors: Sequence[str],
     settings: Settings = MappingProxyType({}),
     navigate: bool = False,
+    on_earth: bool | None = None,
 ) -> Graph:
     """The same graph with nodes that find landmarks; where there are frames, also map them.
 
@@ -94,6 +99,7 @@ def with_landmarks(
         detectors: the nodes that take each.
         settings: type of node -> its parameters.
         navigate: localize the robot in the map, instead of trusting the frames.
+        on_earth: place them on the Earth; None: where fixes and frames allow it, unless simulated.
 
     Raises:
         UsageError: one of their topics exists, no odometry to correct, no such parameter, or a
@@ -119,6 +125,9 @@ def with_landmarks(
         found.append(place(find_node(LOCALIZER), beside))
     if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
         found = _with_landing(found, beside)
+    earth = _first(graph, NavSatFix) is not None and has_frames(graph)
+    if on_earth or (on_earth is None and earth and not _is_simulated(graph)):
+        found.append(_georeference(graph, inputs))
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(
             f"the recording already has {made}: exclude it by --topics, or omit --landmarks"
@@ -201,6 +210,25 @@ def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) ->
         if own or alone:
             found[sensor.name] = [*own, *alone][0]
     return place(find_node(NAVIGATOR), {**inputs, "odometry": odometry, **found})
+
+
+def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
+    """The node that places landmarks on the Earth.
+
+    Raises:
+        UsageError: nothing says where the camera is.
+    """
+    fixes = [topic for topic in graph.topics_of(NavSatFix) if topic != _ORIGIN]
+    for missing, there in {"fixes": fixes, "tf": has_frames(graph)}.items():
+        if not there:
+            raise UsageError(
+                f"--geo: needs {missing}, which this source lacks: positions and attitudes, as in"
+                " pictures of drones, a film with KLV, or a log beside it"
+            )
+    taken = {"fix": fixes[0], **inputs}
+    known = {"map_origin": _ORIGIN, "lens": _LENS}
+    taken |= {port: topic for port, topic in known.items() if topic in graph.topics}
+    return place(find_node(GEOREFERENCE), taken)
 
 
 def _pose_error(graph: Graph, navigator: Node) -> list[Node]:

@@ -23,6 +23,7 @@ from ros_visualise.data import (
 from ros_visualise.graph import IMAGE_NODES, Graph, Node, SourceNode, place, place_source
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NODES, NodeType, SourceType, find_all, find_node, find_source
+from ros_visualise.nodes.pictures import pictures
 from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
 from ros_visualise.simulation.rendering import choose_backend
@@ -76,12 +77,25 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
     return build(source, "/image_raw").configured({source: settings})
 
 
+def picture_pipeline(path: str) -> Graph:
+    """A picture or a folder of pictures, otherwise as `film_pipeline`."""
+    return _with_fixes(picture_source(path))
+
+
+def picture_source(path: str) -> SourceNode:
+    """A source of a picture, or a folder of pictures."""
+    return place_source(pictures(path)).configured({"path": path})
+
+
 def film_pipeline(path: str | Path, **settings: Any) -> Graph:
     """A video file through the image nodes, and the path of its GPS fixes, if any."""
-    source = place_source(film(path))
+    source = place_source(film(path)).configured({"path": str(path), **settings})
+    return _with_fixes(source)
+
+
+def _with_fixes(source: SourceNode) -> Graph:
     fixes = source.outputs.get("fix")
-    graph = build(source, source.outputs["image"], _path({"fix": fixes}) if fixes else None)
-    return graph.configured({source.name: {"path": str(path), **settings}})
+    return build(source, source.outputs["image"], _path({"fix": fixes}) if fixes else None)
 
 
 def recording_pipeline(
@@ -171,7 +185,7 @@ def open_input(path: str, undo: ExitStack, **robot: Any) -> SourceNode | Recordi
     if path in ROBOTS.names() and not os.path.exists(path):
         return source_named(path, **robot)
     if is_pictures(path):
-        return source_named("pictures", path=path)
+        return picture_source(path)
     if not is_recording(path):
         return source_named("streamer", path=path)
     return undo.enter_context(closing(open_recording(path)))

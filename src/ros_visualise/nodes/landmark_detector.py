@@ -143,7 +143,9 @@ class LandmarkDetector:
         size = (image.height, image.width, 3)
         shown = Deferred(size, np.uint8, lambda: draw_detections(pixels, order, found))
         return {
-            "detections": Detections(found, image.header, image.camera_info),
+            "detections": Detections(
+                found, image.header, image.camera_info, (image.width, image.height)
+            ),
             "debug_image": replace(image, data=shown, encoding="bgr8"),
             "vision_info": self._vision_info(image),
         }

@@ -11,6 +11,7 @@ from typing import Any
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
+from ros_visualise.messages.restamped import restamped
 from ros_visualise.nodes import Source, SourceType, find_source, source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.playback import Playback
@@ -62,10 +63,11 @@ class Streamer:
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The images and the telemetry, each when its time has come."""
         for stamp_ns, item in self._playback.run(self._film, self._film.is_frame):
-            is_image = self._film.is_frame(item)
-            frame = self._params.frame_id if is_image else item.message.header.frame_id
-            stamped = replace(item.message, header=Header(stamp_ns, frame))
-            yield item.output, self._calibration.add_to(stamped) if is_image else stamped
+            if not self._film.is_frame(item):
+                yield item.output, restamped(item.message, stamp_ns - item.message.header.stamp_ns)
+                continue
+            stamped = replace(item.message, header=Header(stamp_ns, self._params.frame_id))
+            yield item.output, self._calibration.add_to(stamped)
 
     def report(self) -> dict[str, Any]:
         """Notes on missing or damaged data."""
@@ -89,6 +91,7 @@ def film(path: str | Path) -> SourceType:
         declared,
         make=partial(make, series=series, faults=faults),
         outputs=outputs,
+        latched=frozenset(one.topic for one in series if one.latched),
         series=series,
         recording=lambda params: open_film(Path(params.path)),
     )

@@ -107,7 +107,9 @@ class TagDetector:
         )
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
-            "detections": Detections(found, image.header, image.camera_info),
+            "detections": Detections(
+                found, image.header, image.camera_info, (image.width, image.height)
+            ),
             "debug_image": replace(image, data=shown, encoding="bgr8"),
         }
 

@@ -20,6 +20,7 @@ from ros_visualise.graph.landmarks import with_tags
 from ros_visualise.graph.pipelines import (
     film_pipeline,
     image_pipeline,
+    picture_pipeline,
     recording_pipeline,
     server_pipeline,
 )
@@ -131,7 +132,7 @@ def film(path: str, size: str) -> Selection:
 
     def graph(_: ExitStack) -> Graph:
         if os.path.isdir(path):
-            return image_pipeline("pictures", path=path)
+            return picture_pipeline(path)
         return film_pipeline(path, **sized_to(size))
 
     return Selection(Path(path).resolve().name, graph, path, size=size)

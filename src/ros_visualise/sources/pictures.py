@@ -18,6 +18,7 @@ from ros_visualise.core.limits import check_file
 from ros_visualise.core.regular_files import natural, read_file
 from ros_visualise.data import Header, Image, Pixels
 from ros_visualise.sources.formats import VIDEOS
+from ros_visualise.sources.logs.stills import still_series
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import DamagedFile, Series
 from ros_visualise.vision.color import encoding_of
@@ -98,7 +99,11 @@ class Pictures:
         first = min(int(start_ns * self._fps / 1e9 + 1e-6), len(self.files) - 1)
         for index, path in enumerate(self.files[first:], first):
             try:
-                yield self.stamp_ns(index), read_picture(path)
+                found = read_picture(path)
+                yield (
+                    self.stamp_ns(index),
+                    replace(found, header=Header(self.stamp_ns(index), _FRAME)),
+                )
             except OpenError as error:
                 if str(error) not in self.faults:
                     log.warning("%s", error)
@@ -118,17 +123,21 @@ def recorded_pictures(path: Path) -> SeriesRecording:
 
     stamps_ns = np.array([pictures.stamp_ns(n) for n in range(len(pictures.files))], np.int64)
     series = Series(_TOPIC, Image, stamps_ns, image, slow=True)
+    said = [replace(one, topic=f"/{one.topic}") for one in still_series(pictures.files)]
     size = sum(file.stat().st_size for file in pictures.files)
-    return SeriesRecording(path, "pictures", size, [series])
+    return SeriesRecording(path, "pictures", size, [series, *said])
+
+
+def picture_files(path: Path) -> list[Path]:
+    """A picture, or the pictures directly in a folder, in order."""
+    return _in_folder(path) if path.is_dir() else [path]
 
 
 def _files(path: Path) -> list[Path]:
-    if not path.is_dir():
-        return [path]
-    found = _in_folder(path)
+    found = picture_files(path)
     if not found:
         raise OpenError(f"{path}: a folder without pictures; {_GIVEN}")
-    if videos := videos_in(path):
+    if videos := videos_in(path) if path.is_dir() else []:
         log.warning("%s: pictures alone are read, no videos; to play one: %s", path, videos[0])
     return found
 

@@ -24,7 +24,6 @@ from ros_visualise.sources.video import Video, VideoRecording
 log = logging.getLogger(__name__)
 
 _IMAGE = "image"
-_TOPICS = {"fix": "/fix", "imu": "/imu/data"}
 
 
 class FilmItem(NamedTuple):
@@ -111,7 +110,7 @@ def open_film(path: Path) -> Recording:
 def recorded_telemetry(path: Path) -> SeriesRecording:
     """The telemetry of a film as a recording: no topics in a film without any."""
     faults: list[str] = []
-    series = [replace(one, topic=_TOPICS[one.topic]) for one in telemetry_of(path, faults)]
+    series = [replace(one, topic=_topic(one.topic)) for one in telemetry_of(path, faults)]
     recorded = SeriesRecording(path, "telemetry", 0, series)
     for fault in faults:
         recorded.loss.add(fault)
@@ -119,10 +118,10 @@ def recorded_telemetry(path: Path) -> SeriesRecording:
 
 
 def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Series]:
-    """The series of a film, called ``fix`` and ``imu``; stamps count from its start.
+    """The series of a film, such as ``fix`` and ``imu``; stamps count from its start.
 
-    GoPro's telemetry is a track of the film, DJI's are subtitles in a file beside it. Of a
-    film that cannot be opened nothing is returned: the error is reported where it is played.
+    GoPro's telemetry and MISB's are tracks of the film, DJI's are subtitles in a file beside it. Of
+    a film that cannot be opened nothing is returned: the error is reported where it is played.
 
     Args:
         film: the file.
@@ -138,9 +137,14 @@ def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Seri
     return []
 
 
+def _topic(name: str) -> str:
+    return "/imu/data" if name == "imu" else f"/{name}"
+
+
 def _measured(series: Series, start_ns: int) -> Iterator[tuple[int, FilmItem]]:
     order = np.argsort(series.stamps_ns, kind="stable")
     begin = int(np.searchsorted(series.stamps_ns[order], start_ns))
+    begin = max(begin - 1, 0) if series.latched else begin
     for index in order[begin:]:
         time_ns = max(int(series.stamps_ns[index]), 0)
         yield time_ns, FilmItem(series.topic, series.make(int(index)))

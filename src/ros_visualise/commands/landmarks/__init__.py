@@ -74,6 +74,11 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     survey: str = option(
         "", "measured positions of tags, or distances between them, for --map", metavar="FILE.yaml"
     )
+    geo: Path | None = option(
+        None,
+        "write where the landmarks are on the Earth, with ellipses, and the camera's track",
+        metavar="OUT.geojson|.kml|.gpx|.csv",
+    )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")
 

@@ -10,7 +10,7 @@ from typing import Any
 from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import print_status
-from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
+from ros_visualise.data import CameraInfo, Detections, Image, Imu, NavSatFix, Odometry, Transforms
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.graph.landmarks import LOCALIZER, OBJECTS, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.graph.pipelines import made_topics, open_input, recorded_source
@@ -43,7 +43,9 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
         source, topics = _source(options, undo)
         graph = Graph(source, ())
         detectors = _detectors(options, is_image=graph.topics[topics[0]].type is Image)
-        graph = with_landmarks(graph, topics, detectors, _settings(options))
+        graph = with_landmarks(
+            graph, topics, detectors, _settings(options), on_earth=options.geo is not None
+        )
         graph = with_settings(graph, options)
         undo.pop_all()  # the graph closes the recording
         return graph
@@ -81,7 +83,8 @@ def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNo
     """A recording's images, or its detections, and the poses of its camera."""
     kinds = {name: topic.type.data_class for name, topic in recording.topics.items()}
     topics = _cameras(recording, options, kinds)
-    wanted = _MAPPED if options.map is None else (*_MAPPED, Imu)
+    wanted = (*_MAPPED, *(() if options.map is None else (Imu,)))
+    wanted += () if options.geo is None else (NavSatFix, CameraInfo)
     made = made_topics()
     beside = [
         name

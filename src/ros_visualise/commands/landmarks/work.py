@@ -11,6 +11,7 @@ from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.commands.landmarks.graph import files_of, landmark_graph
 from ros_visualise.commands.landmarks.mapping import LandmarkMapper, MappedLandmarks
 from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
+from ros_visualise.commands.landmarks.places import PlaceLog, save_places
 from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
@@ -25,6 +26,7 @@ from ros_visualise.running.interruptible import in_a_second, in_time, interrupti
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.sinks.files import TargetFile, write_file
+from ros_visualise.sinks.geography import check_geography
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
@@ -45,7 +47,8 @@ def find_landmarks(options: LandmarksOptions) -> int:
     mapper = (
         None if options.map is None else LandmarkMapper(graph, options.survey, files_of(options))
     )
-    for listeners in (found.listeners, mapper.listeners if mapper else {}):
+    places = None if options.geo is None else PlaceLog(graph)
+    for listeners in (one.listeners for one in (found, mapper, places) if one is not None):
         for topic, listener in listeners.items():
             runtime.topic(topic).connect(listener)
     with noticed() as request:
@@ -57,6 +60,8 @@ def find_landmarks(options: LandmarksOptions) -> int:
             _save_map(runtime, mapped, found, options, stopped)
         report = runtime.report()
         _print(graph, found, mapped, report, options)
+        if places is not None and options.geo is not None:
+            print_status(save_places(options.geo, places, report, options.overwrite))
         for node in report.nodes.values():
             for note in node.unread:
                 print_status(f"ros-visualise: {options.input}: {note}")
@@ -69,6 +74,10 @@ def _check(options: LandmarksOptions) -> None:
     Raises:
         UsageError: the map cannot be written there, or there is a survey and no map.
     """
+    if options.geo is not None:
+        check_geography(options.geo)
+        check_targets([options.geo], options.input)
+        TargetFile.check(options.geo, options.overwrite)
     if options.map is not None:
         check_map_name(options.map)
         check_targets([options.map], options.input)

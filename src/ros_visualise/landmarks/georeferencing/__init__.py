@@ -1,0 +1,1 @@
+"""Positions on the Earth of what a camera sees."""

@@ -1,0 +1,144 @@
+"""Poses of cameras that know where they are on the Earth, as topics.
+
+``fix`` is the camera's position, ``tf`` its optical frame in ``map``: x east, y north, z up at
+``map_origin``, where z is 0 on the ground if its height is known. ``lens`` is a lens by its field
+of view, which is no calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import (
+    CameraInfo,
+    Floats,
+    Header,
+    NavSatFix,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.aircraft import to_attitude
+from ros_visualise.geometry.geodesy import LocalPlane
+from ros_visualise.sources.series import Series, single
+
+MAP, OPTICAL = "map", "camera_optical"
+UNKNOWN_M = 1e4
+"""Standard deviation of the ground's height at an origin whose z is 0 elsewhere."""
+
+_FLU_OPTICAL = np.array([-0.5, 0.5, -0.5, 0.5])  # right, down, forward in forward, left, up
+_NONE, _APPROXIMATED, _DIAGONAL = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPoses:
+    """Positions and attitudes of a camera; what is unknown is NaN.
+
+    Attributes:
+        stamps_ns: (N,).
+        places: (N, 3) latitude and longitude in degrees, and altitude in metres.
+        quats: (N, 4) x, y, z, w of the optical frame, relative to east, north, up at its place.
+        ground_m: altitude of the ground.
+        sigmas_m: (N, 3) standard deviations of the places: east, north, up.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    places: Floats
+    quats: Floats
+    ground_m: float = np.nan
+    sigmas_m: Floats | None = None
+
+    @property
+    def is_placed(self) -> npt.NDArray[np.bool_]:
+        """(N,) True with a position."""
+        latitudes, longitudes = np.abs(self.places[:, :2].T)
+        return np.asarray((latitudes <= 90) & (longitudes <= 180), bool)  # NaN is not
+
+
+def optical_quats(yaw_pitch_roll_deg: npt.ArrayLike) -> Floats:
+    """(N, 4) of optical frames, of angles (N, 3): yaw from north to east, pitch upwards, roll to
+    the right, of a camera that looks forward.
+    """
+    roll, pitch, yaw = np.radians(np.asarray(yaw_pitch_roll_deg, np.float64)[..., ::-1].T)
+    x, y, z, w = rotations.from_rpy(np.stack([roll, pitch, yaw], axis=-1)).T
+    known = np.isfinite(x + y + z + w)
+    turned = rotations.multiply(
+        to_attitude(np.where(known, [w, x, y, z], [[1], [0], [0], [0]]).T), _FLU_OPTICAL
+    )
+    return np.where(known[:, None], turned, np.nan)
+
+
+def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
+    """The topics ``fix``, ``tf`` and ``map_origin``, as far as they are known."""
+    placed = np.flatnonzero(poses.is_placed)
+    if not len(placed):
+        return []
+    several = [Series("fix", NavSatFix, poses.stamps_ns[placed], _fixes(poses, placed, frame))]
+    posed = placed[
+        np.isfinite(poses.quats[placed]).all(axis=1) & np.isfinite(poses.places[placed, 2])
+    ]
+    if not len(posed):
+        return several
+    latitude, longitude, altitude = poses.places[posed[0]]
+    is_known = bool(np.isfinite(poses.ground_m))
+    base = poses.ground_m if is_known else float(altitude)
+    plane = LocalPlane(latitude, longitude, base)
+    positions = plane.to_enu(poses.places[posed])
+    quats = [
+        rotations.multiply(rotations.from_matrix(plane.rotation_at(*place[:2])), quat)
+        for place, quat in zip(poses.places[posed], poses.quats[posed], strict=True)
+    ]
+    stamps_ns = poses.stamps_ns[posed]
+
+    def transform(index: int) -> Transforms:
+        header = Header(int(stamps_ns[index]), MAP)
+        return Transforms((TransformStamped(frame, positions[index], quats[index], header),))
+
+    start_ns = int(stamps_ns.min())
+    sigmas = np.array([0.0, 0.0, 0.0 if is_known else UNKNOWN_M])
+    origin = NavSatFix(
+        float(latitude),
+        float(longitude),
+        float(base),
+        np.diag(sigmas**2),
+        _DIAGONAL,
+        header=Header(start_ns, MAP),
+    )
+    tf = Series("tf", Transforms, stamps_ns, transform)
+    return [single("map_origin", origin, start_ns), tf, *several]
+
+
+def lens_series(lenses: Sequence[tuple[int, CameraInfo]], frame: str = OPTICAL) -> list[Series]:
+    """The topic ``lens``: lenses with their times."""
+    if not lenses:
+        return []
+    stamps_ns = np.array([stamp_ns for stamp_ns, _ in lenses], np.int64)
+
+    def lens(index: int) -> CameraInfo:
+        return replace(lenses[index][1], header=Header(int(stamps_ns[index]), frame))
+
+    return [Series("lens", CameraInfo, stamps_ns, lens, latched=True)]
+
+
+def _fixes(
+    poses: CameraPoses, placed: npt.NDArray[np.intp], frame: str
+) -> Callable[[int], NavSatFix]:
+    def fix(number: int) -> NavSatFix:
+        index = placed[number]
+        latitude, longitude, altitude = poses.places[index].tolist()
+        sigmas = np.full(3, np.nan) if poses.sigmas_m is None else poses.sigmas_m[index]
+        is_known = bool(np.isfinite(sigmas).all())
+        return NavSatFix(
+            latitude,
+            longitude,
+            altitude,
+            np.diag(np.square(sigmas)) if is_known else np.zeros((3, 3)),
+            _APPROXIMATED if is_known else _NONE,
+            header=Header(int(poses.stamps_ns[index]), frame),
+        )
+
+    return fix

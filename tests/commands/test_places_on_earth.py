@@ -1,0 +1,94 @@
+"""`ros-visualise landmarks SRC --geo OUT`: pictures of a drone to files for maps, as typed."""
+
+import csv
+import json
+
+import numpy as np
+import PIL.Image
+import pytest
+
+from ros_visualise.commands import main
+from ros_visualise.geometry.geodesy import LocalPlane
+from ros_visualise.landmarks.tags import draw_cells, family
+
+XMP = (
+    '<d drone-dji:RelativeAltitude="+40.0" drone-dji:AbsoluteAltitude="+140.0"'
+    ' drone-dji:GimbalYawDegree="90.0" drone-dji:GimbalPitchDegree="-90.0"'
+    ' drone-dji:GimbalRollDegree="0.0"/>'
+)
+PLACE = (47.5, 8.25)
+FOCAL_PX = 24 / np.hypot(36, 24) * 1000
+CELL_PX = 6
+
+
+def write(path, u, v, east=0.0, xmp=XMP, gps=True):
+    """A picture of a tag at a pixel, from 40 m above the ground, east of the place."""
+    pixels = np.full((600, 800), 200, np.uint8)
+    cells, _ = draw_cells(family("tag36h11"), 3)
+    tag = np.kron(np.where(cells, 220, 30).astype(np.uint8), np.ones((CELL_PX, CELL_PX), np.uint8))
+    half = len(tag) // 2
+    pixels[v - half : v + half, u - half : u + half] = tag[: 2 * half, : 2 * half]
+    exif = PIL.Image.Exif()
+    exif[0x0110] = "FC7303"
+    if gps:
+        latitude, longitude, _ = LocalPlane(*PLACE).from_enu([east, 0, 0])
+        place = exif.get_ifd(0x8825)
+        place[1], place[2] = "N", (float(latitude), 0.0, 0.0)
+        place[3], place[4] = "E", (float(longitude), 0.0, 0.0)
+    PIL.Image.fromarray(pixels).save(path, exif=exif, xmp=xmp.encode(), quality=95)
+
+
+@pytest.fixture
+def find(monkeypatch, capsys):
+    """Run the command on what is given; its status and its errors."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+
+    def find(*arguments):
+        status = main(["landmarks", *map(str, arguments), "--model", "none"])
+        return status, capsys.readouterr().err
+
+    return find
+
+
+def test_a_tag_in_two_pictures_is_one_place(find, tmp_path):
+    folder, out = tmp_path / "pictures", tmp_path / "out.csv"
+    folder.mkdir()
+    ahead = round(10 / 40 * FOCAL_PX)  # 10 m east, which is up in the image
+    write(folder / "1.jpg", 400, 300 - ahead)
+    write(folder / "2.jpg", 400, 300, east=10.0)
+    status, said = find(folder, "--geo", out)
+    assert status == 0
+    assert f"{out}: 1 place" in said
+    (row,) = csv.DictReader(out.read_text().splitlines())
+    assert (row["name"], row["seen"]) == ("tag36h11_3", "2")
+    place = [float(row[name]) for name in ("latitude", "longitude", "height")]
+    np.testing.assert_allclose(LocalPlane(*PLACE, 100).to_enu(place), [10, 0, 0], atol=0.15)
+    assert 3 < float(row["sd_east_m"]) < 4  # that of the position is not known: 3 m
+    out = tmp_path / "out.geojson"
+    status, _ = find(folder, "--geo", out, "--set", "georeference.position_sigma=0.1")
+    kinds = [one["geometry"]["type"] for one in json.loads(out.read_text())["features"]]
+    assert (status, kinds) == (0, ["Point", "Polygon", "LineString"])
+
+
+def test_what_cannot_be_placed_is_said_in_a_line(find, tmp_path):
+    out = tmp_path / "out.kml"
+    level = XMP.replace("-90.0", "0.0")
+    for number, (values, reason, status) in enumerate(
+        (
+            ({"gps": False}, "--geo: needs fixes", 2),
+            ({"xmp": ""}, "--geo: needs tf", 2),
+            ({"xmp": level, "v": 100}, "1 above the horizon", 1),
+            (
+                {"xmp": XMP.replace("drone-dji:Rel", "drone-dji:Other")},
+                "the height above the ground is unknown",
+                1,
+            ),
+        )
+    ):
+        picture = tmp_path / f"{number}.jpg"
+        write(picture, **{"u": 400, "v": 300, **values})
+        found, said = find(picture, "--geo", out)
+        assert reason in said
+        assert (found, out.exists()) == (status, False)
+    assert "give a name that ends in .geojson" in find(picture, "--geo", tmp_path / "a.shp")[1]
+    assert find(picture, "--geo", picture)[0] == 2
