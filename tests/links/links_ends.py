@@ -32,6 +32,7 @@ class FakeVehicle:
         self.autopilot, self.system = autopilot, system
         self.heard = []
         self.is_quiet = False
+        self.results = {}  # command -> result, None: no answer; others are accepted
         self._garbage = garbage
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
@@ -84,6 +85,10 @@ class FakeVehicle:
             self.heard.append(one)
             if one.get_type() == "TIMESYNC" and one.tc1 == 0:
                 self.send(v2.MAVLink_timesync_message(self._now_ns(), one.ts1))
+            if one.get_type() in ("COMMAND_LONG", "COMMAND_INT"):
+                result = self.results.get(one.command, 0)
+                if result is not None:
+                    self.send(v2.MAVLink_command_ack_message(one.command, result))
 
 
 class Flyer:

@@ -27,6 +27,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.aircraft import to_attitude, to_enu, to_flu
+from ros_visualise.geometry.geodesy import LocalPlane
 
 ODOM, BODY, GIMBAL, GPS = "odom", "base_link", "gimbal", "gps"
 OUTPUTS: dict[str, type[Any]] = {
@@ -62,13 +63,22 @@ class Telemetry:
     Attributes:
         quat_xyzw: attitude of the body in ``odom``; None: unknown yet.
         position_xyz: position in ``odom``; None: unknown yet.
+        geodetic: latitude, longitude, and height above the sea; None: unknown yet.
     """
 
     def __init__(self) -> None:
         self.quat_xyzw: Floats | None = None
         self.position_xyz: Floats | None = None
+        self.geodetic: Floats | None = None
         self._rates: Floats = np.zeros(3)
         self._odometry_ns = -_PREFERRED_NS  # when ODOMETRY came, which has covariances
+
+    def on_earth(self, place_xyz: Floats) -> Floats | None:
+        """Latitude, longitude and height above the sea of a place in ``odom``; None if unknown."""
+        if self.geodetic is None or self.position_xyz is None:
+            return None
+        plane = LocalPlane(*self.geodetic.tolist())
+        return plane.from_enu(place_xyz - self.position_xyz)
 
     def take(self, message: Any, stamp_ns: int) -> Iterator[Answer]:
         """Output and message of ours, for a message of pymavlink."""
@@ -175,6 +185,7 @@ class Telemetry:
     def fused(self, m: Any, stamp_ns: int) -> Iterator[Answer]:
         """GLOBAL_POSITION_INT: the vehicle's own estimate, its height above the sea."""
         where = (m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3)
+        self.geodetic = np.array(where)
         yield "global_position", NavSatFix(*where, header=Header(stamp_ns, BODY))
 
     def battery(self, m: Any, stamp_ns: int) -> Iterator[Answer]:

@@ -6,10 +6,13 @@ import logging
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any
 
-from ros_visualise.data import PoseWithCovarianceStamped
+from ros_visualise.core.errors import UsageError
+from ros_visualise.data import Header, PoseWithCovarianceStamped, Text
 from ros_visualise.links import guidance
+from ros_visualise.links.commands import Commander, Step, check_permission
 from ros_visualise.links.line import MavlinkLine, line_at
 from ros_visualise.links.mavlink import dialect
 from ros_visualise.links.telemetry import Answer, Telemetry
@@ -91,6 +94,7 @@ class Vehicle:
         self._heard_s = self._spoke_s = 0.0
         self._resets = 0
         self._warned: set[str] = set()
+        self._commander = Commander(self._send, self._tell)
         self._line = line_at(address)
         self._line.join(self)
 
@@ -117,6 +121,20 @@ class Vehicle:
         )
         self._resets = resets if is_sent else self._resets
         return is_sent
+
+    def order(self, name: str, steps: Callable[[int], list[Step]]) -> None:
+        """Command the vehicle; ``steps`` makes the steps for its autopilot.
+
+        Raises:
+            UsageError: not permitted, or the vehicle is away or takes no such commands.
+        """
+        check_permission()
+        if self.autopilot is None or self.lost:
+            raise UsageError(f"{name}: {self.state}")
+        if self.autopilot not in (guidance.PX4, guidance.ARDUPILOT):
+            raise UsageError(f"{name}: autopilot {self.autopilot} is neither PX4 nor ArduPilot")
+        self._commander.system = self.system
+        self._commander.begin(name, steps(self.autopilot))
 
     def say(self, text: str, is_warning: bool) -> None:
         """Show a text to the person at the ground station."""
@@ -174,6 +192,8 @@ class Vehicle:
             self._beat(message)
         elif message.get_type() == "TIMESYNC":
             self._synchronize(message)
+        elif message.get_type() == "COMMAND_ACK" and component == _AUTOPILOT:
+            self._commander.answer(message)
         else:
             self._answers.extend(self.telemetry.take(message, self._stamp_ns(message)))
 
@@ -221,13 +241,19 @@ class Vehicle:
         self.counts["damaged_bytes"] = self._line.damaged
         if self.autopilot is not None and not self.lost and now_s - self._heard_s > _LOST_S:
             self.lost = True
+            self._commander.cancel("link lost")
             log.warning("autopilot: no heartbeat of system %d for %g s", self.system, _LOST_S)
         if now_s - self._spoke_s >= _SPEAK_S:
             self._spoke_s = now_s
+            self._commander.watch()
             beat = self._dialect.MAVLink_heartbeat_message(_ONBOARD, _INVALID, 0, 0, _ACTIVE, 3)
             self._send(beat)
             if self.autopilot is not None:
                 self._send(self._dialect.MAVLink_timesync_message(0, _now_ns()))
+
+    def _tell(self, text: str, is_failure: bool) -> None:
+        log.log(logging.WARNING if is_failure else logging.INFO, "autopilot: %s", text)
+        self._answers.append(("text", Text(text, Header(_now_ns()))))
 
     def _warn(self, text: str) -> None:
         """Say it once; what others can cause without end is not kept without end."""

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.declarations import action
 from ros_visualise.core.params import param
 from ros_visualise.data import (
     DiagnosticArray,
     DiagnosticStatus,
+    Floats,
     Header,
     Level,
     PoseWithCovarianceStamped,
@@ -23,6 +25,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry import rotations
+from ros_visualise.links import commands
 from ros_visualise.links.telemetry import BODY, OUTPUTS, Answer
 from ros_visualise.links.vehicle import Vehicle
 from ros_visualise.nodes import node
@@ -79,6 +82,39 @@ class AutopilotParams:
         0.0, "camera's place, metres above the body's origin", min=-10, max=10, restart=True
     )
 
+    take_off_height: float = param(
+        2.5, "height to take off to, metres above the ground", min=0.5, max=100, group="control"
+    )
+    goal_x: float = param(
+        0.0,
+        "place to go to in odom, metres east of its origin",
+        min=-1e4,
+        max=1e4,
+        slider=(-50, 50),
+        group="control",
+    )
+    goal_y: float = param(
+        0.0,
+        "place to go to in odom, metres north of its origin",
+        min=-1e4,
+        max=1e4,
+        slider=(-50, 50),
+        group="control",
+    )
+    goal_z: float = param(
+        2.5,
+        "place to go to in odom, metres above its origin",
+        min=-1e3,
+        max=1e3,
+        slider=(0, 50),
+        group="control",
+    )
+
+    @property
+    def goal(self) -> Floats:
+        """The place to go to."""
+        return np.array([self.goal_x, self.goal_y, self.goal_z])
+
     @property
     def mounting(self) -> Transforms | None:
         """The place of the camera on the body, if there is one."""
@@ -104,14 +140,16 @@ class AutopilotParams:
 class AutopilotLink:
     """Publishes what a vehicle measures, and sends it landing targets and the pose in the map.
 
-    Nothing arms the vehicle or changes its mode. Targets of ``landing_target`` may be in any of its
-    frames, and are sent in the one that the autopilot takes; those that are too old are not sent.
+    Targets of ``landing_target`` may be in any of its frames, and are sent in the one that the
+    autopilot takes; those that are too old are not sent. Nothing arms the vehicle or changes its
+    mode but the actions, and these only under ``--allow-control``.
     """
 
     def __init__(self, params: AutopilotParams) -> None:
         self._answers: deque[Answer] = deque()
         self._vehicle = Vehicle(params.address, params.system)
         self._mounting = params.mounting
+        self._params = params
         self._forget()
 
     def _forget(self) -> None:
@@ -142,6 +180,7 @@ class AutopilotLink:
 
     def tick(self, params: AutopilotParams) -> dict[str, Any] | None:
         """The next messages of the vehicle, at most one for each output."""
+        self._params = params
         self._notice_loss(params)
         self._answers.extend(self._vehicle.take())
         found: dict[str, Any] = {}
@@ -151,6 +190,34 @@ class AutopilotLink:
         if self._mounting is not None:
             found["tf_static"], self._mounting = self._mounting, None
         return (found | self._news()) or None
+
+    @action("arm, and take off to take_off_height")
+    def take_off(self) -> None:
+        """Arm and take off."""
+        vehicle, height_m = self._vehicle, self._params.take_off_height
+        vehicle.order("take-off", lambda a: commands.take_off(a, vehicle.telemetry, height_m))
+
+    @action("land: on the landing target if one is seen, else here")
+    def land(self) -> None:
+        """Land."""
+        on_target = self._target_s is not None
+        self._vehicle.order("landing", lambda a: commands.land(a, on_target))
+
+    @action("fly to goal_x, goal_y, goal_z")
+    def go_to(self) -> None:
+        """Go to a place."""
+        vehicle, goal = self._vehicle, self._params.goal
+        vehicle.order("go to", lambda a: commands.go_to(a, vehicle.telemetry, goal))
+
+    @action("fly back to where it took off, and land there")
+    def return_home(self) -> None:
+        """Return."""
+        self._vehicle.order("return", commands.return_home)
+
+    @action("stop, and hold the place")
+    def hold(self) -> None:
+        """Hold."""
+        self._vehicle.order("hold", commands.hold)
 
     def finish(self) -> None:
         """Close the link."""

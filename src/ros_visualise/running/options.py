@@ -92,7 +92,10 @@ class ViewingOptions:
     urdf: Path | None = option(
         None, "URDF file of the robot to draw, instead of /robot_description", metavar="FILE"
     )
-    allow_control: bool = option(False, "let the page publish any messages (read-only never)")
+    allow_control: bool = option(
+        False,
+        "let the page publish any messages (read-only never), and command vehicles of --mavlink",
+    )
     allow_origin: Sequence[str] = option(
         [],
         "allow this web site to use the page, such as https://robot.example.org; repeatable",

@@ -17,6 +17,7 @@ from ros_visualise.core.paths import set_folder
 from ros_visualise.core.printing import counted, print_json, print_status, without_secrets
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph import Graph
+from ros_visualise.links.commands import permit
 from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
 from ros_visualise.running.interruptible import in_time, interruptible, opened_within
 from ros_visualise.running.network import Running, join, running
@@ -45,6 +46,7 @@ def play(selection: Selection, options: PlayingOptions) -> int:
     targets = [one for target in options.record for one in _files(parse_target(target)[0], split)]
     check_targets(targets, selection.path, *selection.more)
     set_folder(options.record_dir, options.overwrite)
+    permit(options.allow_control)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     chooser = _chooser(selection, options.record_dir)
     viewed = view_options(options, options.record_dir, selection.name, chooser)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.paths import set_folder
+from ros_visualise.links.commands import permit
 from ros_visualise.runtime.middleware import Host
 from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
@@ -30,19 +31,21 @@ OPTIONS = (
 
 
 def choose_view(host: Host, default: str) -> tuple[str, ViewOptions]:
-    """The name and the options of the view in ``~view``; sets the folder of files.
+    """The name and the options of the view in ``~view``; sets the folder of files, and if vehicles
+    may be commanded.
 
     Raises:
         UsageError: an option is of the wrong type.
     """
     name = str(host.option("view", default))
+    control = switch(host, "allow_control", False)
+    permit(control)
     folder = Path(host.find_file(str(host.option("record_dir", "."))))
     options = ViewOptions(record_dir=folder, flag=host.flag)
     if name == "web":
         address, port = str(host.option("host", "127.0.0.1")), number(host, "port", 8080)
         origins = named_in(host, "allow_origin", "none")
         token = switch(host, "token", True)
-        control = switch(host, "allow_control", False)
         options = replace(options, host=address, port=int(port), origins=origins, token=token)
         options = replace(options, control=control)
     elif name == "windows":
