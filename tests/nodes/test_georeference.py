@@ -20,7 +20,7 @@ from ros_visualise.data import (
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.nodes.georeference import Georeference, GeoreferenceParams
-from ros_visualise.sources.camera_poses import optical_quats
+from ros_visualise.sources.camera_poses import angle_quats, optical_quats
 from ros_visualise.vision.lens_table import lens_of_angle
 
 PARAMS = GeoreferenceParams()
@@ -32,7 +32,7 @@ S = 1_000_000_000
 
 def tree(pitch=-90, height=40.0, fixed="map", frame="camera", at=(0.0, 0.0)):
     frames = FrameTree()
-    quat = optical_quats([[0, pitch, 0]])[0]
+    quat = optical_quats(angle_quats([[0, pitch, 0]]))[0]
     mounted = TransformStamped(frame, np.array([*at, height]), quat, Header(0, fixed))
     frames.add(Transforms((mounted,)), static=True)
     return frames
@@ -148,7 +148,7 @@ def test_what_cannot_be_placed_is_counted_and_said_once(caplog):
 def test_errors_of_time_count_with_the_speed_of_the_camera():
     frames = FrameTree()
     for number in range(30):
-        at, quat = np.array([number * 1.0, 0, 40]), optical_quats([[0, -90, 0]])[0]
+        at, quat = np.array([number * 1.0, 0, 40]), optical_quats(angle_quats([[0, -90, 0]]))[0]
         one = TransformStamped("camera", at, quat, Header(number * S // 10, "map"))
         frames.add(Transforms((one,)))
     slow, late = GeoreferenceParams(), GeoreferenceParams(time_sigma=0.5)

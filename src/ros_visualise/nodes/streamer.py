@@ -64,7 +64,7 @@ class Streamer:
         """The images and the telemetry, each when its time has come."""
         for stamp_ns, item in self._playback.run(self._film, self._film.is_frame):
             if not self._film.is_frame(item):
-                yield item.output, restamped(item.message, stamp_ns - item.message.header.stamp_ns)
+                yield item.output, restamped(item.message, stamp_ns - item.stamp_ns)
                 continue
             stamped = replace(item.message, header=Header(stamp_ns, self._params.frame_id))
             yield item.output, self._calibration.add_to(stamped)
@@ -92,6 +92,7 @@ def film(path: str | Path) -> SourceType:
         make=partial(make, series=series, faults=faults),
         outputs=outputs,
         latched=frozenset(one.topic for one in series if one.latched),
+        ros={one.topic: one.ros for one in series if one.ros is not None},
         series=series,
         recording=lambda params: open_film(Path(params.path)),
     )

@@ -7,7 +7,7 @@ of view, which is no calibration.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,7 @@ class CameraPoses:
         places: (N, 3) latitude and longitude in degrees, and altitude in metres.
         quats: (N, 4) x, y, z, w of the optical frame, relative to east, north, up at its place.
         ground_m: altitude of the ground.
+        ground_at: latitude and longitude of that ground; None: below the camera.
         sigmas_m: (N, 3) standard deviations of the places: east, north, up.
     """
 
@@ -50,6 +51,7 @@ class CameraPoses:
     places: Floats
     quats: Floats
     ground_m: float = np.nan
+    ground_at: tuple[float, float] | None = None
     sigmas_m: Floats | None = None
 
     @property
@@ -59,17 +61,19 @@ class CameraPoses:
         return np.asarray((latitudes <= 90) & (longitudes <= 180), bool)  # NaN is not
 
 
-def optical_quats(yaw_pitch_roll_deg: npt.ArrayLike) -> Floats:
-    """(N, 4) of optical frames, of angles (N, 3): yaw from north to east, pitch upwards, roll to
-    the right, of a camera that looks forward.
+def angle_quats(yaw_pitch_roll_deg: npt.ArrayLike) -> Floats:
+    """(N, 4) of forward, right, down in north, east, down, of angles (N, 3) in degrees: yaw from
+    north to east, pitch upwards, roll to the right.
     """
-    roll, pitch, yaw = np.radians(np.asarray(yaw_pitch_roll_deg, np.float64)[..., ::-1].T)
-    x, y, z, w = rotations.from_rpy(np.stack([roll, pitch, yaw], axis=-1)).T
+    return rotations.from_rpy(np.radians(np.asarray(yaw_pitch_roll_deg, np.float64)[..., ::-1]))
+
+
+def optical_quats(quats_ned: Floats) -> Floats:
+    """(N, 4) of optical frames in east, north, up, of `angle_quats` of cameras."""
+    x, y, z, w = quats_ned.T
     known = np.isfinite(x + y + z + w)
-    turned = rotations.multiply(
-        to_attitude(np.where(known, [w, x, y, z], [[1], [0], [0], [0]]).T), _FLU_OPTICAL
-    )
-    return np.where(known[:, None], turned, np.nan)
+    turned = to_attitude(np.where(known, [w, x, y, z], [[1], [0], [0], [0]]).T)
+    return np.where(known[:, None], rotations.multiply(turned, _FLU_OPTICAL), np.nan)
 
 
 def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
@@ -84,6 +88,7 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
     if not len(posed):
         return several
     latitude, longitude, altitude = poses.places[posed[0]]
+    latitude, longitude = poses.ground_at or (latitude, longitude)
     is_known = bool(np.isfinite(poses.ground_m))
     base = poses.ground_m if is_known else float(altitude)
     plane = LocalPlane(latitude, longitude, base)
@@ -112,8 +117,9 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
     return [single("map_origin", origin, start_ns), tf, *several]
 
 
-def lens_series(lenses: Sequence[tuple[int, CameraInfo]], frame: str = OPTICAL) -> list[Series]:
+def lens_series(several: Iterable[tuple[int, CameraInfo]], frame: str = OPTICAL) -> list[Series]:
     """The topic ``lens``: lenses with their times."""
+    lenses = list(several)
     if not lenses:
         return []
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in lenses], np.int64)

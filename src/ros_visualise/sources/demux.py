@@ -138,7 +138,7 @@ class Decoder:
                     self.packets += 1
                     self._reach(packet)
                     yield packet
-        except (FFmpegError, OSError):
+        except (FFmpegError, OSError, IndexError):  # the last of a damaged table of streams
             self.broken = True
         yield None
 

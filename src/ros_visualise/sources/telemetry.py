@@ -16,6 +16,7 @@ import numpy.typing as npt
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.sources.logs.dji import fixes_beside
 from ros_visualise.sources.logs.gopro import gopro_series
+from ros_visualise.sources.logs.misb import misb_series
 from ros_visualise.sources.recordings import Entry, Extra, Recording, TopicInfo
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series
@@ -27,10 +28,11 @@ _IMAGE = "image"
 
 
 class FilmItem(NamedTuple):
-    """A message, and the name of the output that it is for."""
+    """A message, the name of the output that it is for, and its own stamp."""
 
     output: str
     message: Any
+    stamp_ns: int = 0
 
 
 class Film:
@@ -129,7 +131,8 @@ def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Seri
     """
     path = Path(film)
     try:
-        return list(gopro_series(path, [] if faults is None else faults)) or fixes_beside(path)
+        notes = [] if faults is None else faults
+        return [*gopro_series(path, notes)] or misb_series(path, notes) or fixes_beside(path)
     except TooLarge as error:
         log.warning("%s: played without its telemetry: %s", path, error)
     except OpenError:
@@ -147,4 +150,5 @@ def _measured(series: Series, start_ns: int) -> Iterator[tuple[int, FilmItem]]:
     begin = max(begin - 1, 0) if series.latched else begin
     for index in order[begin:]:
         time_ns = max(int(series.stamps_ns[index]), 0)
-        yield time_ns, FilmItem(series.topic, series.make(int(index)))
+        own_ns = int(series.stamps_ns[index])
+        yield time_ns, FilmItem(series.topic, series.make(int(index)), own_ns)

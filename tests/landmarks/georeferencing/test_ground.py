@@ -14,7 +14,7 @@ from ros_visualise.landmarks.georeferencing.ground import (
     ground_points,
     measured_point,
 )
-from ros_visualise.sources.camera_poses import optical_quats
+from ros_visualise.sources.camera_poses import angle_quats, optical_quats
 from ros_visualise.vision.lens_table import find_lens
 
 SIZE = (4000, 3000)
@@ -25,7 +25,7 @@ EXACT = ViewErrors(0, 0, 0, 0, 0, np.zeros((2, 2)))
 
 
 def pose(yaw, pitch, height=50.0):
-    return se3.from_pose([5, 6, height], optical_quats([[yaw, pitch, 0]])[0])
+    return se3.from_pose([5, 6, height], optical_quats(angle_quats([[yaw, pitch, 0]]))[0])
 
 
 def place(T, errors=EXACT, pixels=CENTER, surface=None, sigma=1.0):

@@ -67,17 +67,17 @@ def recorded_flight(path: Path, format: str, found: FlightLog) -> SeriesRecordin
     stamps_us = np.concatenate([one.stamps_ns for one in made.series]) // 1000 - utc_us
     span = int(stamps_us.min()), int(stamps_us.max())
     tables = {name: table.within(*span) for name, table in found.all.items()}
-    logged = _logged(found.system, tables, found.formats, utc_us)
+    logged = logged_series(found.system, tables, found.formats, utc_us)
     clock = "time since start" if found.utc_us is None else "UTC"
     series, notes = [*made.series, *logged], [*found.notes, *made.notes]
     size = path.stat().st_size
     return SeriesRecording(path, f"{format} ({clock})", size, series, notes, loss=found.loss)
 
 
-def _logged(
+def logged_series(
     system: str, tables: Mapping[str, LogTable], formats: Mapping[str, LogFields], utc_us: int
 ) -> Iterator[Series]:
-    """A series for each table, by its name; a topic that ROS cannot describe is skipped."""
+    """A series for each table, below the name of the system; skipped if ROS cannot describe it."""
     types = _LoggedTypes(system, formats)
     for name, table in tables.items():
         try:

@@ -22,6 +22,7 @@ from ros_visualise.core.regular_files import open_file
 from ros_visualise.data import CameraInfo
 from ros_visualise.sources.camera_poses import (
     CameraPoses,
+    angle_quats,
     camera_series,
     lens_series,
     optical_quats,
@@ -82,9 +83,9 @@ def still_series(files: Sequence[Path]) -> list[Series]:
     poses = CameraPoses(
         np.array(stamps_ns, np.int64),
         places,
-        optical_quats([one.angles_deg for one in stills]),
+        optical_quats(angle_quats([one.angles_deg for one in stills])),
         math.nan if ground_m is None else ground_m,
-        np.array([one.sigmas_m for one in stills]),
+        sigmas_m=np.array([one.sigmas_m for one in stills]),
     )
     lenses = [
         (stamp_ns, one.lens)
