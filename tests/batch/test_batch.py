@@ -237,6 +237,11 @@ def test_inputs_are_found(tmp_path):
     assert [one.name for one in find_inputs([str(tmp_path / "a")])] == [*names, "shots"]
     assert [one.name for one in find_inputs([str(tmp_path / "a" / "shots")])] == ["shots"]
     assert content_of(found.path) != content_of(str(tmp_path / "a" / "drive.mcap"))
+    (tmp_path / "a" / "shots" / "back").symlink_to(tmp_path / "a")
+    (tmp_path / "a" / "kitti" / "drive_link.mcap").symlink_to(tmp_path / "a" / "drive.mcap")
+    assert [one.name for one in find_inputs([str(tmp_path / "a")])] == [*names, "shots"]
+    matched = find_inputs([str(tmp_path / "a" / "**" / "*.mkv")])
+    assert [one.name for one in matched] == ["film_00.mkv", "film_01.mkv"]
     with pytest.raises(OpenError, match="no such file"):
         find_inputs([str(tmp_path / "missing.bag")])
     with pytest.raises(UsageError, match="no recordings"):

@@ -21,7 +21,6 @@ from ros_visualise.runtime.record_queue import OrderedQueue
 from ros_visualise.runtime.topics import CallbackListener
 from ros_visualise.sources.camera import is_live
 from ros_visualise.sources.opening import is_recording
-from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.playback import Playback
 
 M = TypeVar("M", bound=Message)
@@ -47,7 +46,7 @@ def pipeline(path: str | PathLike[str]) -> Graph:
         selected = stream(name, "")
     elif not os.path.exists(name):
         raise OpenError.missing(name)
-    elif is_recording(name) and not is_pictures(name):
+    elif is_recording(name):
         selected = recording(name)
     else:
         selected = film(name, "")

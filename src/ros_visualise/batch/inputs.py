@@ -45,7 +45,10 @@ def find_inputs(given: Sequence[str]) -> list[FoundInput]:
     for text in given:
         if not (text.startswith(_LIST) or glob.has_magic(text) or os.path.lexists(text)):
             raise OpenError.missing(text)
-    found = sorted({os.path.abspath(path) for text in given for path in _expand(text)})
+    once: dict[str, str] = {}  # a file has several paths where links lead to it
+    for path in sorted(os.path.abspath(path) for text in given for path in _expand(text)):
+        once.setdefault(os.path.realpath(path), path)
+    found = [*once.values()]
     if not found:
         raise UsageError(f"{' '.join(given)}: no recordings; give files, folders or patterns")
     common = os.path.commonpath([os.path.dirname(path) for path in found])
@@ -131,8 +134,11 @@ def _lines(path: Path) -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def _below(folder: Path) -> Iterator[str]:
+def _below(folder: Path, above: tuple[str, ...] = ()) -> Iterator[str]:
     """The recordings in a folder and below it; its pictures are one if there is no other in it."""
+    real = os.path.realpath(folder)
+    if real in above:
+        return  # a link back
     try:
         there = sorted(folder.iterdir())
     except OSError:
@@ -142,7 +148,7 @@ def _below(folder: Path) -> Iterator[str]:
         if path in here:
             yield str(path)
         elif path.is_dir():
-            yield from _below(path)
+            yield from _below(path, (*above, real))
     if not here and is_pictures(folder):
         yield str(folder)
 

@@ -169,10 +169,9 @@ def _with_command(given: Sequence[str]) -> Sequence[str]:
 def _command_for(path: Path) -> str:
     from ros_visualise.sources.formats import suffixes
     from ros_visualise.sources.opening import is_recording
-    from ros_visualise.sources.pictures import is_pictures
 
     is_named = path.suffix.lower() in suffixes()  # one that is damaged is best named by its reader
-    return "bag" if (is_recording(path) or is_named) and not is_pictures(path) else "video"
+    return "bag" if is_recording(path) or is_named else "video"
 
 
 def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:

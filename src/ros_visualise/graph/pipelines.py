@@ -184,10 +184,8 @@ def open_input(path: str, undo: ExitStack, **robot: Any) -> SourceNode | Recordi
     """
     if path in ROBOTS.names() and not os.path.exists(path):
         return source_named(path, **robot)
-    if is_pictures(path):
-        return picture_source(path)
     if not is_recording(path):
-        return source_named("streamer", path=path)
+        return picture_source(path) if is_pictures(path) else source_named("streamer", path=path)
     return undo.enter_context(closing(open_recording(path)))
 
 

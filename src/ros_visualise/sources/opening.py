@@ -103,10 +103,15 @@ def open_recording(path: str | Path) -> Recording:
 
 
 def is_recording(path: str | Path) -> bool:
-    """True for a folder, and a file of a recording, be it damaged; false for a video."""
+    """True for a folder, and a file of a recording, be it damaged; false for a video.
+
+    False for a folder of pictures, unless there is a recording too.
+    """
     path = Path(path)
     try:
-        return path.is_dir() or (path.is_file() and format_of(_head(path)) is not None)
+        if path.is_dir():
+            return not is_pictures(path) or is_recorded_folder(path) or bool(_recordings_in(path))
+        return path.is_file() and format_of(_head(path)) is not None
     except OSError:
         return False
 
@@ -172,11 +177,7 @@ def _open_folder(path: Path) -> Recording:
     known = _format_of_folder(path) or next(within, None)
     if known is not None:
         return known.open(path)
-    found = [
-        item
-        for item in sorted(path.iterdir())
-        if is_recorded_folder(item) or (item.is_file() and is_recording(item))
-    ]
+    found = _recordings_in(path)
     series = next((one for one in FORMATS.all() if found and one.is_series(found)), None)
     if series is not None:
         return series.open(path)
@@ -188,6 +189,15 @@ def _open_folder(path: Path) -> Recording:
     if len(found) == 1:
         return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
     raise OpenError(_several_in(path, found))
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    return [
+        item
+        for item in sorted(folder.iterdir())
+        if is_recorded_folder(item)
+        or (item.is_file() and not is_pictures(item) and is_recording(item))
+    ]
 
 
 def _nothing_in(folder: Path) -> str:
