@@ -28,14 +28,20 @@ QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,
 # Tests of ROS and of pages wait for other processes half of their time: two more than 2 cores.
 PARALLEL := -n 4 --dist loadfile
 
+# Collected once beside mypy, which compiles them for the processes that run them.
+SELECTED = $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
+
 # The processes of the tests share the cores; threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
+
+# Hundreds of processes that tests start would compile the package, each for itself.
+export PYTHONDONTWRITEBYTECODE :=
 
 test: $(if $(QUICK),.venv-test/.quick,.venv-test/.ready)
 	.venv-test/bin/ruff format --check
 	.venv-test/bin/ruff check
-	.venv-test/bin/mypy
-	.venv-test/bin/pytest $(PARALLEL) $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
+	.venv-test/bin/mypy & .venv-test/bin/pytest --collect-only -qq $(SELECTED) >/dev/null; wait $$!
+	.venv-test/bin/pytest $(PARALLEL) $(SELECTED)
 
 # Without ROS, whose packages are the distribution's, and without the newest packages.
 test-oldest: .venv-oldest/.ready

@@ -35,6 +35,7 @@ class Newcomer:
             **environment,
             "HOME": str(home),
             "PATH": f"{home}/bin:/usr/bin:/bin",
+            "PIP_NO_COMPILE": "1",  # Python compiles what is imported, a small part of it
             "GIT_CONFIG_COUNT": "1",
             "GIT_CONFIG_KEY_0": f"url.file://{home}/repository.insteadOf",
             "GIT_CONFIG_VALUE_0": _ADDRESS,

@@ -2,7 +2,6 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 import urllib.request
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ports import free_port
 from waiting import wait_for
 
 from ros_visualise.data import Odometry, PointCloud
@@ -94,9 +94,7 @@ def height(image):
 
 
 def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     command = [sys.executable, EXAMPLES / "21_own_page.py", str(port)]
     shown = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:

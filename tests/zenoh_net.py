@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+from ports import free_port
 
 from ros_visualise.runtime.zenoh.session import Endpoints
 from ros_visualise.runtime.zenoh.transport import ZenohTransport
@@ -12,8 +13,7 @@ from ros_visualise.runtime.zenoh.transport import ZenohTransport
 
 def free_address() -> str:
     """An address that nobody listens on."""
-    with socket.create_server(("127.0.0.1", 0)) as made:
-        return f"tcp/127.0.0.1:{made.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 class ZenohNet:

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from made_flights import batch, command, environment, rows
+from ports import free_port
 
 from ros_visualise.batch.results import Results
 
@@ -31,9 +31,7 @@ PATIENCE_S = 60
 @pytest.fixture
 def cluster(tmp_path):
     """The address of a scheduler, and its two workers, each a process group."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     dask, quiet = [sys.executable, "-m", "distributed.cli"], {"stderr": subprocess.DEVNULL}
     scheduler = [*("--host", "127.0.0.1", "--port", str(port)), "--no-dashboard", "--no-show"]

@@ -4,13 +4,13 @@ import contextlib
 import json
 import logging
 import os
-import socket
 from collections.abc import Iterator
 from functools import cache
 from http.client import HTTPConnection
 from pathlib import Path
 from urllib.parse import quote
 
+from ports import free_port
 from ui.page_client import TOKEN
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
@@ -96,8 +96,7 @@ class _Shown(logging.Handler):
     def __init__(self) -> None:
         super().__init__()
         os.environ["ROS_VISUALISE_TOKEN"] = TOKEN
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            self.port = server.getsockname()[1]
+        self.port = free_port()
         self._faults: list[str] = []
         logging.getLogger().addHandler(self)
         playback = Playback(hold=True)

@@ -188,12 +188,11 @@ def _cast(
     """The light of the pixels from ``first`` to ``last``: rays to the plane, blurred, averaged."""
     width, height = last - first
     u, v = np.meshgrid(np.arange(first[0], last[0]), np.arange(first[1], last[1]))
-    rays, v = _rays_in(camera, u, v, rng)
+    (ray_x, ray_y, ray_z), v = _rays_in(camera, pose, u, v, rng)
     late = camera.readout_s * (v - HEIGHT / 2) / HEIGHT
-    t = pose.t + late[..., None] * pose.velocity
-    normal = pose.R[:, 2]
-    hit = rays * ((t @ normal) / (rays @ normal))[..., None] - t
-    x, y = hit @ pose.R[:, 0], hit @ pose.R[:, 1]
+    t, velocity = pose.t @ pose.R, pose.velocity @ pose.R
+    along = (t[2] + late * velocity[2]) / ray_z
+    x, y = ray_x * along - t[0] - late * velocity[0], ray_y * along - t[1] - late * velocity[1]
     cell = SIZE_M / CELLS
     column = np.floor(x / cell + CELLS / 2).astype(int)
     row = np.floor(CELLS / 2 - y / cell).astype(int)
@@ -208,23 +207,24 @@ def _cast(
 
 
 def _rays_in(
-    camera: Camera, u: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    camera: Camera, pose: Pose, u: np.ndarray, v: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One ray at random in each of the squares of all pixels, and their rows."""
+    """One ray at random in each of the squares of all pixels, in the tag's axes; and their rows."""
     a, b = rng.random((2, *u.shape, _SUB, _SUB))
     steps = np.arange(_SUB)
     a, b = (a + steps) / _SUB - 0.5, (b + steps[:, None]) / _SUB - 0.5
-    near = {(i, j): camera.rays(u + i / 2, v + j / 2) for i in (-1, 0, 1) for j in (-1, 0, 1)}
-    rays = np.zeros((*a.shape, 3))
-    for (i, j), one in near.items():  # Lagrange's polynomials
-        weight = _lagrange(i, 2 * a) * _lagrange(j, 2 * b)
-        rays += one[:, :, None, None] * weight[..., None]
+    nodes = (-1, 0, 1)
+    near = [camera.rays(u + i / 2, v + j / 2) @ pose.R for i in nodes for j in nodes]
+    across, down = ([_lagrange(i, 2 * part) for i in nodes] for part in (a, b))
+    weights = np.stack([one * other for one in across for other in down], axis=-1)
+    split = weights.reshape(*u.shape, _SUB**2, 9) @ np.stack(near, axis=-2)
     shape = (u.shape[0] * _SUB, u.shape[1] * _SUB)
-    rows = v[..., None, None] + b
-    return rays.swapaxes(1, 2).reshape(*shape, 3), rows.swapaxes(1, 2).reshape(shape)
+    rays = split.reshape(*u.shape, _SUB, _SUB, 3).transpose(4, 0, 2, 1, 3).reshape(3, *shape)
+    return rays, (v[..., None, None] + b).swapaxes(1, 2).reshape(shape)
 
 
 def _lagrange(node: int, x: np.ndarray) -> np.ndarray:
+    """Lagrange's polynomials of -1, 0 and 1."""
     return (1 - x * x) if node == 0 else x * (x + node) / 2
 
 

@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 
 import numpy as np
+import ports
 from pymavlink.dialects.v20 import ardupilotmega as v2
 from waiting import wait_for
 
@@ -20,9 +21,7 @@ OFFSET_NS = 40_000_000_000  # the vehicle was started so long before the time 0 
 
 
 def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+    return ports.free_port(socket.SOCK_DGRAM)
 
 
 class FakeVehicle:

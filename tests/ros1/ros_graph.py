@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import xmlrpc.client
 from pathlib import Path
 from typing import Any
 
+from ports import free_port as free_port
 from waiting import PATIENCE_S as PATIENCE_S
 from waiting import wait_for as wait_for
 
 from ros_visualise.running.executables import command_of
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])
 
 
 class Master:

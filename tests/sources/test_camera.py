@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_videos import numbered, write_video
+from ports import free_port
 from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError
@@ -44,12 +45,6 @@ def serve() -> Iterator[Callable[[str], Any]]:
     for server in servers:
         server.kill()
         server.wait()
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def open_patiently(url: str, timeout_s: float) -> LiveCamera:

@@ -2,11 +2,11 @@
 
 import os
 import shutil
-import socket
 from collections.abc import Callable, Iterator
 
 import pytest
 from page_client import IMAGES, TOKEN, VIEW_TOKEN
+from ports import free_port
 from space_client import Nodes
 from waiting import wait_for
 
@@ -27,6 +27,8 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
+    "--disable-extensions",
+    "--renderer-process-limit=1",  # all tabs have one process, which is started once
     "--host-resolver-rules=MAP evil.example 127.0.0.1",
 ]
 
@@ -41,8 +43,7 @@ def tokens(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def port() -> int:
     """A port that is free."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
+    return free_port()
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import random
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from page_client import TOKEN, VIEW_TOKEN, Client, addresses, get
+from ports import free_port
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -83,14 +85,17 @@ def client(page, port):
         yield connected
 
 
-@pytest.fixture
-def served(port):
-    """A page in a process of its own, which has to end without a word."""
-    pipe = subprocess.PIPE
+@pytest.fixture(scope="module")
+def served():
+    """A page in a process of its own, and its port; it has to end without a word."""
+    pipe, port = subprocess.PIPE, free_port()
     code = [sys.executable, "-c", SERVED, str(port)]
-    with subprocess.Popen(code, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+    own = {"ROS_VISUALISE_TOKEN": TOKEN, "ROS_VISUALISE_VIEW_TOKEN": VIEW_TOKEN}
+    with subprocess.Popen(
+        code, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=os.environ | own
+    ) as process:
         assert process.stdout.readline() == "open\n"
-        yield process
+        yield process, port
         out, err = process.communicate("\n", timeout=30)
     assert (process.returncode, out, err) == (0, "", addresses(port))
 
@@ -313,7 +318,8 @@ def test_a_browser_at_a_foreign_site_reaches_nothing(chromium, page, port, evil_
     context.close()
 
 
-def test_nonsense_of_all_kinds_harms_nobody(served, port):
+def test_nonsense_of_all_kinds_harms_nobody(served):
+    _, port = served
     rng = random.Random(11)
     first = Client(port)
     with closing(first):
@@ -347,7 +353,10 @@ def nonsense(rng):
 
 
 @pytest.mark.parametrize("path", LIVE)
-def test_messages_of_20_mib_are_not_kept(served, port, path):
+def test_messages_of_20_mib_are_not_kept(served, path):
+    process, port = served
+    here = Path(f"/proc/{process.pid}")
+    (here / "clear_refs").write_text("5")  # the peak is that from now on
     protocols = ["foxglove.websocket.v1"] if path == "/foxglove" else None
     for _ in range(5):
         with connect(f"ws://127.0.0.1:{port}/{TOKEN}{path}", subprotocols=protocols) as socket:
@@ -356,7 +365,6 @@ def test_messages_of_20_mib_are_not_kept(served, port, path):
                 while True:
                     socket.recv(timeout=60)
             assert socket.close_code in (1006, 1009)  # the rest of it is not read
-    status = Path(f"/proc/{served.pid}/status").read_text()
-    peak_kib = int(status.partition("VmHWM:")[2].split()[0])
+    peak_kib = int((here / "status").read_text().partition("VmHWM:")[2].split()[0])
     assert peak_kib < 600_000
     assert all_there(port)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
+from functools import partial
 from typing import Any
 
 import cv2
@@ -23,6 +25,7 @@ SOLID = 'contype="2" conaffinity="0"'
 SHOWN = 'contype="0" conaffinity="0"'  # without contacts
 _BOARD_THICKNESS = 0.024
 PRINT_THICKNESS = 0.002  # of a tag on its board
+_PLAIN = np.full((2, 2, 3), 128, np.uint8)
 
 
 Pose2 = tuple[float, float, float]
@@ -34,7 +37,6 @@ class WorldBuilder:
 
     Args:
         pictures: draw the textures; otherwise all is gray, and ready much sooner.
-        soil: changes the picture of a tag with that id.
 
     Attributes:
         assets: file names in the MJCF -> images.
@@ -43,16 +45,24 @@ class WorldBuilder:
         path_xy: a closed path through the world.
     """
 
-    def __init__(
-        self, pictures: bool, soil: Callable[[int, Canvas], Canvas] = lambda tag_id, canvas: canvas
-    ) -> None:
-        self._pictures, self._soil = pictures, soil
+    def __init__(self, pictures: bool) -> None:
+        self._pictures = pictures
+        self._soil: Callable[[int, Canvas], Canvas] = lambda tag_id, canvas: canvas
+        self._printed: set[int] = set()
         self.assets: dict[str, bytes] = {}
         self.landmarks: list[SimulatedLandmark] = []
         self.starts: dict[str, Pose2] = {}
         self.path_xy: list[tuple[float, float]] = []
         self._definitions: list[str] = []
         self._things: list[str] = []
+
+    def worn(self, soil: Callable[[int, Canvas], Canvas]) -> WorldBuilder:
+        """A copy whose tags look worn: ``soil`` changes the picture of a tag with an id."""
+        world = deepcopy(self)
+        world._soil = soil
+        for tag_id in self._printed:
+            world._store(f"tag_{tag_id}", partial(world._draw_tag, tag_id))
+        return world
 
     def mjcf(self) -> str:
         """The sections ``visual``, ``asset`` and ``worldbody`` of the MJCF."""
@@ -72,7 +82,7 @@ class WorldBuilder:
         self, name: str, draw: Draw, repeat: float | None = None, kind: str = "2d"
     ) -> str:
         """A textured material: once over a geom, or ``repeat`` times per metre."""
-        self._store(name, draw, np.full((2, 2, 3), 128, np.uint8))
+        self._store(name, draw)
         tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
         self._definitions.append(
             f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
@@ -125,8 +135,9 @@ class WorldBuilder:
     ) -> float:
         """Add an AprilTag as on a sheet of paper; returns half the side of the sheet."""
         name = f"tag_{tag_id}"
-        if f"{name}.png" not in self.assets:
-            self.add_material(name, lambda: self._soil(tag_id, draw_tag(tag_id)))
+        if tag_id not in self._printed:
+            self._printed.add(tag_id)
+            self.add_material(name, partial(self._draw_tag, tag_id))
         half = size * BOARD_CELLS / CELLS / 2
         behind = np.asarray(position) - R[:, 2] * PRINT_THICKNESS / 2
         self.add("box", (half, half, PRINT_THICKNESS / 2), behind, name, SHOWN, R)
@@ -142,7 +153,10 @@ class WorldBuilder:
         opening = f'<body name="{name}" pos="{_numbers(position)}" {turn}>'
         self._things = [*outside, f"{opening}{inner}{things}</body>"]
 
-    def _store(self, name: str, draw: Draw, plain: Canvas) -> None:
+    def _draw_tag(self, tag_id: int) -> Canvas:
+        return self._soil(tag_id, draw_tag(tag_id))
+
+    def _store(self, name: str, draw: Draw, plain: Canvas = _PLAIN) -> None:
         picture = draw() if self._pictures else plain
         quick: Any = [cv2.IMWRITE_PNG_COMPRESSION, 0]
         _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]), quick)

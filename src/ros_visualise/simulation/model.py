@@ -65,13 +65,19 @@ def build_world(
     Raises:
         UsageError: no such world.
     """
-    scene = WorldBuilder(pictures, wear.soil)
-    WORLDS.find(name).build(scene)
+    scene = _new_scene(name, pictures).worn(wear.soil)
     wear.apply(scene)
     assets, landmarks = scene.assets, tuple(scene.landmarks)
     if pad is not None:
         add_pad(scene, pad, pad_tags)
     return BuiltWorld(name, scene.mjcf(), assets, landmarks, scene.starts, tuple(scene.path_xy))
+
+
+@cache
+def _new_scene(name: str, pictures: bool) -> WorldBuilder:
+    scene = WorldBuilder(pictures)
+    WORLDS.find(name).build(scene)
+    return scene
 
 
 def compile_model(robot: str, world: BuiltWorld, params: CameraSensorParams) -> Any:

@@ -12,19 +12,21 @@ from collections.abc import Iterator
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 from xml.etree import ElementTree as Xml
 from zipfile import is_zipfile
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.live.space.nodes import Mesh
 from ros_visualise.ui.live.space.tree import SpaceTree
+
+if TYPE_CHECKING:
+    import trimesh
 
 SUFFIXES = (".stl", ".obj", ".dae")
 _LARGEST = 32 << 20
@@ -105,6 +107,8 @@ class _Builder(Xml.TreeBuilder):
 
 
 def _read(data: bytes, suffix: str) -> list[MeshPart]:
+    import trimesh  # takes as long as a third of the page's start
+
     scale = 1.0
     if suffix == ".dae":
         unit = parse_xml(data).find("{*}asset/{*}unit")
