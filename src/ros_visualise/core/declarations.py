@@ -54,6 +54,7 @@ class NodeType:
         topics: output -> topic, if not derived from the names of node and output
             (see `ros_visualise.graph.place`).
         splittable: True if parts of a recording give the results of the whole, after a while.
+        optional: inputs that may be missing: those for which the step has a default.
         live: True if ``tick`` brings messages from outside: in any graph it is called 50 times a
             second, each time until it answers with none.
     """
@@ -77,6 +78,7 @@ class NodeType:
     topics: Mapping[str, str] = field(default_factory=dict)
     splittable: bool = True
     live: bool = False
+    optional: frozenset[str] = frozenset()
 
 
 class _OptionalMethods:
@@ -169,10 +171,18 @@ def node(
             topics=topics or {},
             splittable=splittable,
             live=live,
+            optional=_optional(target, inputs),
         )
         return target
 
     return declare
+
+
+def _optional(target: Any, inputs: Mapping[str, type[Message]]) -> frozenset[str]:
+    """Inputs for which the step has a default."""
+    parameters = inspect.signature(getattr(target, "step", target)).parameters
+    having = [name for name, one in parameters.items() if one.default is not one.empty]
+    return frozenset(inputs) & frozenset(having)
 
 
 def declaration_of(target: Any) -> NodeType:

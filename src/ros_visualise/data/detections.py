@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar
 
@@ -143,6 +144,12 @@ class Detection(Detected):
         theta = float(np.deg2rad(degrees))
         return cls(np.array(center), np.array(size), theta, tuple(hypotheses), id, corners)
 
+    def identified(self, id: str) -> Detection:
+        """The same thing with another id."""
+        made = copy(self)
+        vars(made)["id"] = id  # its arrays are checked already
+        return made
+
     @property
     def outline_uv(self) -> Floats:
         """Its corners where they are known, else those of its box: (N, 2)."""
@@ -205,6 +212,18 @@ class Detections(DetectedArray):
     detections: tuple[Detection, ...]
     camera_info: CameraInfo | None = None
     size: tuple[int, int] | None = None
+
+    @property
+    def boxes_uv(self) -> Floats:
+        """Upright boxes around them, (N, 4): centre, width and height; NaN if unknown."""
+        several = self.detections
+        parts = [part for one in several for part in (one.center_uv, one.size_uv)]
+        boxes = np.array(parts).reshape(-1, 4)
+        for row, one in enumerate(several):
+            if one.theta or len(one.corners_uv):
+                low, high = one.outline_uv.min(axis=0), one.outline_uv.max(axis=0)
+                boxes[row] = *(low + high) / 2, *(high - low)
+        return boxes
 
 
 @dataclass(frozen=True, eq=False)

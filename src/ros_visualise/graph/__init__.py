@@ -230,7 +230,8 @@ class Graph:
         """The same graph with a node among the others.
 
         Its inputs are the given topics; the first other input of that type takes the main output
-        of ``after``; the others take topics of their own name, or the only one of their type. The
+        of ``after``; the others take topics of their own name, the only one of their type, or what
+        ``after`` takes. An input that may be missing stays open where no topic is of its type. The
         main output is the first of a type that the node takes, preferably one with a subscriber.
         If the node has this one input, and an output of that type that is not on demand, the
         subscribers of the main output subscribe to that instead.
@@ -248,13 +249,13 @@ class Graph:
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"a node {added.name!r} already exists; choose another name")
         main, given = self._main_output(added, before)
-        new = self._beside_others(place(added, self._inputs_of(added, main, given, topics)))
+        new = self._beside_others(place(added, self._inputs_of(added, before, main, given, topics)))
         makes = [
             topic
             for topic, made in new.topics.items()
             if made.type is given.type and not made.on_demand
         ]
-        takes_over = makes and [new.inputs[port] for port in added.stepped] == [main]
+        takes_over = makes and [new.inputs.get(port) for port in added.stepped] == [main]
         nodes = (
             [_rewired(node, main, makes[0]) for node in self.nodes] if takes_over else self.nodes
         )
@@ -317,7 +318,12 @@ class Graph:
         return [*((name, made) for name, made in fitting if name in heard), *fitting, *there][0]
 
     def _inputs_of(
-        self, added: NodeType, main: str, given: TopicSpec, topics: Mapping[str, str]
+        self,
+        added: NodeType,
+        before: Member,
+        main: str,
+        given: TopicSpec,
+        topics: Mapping[str, str],
     ) -> dict[str, str]:
         """Input -> topic of a node after another with this main output."""
         for port in topics.keys() - added.inputs.keys():
@@ -328,6 +334,10 @@ class Graph:
         for port, kind in added.inputs.items():
             fitting = self.topics_of(kind)
             named = [topic for topic in fitting if topic == f"/{port}"] or fitting
+            if len(named) > 1:
+                named = [topic for topic in before.inputs.values() if topic in named]
+            if port in added.optional and not fitting and port not in found:
+                continue
             if port in added.stepped and port not in found and len(named) == 1:
                 found[port] = named[0]
             if (port in added.stepped or port in found) and found.get(port) not in fitting:

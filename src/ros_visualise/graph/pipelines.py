@@ -314,6 +314,6 @@ def alone(declared: Any) -> Graph:
         whole = build(None, "/image_raw")
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
     is_ours = declared.name in NODES.builtin and find_node(declared.name) is declared
-    if is_ours and Image in declared.stepped.values():
+    if is_ours and [*declared.stepped.values()] == [Image]:
         return build(None, "/image_raw", through=[declared])
     return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))

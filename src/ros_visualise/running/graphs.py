@@ -248,7 +248,8 @@ def _with_nodes(graph: Graph, texts: Sequence[str]) -> Graph:
         wanted = parse_insertion(text)
         added = find_node(wanted.node)
         graph = graph.insert(added, wanted.after or last, wanted.topics)
-        passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
+        passed = [kind for port, kind in added.outputs.items() if port not in added.on_demand]
+        passes_on = [*added.stepped.values()] in [[kind] for kind in passed]
         if passes_on and not wanted.after:
             last = added.name
     return graph

@@ -196,7 +196,7 @@ class OutputOptions:
     record: Sequence[str] = option(
         [],
         "record to an .mcap, a .bag or a ROS 2 folder, one topic of images to an .mp4 "
-        "(default: /edges), or numbers to a .csv; repeatable",
+        "(default: /edges), numbers to a .csv, or tracks to a .txt (MOT format); repeatable",
         metavar="OUT[@TOPIC,...]",
     )
     split: str | None = option(

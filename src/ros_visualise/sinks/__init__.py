@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ros_visualise.sinks.chunked import ChunkedRecorder
     from ros_visualise.sinks.parts import Split
 
-Kind = Literal["mcap", "bag", "mp4", "csv", "folder"]
+Kind = Literal["mcap", "bag", "mp4", "csv", "txt", "folder"]
 Profile = Literal["ros1", "ros2"]
 
 COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
@@ -28,6 +28,7 @@ COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
     "bag": ("none", "lz4", "bz2"),
     "mp4": (),
     "csv": (),
+    "txt": (),
 }
 """Kind of recording -> its compressions, the default first.
 
@@ -141,8 +142,8 @@ def kind_of(path: Path) -> Kind:
     kind = {"": "folder", **kinds}.get(path.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"{path}: the name of a recording ends in .mcap, .bag, .mp4 or .csv, optionally"
-            " followed by @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
+            f"{path}: the name of a recording ends in .mcap, .bag, .mp4, .csv or .txt (tracks),"
+            " optionally followed by @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
             + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
@@ -182,7 +183,7 @@ def open_recorder(
         overwrite: replace an existing recording.
         on_demand: topics that are only recorded if named.
         named: the topics to record; by default all, for an .mp4 the last one of images, for a .csv
-            those with numbers, without those on demand.
+            those with numbers, for a .txt the last one of detections, without those on demand.
         beside: topic -> another one that is recorded with it, if it exists.
         profile: an .mcap may store messages of ROS 1; the default is ROS 2.
         compression: one of `COMPRESSIONS`.
@@ -200,7 +201,7 @@ def open_recorder(
     kind, encoding = kind_of(path), encoding_of(path, profile)
     compression = _choose_compression(path, kind, compression)
     wanted = _choose_topics(path, named, topics, on_demand)
-    if kind in ("mp4", "csv"):
+    if kind in ("mp4", "csv", "txt"):
         if split is not None:
             raise UsageError(
                 f"{path}: a video or table is not split; record to .mcap, .bag or a folder"
@@ -223,12 +224,17 @@ def _open_extract(
     overwrite: bool,
     live: bool,
 ) -> Recorder:
-    """A file that holds a part of the messages: the images of a topic, or numbers."""
+    """A file that holds a part of the messages: images or tracks of a topic, or numbers."""
     if kind == "csv":
         from ros_visualise.sinks.csv_file import CsvRecorder, topics_with_numbers
 
         chosen = [*wanted] if named else topics_with_numbers(path, wanted)
         return CsvRecorder(path, chosen, overwrite, live)
+    if kind == "txt":
+        from ros_visualise.sinks import mot_file
+
+        topic = mot_file.choose_topic(path, wanted, named)
+        return mot_file.MotRecorder(path, topic, overwrite, live)
     from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
     return Mp4Recorder(path, choose_topic(path, wanted, named), overwrite)

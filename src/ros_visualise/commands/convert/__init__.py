@@ -19,8 +19,8 @@ class ConvertOptions(MemoryOptions):
         "the recording or film; several become one", metavar="SRC", nargs="+"
     )
     output: str = argument(
-        "the new file: .bag or .mcap, .mp4 for one topic of images, .csv for numbers; a name"
-        " without a suffix makes a ROS 2 folder",
+        "the new file: .bag or .mcap, .mp4 for one topic of images, .csv for numbers, .txt for"
+        " tracks (MOT format); a name without a suffix makes a ROS 2 folder",
         metavar="DST",
     )
     offset: Sequence[str] = option(
