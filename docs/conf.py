@@ -20,16 +20,18 @@ exclude_patterns = ["_build"]
 smartquotes = False  # options begin with two hyphens
 myst_heading_anchors = 4
 autodoc_typehints = "description"
-linkcheck_ignore = [r"https://github\.com/OWNER/.*", r"https?://(127\.0\.0\.1|robot).*"]
+linkcheck_ignore = [r"https?://(127\.0\.0\.1|robot).*"]
 
 html_theme = "furo"
 html_static_path: list[str] = []
 html_show_copyright = False
-html_theme_options = {
-    "source_repository": f"{links.REPOSITORY}/",
-    "source_branch": "main",
-    "source_directory": "docs/",
-}
+if links.REPOSITORY:
+    html_theme_options = {
+        "source_repository": f"{links.REPOSITORY}/",
+        "source_branch": "main",
+        "source_directory": "docs/",
+    }
+html_search_scorer = str(DOCS / "scorer.js")
 pygments_style = "friendly"
 pygments_dark_style = "github-dark"
 

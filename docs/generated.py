@@ -16,7 +16,6 @@ DOCS = Path(__file__).parent
 FOLDER = DOCS / "generated"
 EXAMPLES = links.ROOT / "examples"
 PICTURES = DOCS / "pictures"
-PLUGIN = f"{links.REPOSITORY}/tree/main/examples/plugin"
 
 
 def version() -> str:
@@ -192,7 +191,7 @@ def _gallery() -> dict[str, Iterable[str]]:
             index += [
                 "## Extensions",
                 "",
-                f"Files of one [package]({PLUGIN}) that adds them.",
+                "Files of one package that adds them, `examples/plugin` in the repository.",
                 "",
             ]
         title = _example_title(path)
@@ -222,7 +221,7 @@ def _example(path: Path, title: str) -> Iterator[str]:
         yield from ("```sh", block, "```", "") if is_command else (_text(block), "")
     yield from (f"![{title}]({one})" for one in _picture(f"examples/{path.stem}", "../../"))
     place = path.relative_to(links.ROOT)
-    yield from ("", f"The file [{place}]({links.REPOSITORY}/blob/main/{place}):", "")
+    yield from ("", f"The file [{place}](/../{place}):", "")
     yield from ("```python", path.read_text().partition('"""\n\n')[2].rstrip(), "```")
     if (script := path.with_suffix(".js")).exists():
         yield from (

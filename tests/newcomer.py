@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from documents import PACKAGE
 
-_ADDRESS = "https://github.com/OWNER/ros_visualise"
+_ADDRESS = "ADDRESS"
 _OF_THE_TESTS = re.compile("PIP_CONSTRAINT|PYTHON|VIRTUAL_ENV|CMAKE_|ROS|DISPLAY|WAYLAND_")
 _SUDO = """#!/bin/sh
 # What `sudo apt install ...` would do: tests/debian-packages.txt has been installed already.

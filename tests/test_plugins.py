@@ -211,7 +211,7 @@ def test_a_robot_of_another_package_is_simulated(packages):
         one["name"]: one["failure"] for one in json.loads(packages.run("plugins", "--json").stdout)
     }
     assert failures["cart"] == ""
-    assert failures["husky"] == "husky is a name of ros_visualise itself"
+    assert failures["husky"] == "the name husky is built in; choose another"
     assert "has no attribute 'CART'" in failures["flat"]
 
 
@@ -277,10 +277,10 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "absent": "ModuleNotFoundError: No module named 'no_such_module'",
         "leaving": "SystemExit: 3",
         "plain": "declares no node 'plain'; decorate a function with @node('plain', ...)",
-        "filters": "filters is a name of ros_visualise itself",
-        "bad": "holds no Format; give one, or a module with FORMAT",
-        "flat": "holds no World; give one, or a module with WORLD",
-        "field": "field is a name of ros_visualise itself",
+        "filters": "the name filters is built in; choose another",
+        "bad": "not a Format; give one, or a module with FORMAT",
+        "flat": "not a World; give one, or a module with WORLD",
+        "field": "the name field is built in; choose another",
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
         " ros_visualise.formats, ros_visualise.drawings, ros_visualise.panels,"
         " ros_visualise.lessons, ros_visualise.robots, ros_visualise.sensors, ros_visualise.worlds,"
@@ -296,7 +296,7 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
     assert "node 'absent' of broken cannot be loaded: ModuleNotFoundError" in asked.stderr
     asked = packages.run("sim", "husky", "--world", "flat", "--view", "none", "--duration", "1")
     assert asked.returncode == 2
-    assert "world 'flat' of broken cannot be loaded: holds no World" in asked.stderr
+    assert "world 'flat' of broken cannot be loaded: not a World" in asked.stderr
 
 
 def test_a_name_belongs_to_one_package(packages):
@@ -311,5 +311,5 @@ def test_a_name_belongs_to_one_package(packages):
     packages.add("two", text.format("of_two"), of_two=command.format("two"))
     done = packages.run("plugins", "--json")
     failures = [one["failure"] for one in json.loads(done.stdout)]
-    assert sorted(failures) == ["", "look is also a name of another package"]
+    assert sorted(failures) == ["", "another package uses the name look, too"]
     assert packages.run("look").stdout in ("one\n", "two\n")

@@ -21,14 +21,18 @@ ELSEWHERE = re.compile(
 """What a browser would load from another place."""
 
 
+ORIGIN = "git@github.com:me/mine.git"
+"""Where the repository was cloned from, whose pages have links to it."""
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site, without the lessons, which tests/lessons exports."""
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", PACKAGE / "docs", folder]
-    done = subprocess.run(
-        build, env={"PATH": "/usr/bin:/bin", "QUICK": "1"}, capture_output=True, text=True
-    )
+    origin = {"GIT_CONFIG_KEY_0": "remote.origin.url", "GIT_CONFIG_VALUE_0": ORIGIN}
+    env = {"PATH": "/usr/bin:/bin", "QUICK": "1", "GIT_CONFIG_COUNT": "1", **origin}
+    done = subprocess.run(build, env=env, capture_output=True, text=True)
     assert not done.returncode, done.stderr
     return folder
 
@@ -52,7 +56,7 @@ def test_pages_load_nothing_from_elsewhere(site: Path):
         ("generated/messages.html", ["apriltag_ros/msg/AprilTagDetectionArray"]),
         ("generated/formats.html", ["PX4 flight log", ".ulg"]),
         ("changes.html", ["Forthcoming"]),
-        ("howto/install.html", ["libgl1", "blob/main/docs/howto/install.md"]),
+        ("howto/install.html", ["libgl1", "github.com/me/mine/blob/main/docs/howto/install.md"]),
     ],
 )
 def test_reference_comes_from_the_declarations(site: Path, page: str, words: list[str]):

@@ -194,7 +194,7 @@ class TestNodes:
         for call, says in (
             (lambda: own(), "fragile: takes edges: Image"),
             (lambda: own(image=IMAGES[0]), "fragile: no input 'image'; choose from edges"),
-            (lambda: own("picture.png"), "fragile: edges is Image, not str"),
+            (lambda: own("picture.png"), "fragile: edges takes Image, not str"),
             (lambda: own(IMAGES[0], IMAGES[1]), "fragile: takes edges: Image"),
         ):
             with pytest.raises(rv.UsageError) as raised:

@@ -171,7 +171,7 @@ def test_segments_have_the_rows_of_the_whole(tmp_path):
     drive(tmp_path / "drive.mcap", 60)
     kept = batch(tmp_path / "drive.mcap", "--out", parts, "--segment", "1s", "--json")
     assert json.loads(kept.stdout)["tasks"] == 1
-    assert "not split: path needs all of it" in kept.stderr
+    assert "not split: path needs the whole recording" in kept.stderr
 
 
 def test_tables_are_described_with_units(once):

@@ -54,8 +54,8 @@ class WrongType:
             {"params": WrongType},
             "node own: WrongType: the default low=0.5: must be a whole number",
         ),
-        ({"topics": {"image": ""}}, "node own: topics={'image': ''}: no name of a topic;"),
-        ({"topics": {"image": "/a b"}}, "node own: topics={'image': '/a b'}: no name of a topic"),
+        ({"topics": {"image": ""}}, "node own: topics={'image': ''}: invalid topic name;"),
+        ({"topics": {"image": "/a b"}}, "node own: topics={'image': '/a b'}: invalid topic name"),
         ({"topics": {"edges": "/a"}}, "node own: no output 'edges'; choose from image"),
     ],
 )

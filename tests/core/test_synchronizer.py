@@ -87,13 +87,13 @@ def test_so_many_wait_and_no_more():
     messages = [*(("image", stamp) for stamp in range(1000)), ("boxes", 999)]
     sets, dropped = joined(Exact(), messages)
     assert sets == [(999, 999)]
-    assert dropped == {("image", "crowded out"): 900, ("image", "unmatched"): 99}
+    assert dropped == {("image", "too many unmatched"): 900, ("image", "unmatched"): 99}
 
 
 def test_so_many_bytes_wait_and_no_more():
     messages = [("image", stamp) for stamp in range(10)]
     _, dropped = joined(Exact(), messages, ends=False, nbytes=100 * 2**20)
-    assert dropped == {("image", "crowded out"): 8}
+    assert dropped == {("image", "too many unmatched"): 8}
 
 
 def test_after_a_jump_nothing_from_before_it_is_joined():

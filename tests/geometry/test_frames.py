@@ -286,7 +286,8 @@ def test_errors_say_what_lacks(tree):
     with pytest.raises(NoTransform, match="no frame 'gps'; known frames: lidar, map, robot, world"):
         tree.lookup("map", "gps")
     with pytest.raises(
-        NoTransform, match="from lidar to robot: lidar hangs below world and robot below map"
+        NoTransform,
+        match="separate trees: lidar is in that of world, robot in that of map",
     ):
         tree.lookup("robot", "lidar")
     assert tree.roots == ["map", "world"]

@@ -154,7 +154,7 @@ def test_what_is_not_there_is_said(bag, start):
         "_path:=/no/such.bag": "no such",
         "_image:=/front": "image=/front: no such topic of images; choose from /cam/image_raw",
         "_topics:=/scan": "no topic /scan; choose from /cam/camera_info",
-        "_wait_for:=/scan": "no topic /scan here",
+        "_wait_for:=/scan": "no such topic: /scan",
     }
     for number, (argument, words) in enumerate(cases.items()):
         given = [argument] if argument.startswith("_path") else [f"_path:={bag}", argument]

@@ -34,7 +34,9 @@ class NodeAnswer(dict[str, Message]):
         found = self.get(output)
         if not isinstance(found, kind):
             there = ", ".join(f"{name}: {type(one).__name__}" for name, one in self.items())
-            raise UsageError(f"no {output}: {kind.__name__}; the answer has {there or 'nothing'}")
+            raise UsageError(
+                f"no output {output} of type {kind.__name__}; the answer has {there or 'none'}"
+            )
         return found
 
 
@@ -100,7 +102,7 @@ class NodeFunction:
             found[port] = as_image(message) if is_array else message
             if not isinstance(found[port], kind):
                 given_kind = type(message).__name__
-                raise UsageError(f"{declared.name}: {port} is {kind.__name__}, not {given_kind}")
+                raise UsageError(f"{declared.name}: {port} takes {kind.__name__}, not {given_kind}")
         if not found or (declared.sync != EACH and found.keys() != declared.stepped.keys()):
             raise UsageError(f"{declared.name}: takes {self._expected}")
         return found
@@ -132,7 +134,7 @@ def as_image(image: ImageLike) -> Image:
     is_known = image.dtype in (np.uint8, np.uint16) and image.ndim in (2, 3)
     if not is_known or image.shape[2:] not in ((), (3,), (4,)):
         raise UsageError(
-            f"an array of {image.dtype}, {image.shape}: no image; give uint8 or uint16 of"
-            " (height, width) or (height, width, 3), in the order BGR"
+            f"an array of {image.dtype} with shape {image.shape} is not an image; give uint8 or"
+            " uint16, (height, width) or (height, width, 3) in BGR order"
         )
     return Image(image, encoding_of(image, "BGR"))

@@ -84,5 +84,5 @@ def _read(image: ImageLike | str | PathLike[str]) -> Image:
         return read_picture(Path(fspath(image)))
     except TypeError:
         raise UsageError(
-            f"{type(image).__name__}: no image; give an array, an Image or the path of a picture"
+            f"{type(image).__name__} is not an image; give an array, an Image or a path"
         ) from None

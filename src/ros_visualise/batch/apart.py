@@ -79,10 +79,13 @@ def apart(
                     raise Stopped
                 if memory_of(process.pid) > limits.memory:
                     return TaskFailure(
-                        "memory", f"took more than {sized(limits.memory)}; add --max-memory"
+                        "memory",
+                        f"needed more than {sized(limits.memory)} of memory; raise --max-memory",
                     )
                 if time.monotonic() > end_s:
-                    return TaskFailure("timeout", f"not done after {limits.timeout_s:g} s")
+                    return TaskFailure(
+                        "timeout", f"not done after {limits.timeout_s:g} s; raise --timeout"
+                    )
             return receiver.recv()
         except EOFError:  # it ended without a word
             process.join()

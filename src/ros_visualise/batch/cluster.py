@@ -97,7 +97,9 @@ def attempt(work: Callable[[Task], Any], task: Task, limits: Limits) -> Any:
 
 def _outcome(future: Any) -> Any:
     if future.status in ("cancelled", "lost"):
-        raise RosVisualiseError("the cluster's scheduler was lost; the same command goes on")
+        raise RosVisualiseError(
+            "lost the cluster's scheduler; run the same command again to continue"
+        )
     error = future.exception()
     if error is None:
         return future.result()
@@ -105,5 +107,5 @@ def _outcome(future: Any) -> Any:
         kind, reason = error.args
         return TaskFailure(kind, reason, TRIES)
     if type(error).__name__ == "KilledWorker":
-        return TaskFailure("crash", "its workers were lost", TRIES)
+        return TaskFailure("crash", "the cluster lost its workers", TRIES)
     return TaskFailure("error", f"{type(error).__name__}: {error}")

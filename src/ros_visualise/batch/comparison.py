@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 METRICS: Mapping[str, str] = {
-    "recordings": "1 for a recording that is in one of the results alone",
-    "failures": "failures of a recording that are new",
-    "messages": "difference in messages of a topic",
-    "rate": "difference in its rate, relative",
+    "recordings": "1 for a recording that only one of the results has",
+    "failures": "new failures of a recording",
+    "messages": "difference in the number of messages of a topic",
+    "rate": "relative difference in its rate",
     "gap_s": "difference in its longest gap, seconds",
-    "lost": "detections without one of that class in the same place",
-    "gained": "detections that are new",
-    "moved": "1 less the mean overlap (IoU) of the others",
+    "lost": "lost detections: no other of that class in the same place",
+    "gained": "new detections",
+    "moved": "1 minus the mean overlap (IoU) of all other detections",
     "position_m": "rms distance of poses",
     "rotation_deg": "rms angle of poses",
     "ate_m": "increase of the rms distance from the truth",

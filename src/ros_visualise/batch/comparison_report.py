@@ -125,7 +125,7 @@ def to_junit(
             case = ElementTree.SubElement(suite, "testcase", classname=recording, name=name)
             if not limits.allow(one):
                 failed += 1
-                text = f"{one.change:.6g} is beyond {limits.find(one):g}; {METRICS[one.metric]}"
+                text = f"{one.change:.6g} exceeds {limits.find(one):g}; {METRICS[one.metric]}"
                 ElementTree.SubElement(case, "failure", message=text)
     suite.set("tests", str(len(suite)))
     suite.set("failures", str(failed))

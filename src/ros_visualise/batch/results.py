@@ -206,7 +206,7 @@ class Results:
 
 _PLANNED = declare(
     "number BIGINT -: place in the plan",
-    "key VARCHAR -: of the task",
+    "key VARCHAR -: key of the task",
     "recording VARCHAR -: name",
     "path VARCHAR -: file or folder",
     "size BIGINT B: bytes",
@@ -214,9 +214,9 @@ _PLANNED = declare(
     "begin_s DOUBLE s: beginning of the part",
     "until_s DOUBLE s: end of the part",
     "done BIGINT -: 1 if it is done",
-    "kind VARCHAR -: of its failure",
-    "reason VARCHAR -: of its failure",
-    "attempts BIGINT -: how often it was tried",
+    "kind VARCHAR -: kind of failure",
+    "reason VARCHAR -: reason of the failure",
+    "attempts BIGINT -: number of attempts",
 )
 
 
@@ -296,9 +296,9 @@ def _readme(rows: Mapping[str, int]) -> str:
     lines = [
         "# Results of `ros-visualise batch`",
         "",
-        "Parquet files, made of `tasks/`, which may be deleted: then all work is done again. Ask"
-        ' by `ros-visualise query FOLDER "SELECT ..."`, or open them with DuckDB, pandas or polars.'
-        " The units are also in the files, as the metadata `units`.",
+        "These Parquet files are built from `tasks/`. If you delete that folder, the next run"
+        ' starts from scratch. Query them with `ros-visualise query FOLDER "SELECT ..."`, or open'
+        " them with DuckDB, pandas or polars. Their metadata `units` has the units, too.",
     ]
     for table in (*LISTED, *TABLES):
         lines += ["", f"## {table}: {rows[table]} rows", "", "| column | type | unit | |"]

@@ -82,7 +82,7 @@ COMMANDS = Registry(
     holding(Command, "COMMAND"),
     first=(
         *("demo", "sim", "video", "camera", "live", "bag", "kitti", "view", "explain"),
-        *("info", "convert", "landmarks", "trajectory", "calibrate"),
+        *("info", "convert", "landmarks", "trajectory", "calibrate", "tags"),
         *("batch", "query", "compare", "dataset", "nodes", "plugins", "docs", "completion"),
     ),
 )
@@ -124,8 +124,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+    _is_mixing = False
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse as argparse does; report an unknown option first, with a similar one."""
+        """Parse as argparse does; report an unknown option first, with a similar one.
+
+        argparse fills an optional argument at the first gap, so one after an option is left over.
+        """
         options = [name for name in self._option_string_actions if name.startswith("--")]
         given = list(args or () if self._subparsers is None else ())  # of a command, that is
         for text in given[: given.index("--")] if "--" in given else given:
@@ -133,7 +138,11 @@ class _Parser(argparse.ArgumentParser):
             if _OPTION.fullmatch(name) and not any(one.startswith(name) for one in options):
                 self.error(f"no option {name}{did_you_mean(name, options, listed=False)}")
         found, extra = super().parse_known_args(args, namespace)
-        if extra and self._subparsers is None:  # the error of a command names its own help
+        if not extra or self._is_mixing or self._subparsers is not None:
+            return found, extra
+        self._is_mixing = True
+        found, extra = self.parse_known_intermixed_args(args)
+        if extra:  # the error of a command names its own help
             self.error(f"unrecognized arguments: {' '.join(extra)}")
         return found, extra
 

@@ -17,8 +17,7 @@ class CompareOptions:
     after: Path = argument("folder of another batch's results", metavar="AFTER")
     limits: Path | None = option(
         None,
-        "largest changes that are allowed (default: none at all, but for times, which have no"
-        " limit)",
+        "largest allowed changes (default: none, except for times, which are unlimited)",
         metavar="FILE.yaml",
     )
     junit: Path | None = option(None, "write the changes as JUnit XML", metavar="FILE.xml")
@@ -30,12 +29,12 @@ class CompareOptions:
     )
     slop: float = option(
         0.02,
-        "longest time between messages that belong together, seconds (default: 0.02)",
+        "largest time difference of messages that are compared, seconds (default: 0.02)",
         type=not_negative,
         metavar="S",
     )
     json: bool = option(False, "print all changes as one JSON object")
-    overwrite: bool = option(False, "replace these files")
+    overwrite: bool = option(False, "replace existing files")
 
 
 def run(options: CompareOptions) -> int:

@@ -49,7 +49,7 @@ def run(options: DatasetOptions) -> int:
     if options.validation > 1:
         raise UsageError(f"--validation {options.validation:g}: give a share from 0 to 1")
     if os.path.lexists(options.out):
-        raise OpenError(f"{options.out}: exists already; give a new folder")
+        raise OpenError(f"{options.out}: already exists; give a new folder")
     writer = import_module(f"ros_visualise.batch.datasets.{options.format}")
     new = options.out.with_name(f"{options.out.name}.part")
     shutil.rmtree(new, ignore_errors=True)
@@ -65,4 +65,4 @@ def run(options: DatasetOptions) -> int:
     return 0
 
 
-COMMAND = Command("make a data set for learning of a batch's results", DatasetOptions, run)
+COMMAND = Command("make a data set for training from the results of a batch", DatasetOptions, run)

@@ -44,9 +44,7 @@ class ExplainOptions(PlayingOptions):
         "write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
         metavar="DIR",
     )
-    pdf: bool = option(
-        False, "print what is exported to PDF too, by Chromium, Chrome or Edge, which is needed"
-    )
+    pdf: bool = option(False, "also print the export to PDF; needs Chromium, Chrome or Edge")
 
 
 def run(options: ExplainOptions) -> int:

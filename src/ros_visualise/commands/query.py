@@ -24,7 +24,7 @@ class QueryOptions:
 
     results: Path = argument("folder of a batch's results", metavar="DIR")
     query: str = argument(
-        'the question, such as "SELECT recording, distance_m FROM recordings"; the tables are'
+        'the query, such as "SELECT recording, distance_m FROM recordings"; the tables are'
         " described in DIR/README.md (default: list the tables)",
         default="SHOW TABLES",
         nargs="?",
@@ -34,11 +34,11 @@ class QueryOptions:
     parquet: Path | None = option(None, "write the answer to a Parquet file", metavar="FILE")
     plot: Path | None = option(
         None,
-        "draw the answer to a .svg or .png: the first column across, the other numbers up",
+        "plot the answer as .svg or .png: the first column is x, the other numbers are y",
         metavar="FILE",
     )
     json: bool = option(False, "print the answer as a JSON array of objects")
-    overwrite: bool = option(False, "replace these files")
+    overwrite: bool = option(False, "replace existing files")
 
 
 def run(options: QueryOptions) -> int:
@@ -111,4 +111,4 @@ def _plot(answer: duckdb.DuckDBPyRelation, path: Path, overwrite: bool) -> None:
     write_file(path, FIGURE_FORMATS[path.suffix](plot_columns(columns)), overwrite)
 
 
-COMMAND = Command("ask about the results of a batch, in SQL", QueryOptions, run)
+COMMAND = Command("query the results of a batch in SQL", QueryOptions, run)

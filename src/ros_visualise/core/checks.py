@@ -66,7 +66,7 @@ def check_topics(name: str, topics: Mapping[str, str]) -> None:
     for output, topic in topics.items():
         if not re.fullmatch("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", topic):
             raise UsageError(
-                f"node {name}: topics={{{output!r}: {topic!r}}}: no name of a topic; write /NAME"
+                f"node {name}: topics={{{output!r}: {topic!r}}}: invalid topic name; write /NAME"
             )
 
 

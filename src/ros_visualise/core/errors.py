@@ -83,7 +83,7 @@ class OpenError(UsageError):
     def unreadable(cls, path: str | Path, error: OSError) -> OpenError:
         """A file or folder that the system does not let us read."""
         if isinstance(error, PermissionError):
-            return cls(f"{path}: you may not read it; try chmod u+rX")
+            return cls(f"{path}: permission denied; try chmod u+rX")
         return cls(f"{path}: {error.strerror or error}; check the path")
 
 

@@ -150,7 +150,7 @@ def _advice(size: int, share: int) -> str:
     needed = math.ceil(size * share / _GIB)
     limit = f"; limit: {_written(_max_memory // share)}"
     if needed > _MOST_GIB:
-        return f"{limit}; its size is damaged: copy or make it again"
+        return f"{limit}; its declared size is damaged; copy or record it again"
     return f"{limit}; if you trust it, add --max-memory {needed}G"
 
 

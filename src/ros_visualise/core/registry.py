@@ -109,9 +109,9 @@ class Registry(Generic[T]):
     def failure(self, plugin: Plugin) -> str:
         """Reason why a plug-in cannot be used; empty if it can."""
         if plugin.name in self.builtin:
-            return f"{plugin.name} is a name of ros_visualise itself"
+            return f"the name {plugin.name} is built in; choose another"
         if self._entry_points[plugin.name].value != plugin.value:
-            return f"{plugin.name} is also a name of another package"
+            return f"another package uses the name {plugin.name}, too"
         try:
             self.find(plugin.name)
         except PluginError as error:
@@ -160,7 +160,7 @@ def holding(kind: type[T], attribute: str) -> Callable[[Any, str], T]:
     def read(held: Any, name: str) -> T:
         found = getattr(held, attribute, held)
         if not isinstance(found, kind):
-            raise UsageError(f"holds no {kind.__name__}; give one, or a module with {attribute}")
+            raise UsageError(f"not a {kind.__name__}; give one, or a module with {attribute}")
         return found
 
     return read

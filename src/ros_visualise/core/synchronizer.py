@@ -217,12 +217,12 @@ class _ByStamp:
         """Drop the oldest where too many messages, or too many bytes, wait for a match."""
         for port, waiting in self._waiting.items():
             if len(waiting) > _KEPT:
-                self._drop_first(port, "crowded out")
+                self._drop_first(port, "too many unmatched")
         while self._nbytes > _KEPT_BYTES:
             crowds = [(w[0], port) for port, w in self._waiting.items() if len(w) > 1]
             if not crowds:
                 return
-            self._drop_first(min(crowds)[1], "crowded out")
+            self._drop_first(min(crowds)[1], "too many unmatched")
 
     def _drop_partnerless(self) -> None:
         """Drop all that waits for an input that has ended and is empty."""

@@ -240,7 +240,7 @@ class Filter:
             now = errors.at_level(after.level)
             belief.state.inflate(turn, np.eye(3) * now.turn_rad**2)
             belief.note(
-                f"camera {view.camera + 1} turns by more than camera_turn says: "
+                f"camera {view.camera + 1} is less steady than camera_turn says; "
                 + words(now.turn_rad, now.turn_s)
             )
 

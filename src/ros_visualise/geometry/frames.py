@@ -227,7 +227,7 @@ class FrameTree:
             why = f"no frame {' or '.join(absent)}; {known}"
         else:
             tops = [list(self._ancestors(name))[-1] for name in (source, target)]
-            why = f"{source} hangs below {tops[0]} and {target} below {tops[1]}"
+            why = f"separate trees: {source} is in that of {tops[0]}, {target} in that of {tops[1]}"
         return f"no transform from {source} to {target}: {why}"
 
 

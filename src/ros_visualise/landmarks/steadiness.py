@@ -71,4 +71,4 @@ def loosened(sigma_rad: float, time_s: float, level: float) -> tuple[float, floa
 
 def words(sigma_rad: float, time_s: float) -> str:
     """The same in words."""
-    return f"taking {math.degrees(sigma_rad):.2g} degrees within {time_s:.2g} s"
+    return f"now assuming {math.degrees(sigma_rad):.2g} degrees, changing within {time_s:.2g} s"

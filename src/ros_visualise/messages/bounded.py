@@ -108,7 +108,7 @@ def check_definition(type_name: str, known: Mapping[str, Any]) -> None:
     """
     cost = _Costs(known).of(type_name)
     if cost.fields > _MAX_FIELDS:
-        raise TooLarge(f"its definition stands for more than {_MAX_FIELDS} fields")
+        raise TooLarge(f"its definition expands to more than {_MAX_FIELDS} fields")
     try:
         check_unpacked(cost.size, 0)
     except TooLarge as error:

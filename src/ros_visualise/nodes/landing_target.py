@@ -253,7 +253,7 @@ class LandingTarget:
         now = _camera(params).at_level(self._tracker.steadiness.level)
         assumed = words(now.attitude_rad, now.attitude_s)
         log.warning(
-            "landing_target: the camera turns by more than attitude_sigma says: %s", assumed
+            "landing_target: the camera is less steady than attitude_sigma says; %s", assumed
         )
 
     def _drop_if_lost(self, stamp_ns: int, params: LandingTargetParams) -> None:

@@ -36,9 +36,11 @@ class WearParams:
     tags_covered: float = _wear(
         0.0, "share of tags with a leaf or branch across them, 0 to 1", min=0, max=1
     )
-    tag_copies: int = _wear(0, "further tags with an id that the world has already", min=0, max=100)
+    tag_copies: int = _wear(
+        0, "additional tags with an id that the world already has", min=0, max=100
+    )
     clutter: int = _wear(
-        0, "objects that look like tags, helipads or posts but are none", min=0, max=200
+        0, "objects that look like tags, helipads or posts, but are not", min=0, max=200
     )
 
 

@@ -78,14 +78,14 @@ def compare(
     turns = found.turns and truth.turns
     if how == "origin" and not turns:
         without = found if truth.turns else truth
-        raise UsageError(f"{without.topic}: has no attitudes to align by the origin; take se3")
+        raise UsageError(f"{without.topic}: has no attitudes, which align=origin needs; use se3")
     of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
         alignment = align(T_truth, T[of_found], how)
     except ValueError as error:
         other = "origin" if turns else "none"
-        why = f"cannot align by {how}: {error}; take {other}"
+        why = f"cannot align by {how}: {error}; use {other}"
         raise UsageError(f"{found.topic}: {why}") from None
     T = alignment.apply(T)
     stamps_ns = found.path.stamps_ns[of_found]
@@ -116,9 +116,8 @@ def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices,
     if count != other:
         without = truth if found.stamped else found
         raise UsageError(
-            f"{without.topic} has no times, and {found.topic} {count} poses where "
-            f"{truth.topic} has {other}: so poses cannot be matched; give both with times "
-            "(TUM)"
+            f"{without.topic} has no times, and {found.topic} has {count} poses but "
+            f"{truth.topic} {other}, so they cannot be matched; give both with times (TUM)"
         )
     return np.arange(count), np.arange(count)
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from board_pictures import Studio, poses_of
 
+import ros_visualise
+from ros_visualise.commands import main
 from ros_visualise.core.errors import UsageError
 from ros_visualise.landmarks.calibration import finder as finder_module
 from ros_visualise.landmarks.calibration.boards import (
@@ -21,8 +23,15 @@ from ros_visualise.landmarks.calibration.calibrating import calibrate
 from ros_visualise.landmarks.calibration.finder import BoardFinder
 from ros_visualise.landmarks.calibration.finding import find_board
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, project
-from ros_visualise.landmarks.calibration.sheet import lay_out, rasterise, to_pdf, to_svg
+from ros_visualise.landmarks.calibration.sheet import (
+    lay_out,
+    lay_out_tag,
+    rasterise,
+    to_pdf,
+    to_svg,
+)
 from ros_visualise.landmarks.calibration.views import BoardView
+from ros_visualise.landmarks.tags import family
 
 SIZE = (480, 360)
 CAMERA = np.array([390, 391, 241, 178, -0.2, 0.06, 0.001, -0.0005, 0])
@@ -165,11 +174,11 @@ def rasterised(svg: bytes, per_mm: float) -> np.ndarray:
 @pytest.mark.parametrize("kind", [*BoardKind], ids=lambda one: one.value)
 @pytest.mark.parametrize("page", ["A4", "Letter"])
 def test_what_is_printed_is_found_to_scale(kind, page):
-    sheet = lay_out(board_of(kind, "6x5"), page, None)
-    per_mm = 5.0
-    true = points_xy(sheet.board) * 1000 + [sheet.left, sheet.top]
+    board, per_mm = board_of(kind, "6x5"), 5.0
+    sheet = lay_out(board, page, None)
+    true = points_xy(replace(board, square=sheet.side)) + np.array([sheet.left, sheet.top])
     for drawn in (rasterised(to_svg(sheet), per_mm), rasterise(sheet, per_mm * 25.4)):
-        found = find_board(cv2.GaussianBlur(drawn, (0, 0), 1), sheet.board)
+        found = find_board(cv2.GaussianBlur(drawn, (0, 0), 1), board)
         seen = (found.uv + 0.5) / per_mm
         assert len(seen) == len(true)
         there = true if np.abs(seen - true[found.numbers]).max() < 5 else true[::-1]
@@ -179,6 +188,29 @@ def test_what_is_printed_is_found_to_scale(kind, page):
 def test_a_pdf_is_as_large_as_the_page():
     box = re.search(rb"MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", to_pdf(lay_out(CHARUCO, "A4", 0.02)))
     assert [float(one) / 72 * 25.4 for one in box.groups()] == pytest.approx([297, 210], abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["tag36h11", "tagStandard41h12", "5x5_1000"])
+def test_a_printed_tag_has_its_id_and_its_size(name):
+    sheet, per_mm = lay_out_tag(family(name), 7, "A4", 0.09), 5.0
+    for drawn in (rasterised(to_svg(sheet), per_mm), rasterise(sheet, per_mm * 25.4)):
+        [tag] = ros_visualise.detect(drawn, name)
+        sides = (
+            np.linalg.norm(np.diff(tag.corners_uv, axis=0, append=tag.corners_uv[:1]), axis=1)
+            / per_mm
+        )
+        assert tag.id.endswith("7")
+        assert sides == pytest.approx(90, abs=0.1)
+
+
+def test_a_pdf_of_tags_has_a_page_for_each(tmp_path, capsys):
+    for ids, pages in (("0-2,9", 4), ("5", 1)):
+        file = tmp_path / f"{pages}.pdf"
+        assert main(["tags", str(file), "--ids", ids, "--size", "0.05", "--page", "100x110"]) == 0
+        assert file.read_bytes().count(b"/MediaBox") == pages
+    for wrong in ("3-1", "x", "0-999", "600"):
+        assert main(["tags", str(tmp_path / "no.pdf"), "--ids", wrong, "--page", "100x110"]) == 2
+    assert "choose from 0 to 586" in capsys.readouterr().err
 
 
 def test_a_board_that_does_not_fit_is_refused_with_what_does():

@@ -173,7 +173,7 @@ def test_an_input_that_is_not_understood_is_said(shape, kind, tmp_path):
 @pytest.mark.parametrize("shape", [(1, 90, 77), (1, 1000), (3, 300, 6), (1, 300, 4), (1, 21, 5)])
 def test_a_layout_that_is_not_understood_is_said(shape, tmp_path):
     said = refused(made.answering(tmp_path / "n.onnx", np.zeros(shape)))
-    assert f"of images [1, 3, 64, 64] to output0 {list(shape)}" in said
+    assert f"inputs images [1, 3, 64, 64], outputs output0 {list(shape)}" in said
     assert all(layout.name in said for layout in ALL)
 
 
@@ -181,7 +181,7 @@ def test_another_task_is_said(tmp_path):
     count = made.cells(64, 64, 8, 16, 32)
     answer = np.zeros((1, 56, count))
     said = refused(made.answering(tmp_path / "n.onnx", answer, task="pose"))
-    assert "a network for the task pose of images" in said
+    assert "unsupported network for the task pose: inputs images" in said
 
 
 def test_names_that_do_not_fit_tell_that_it_is_something_else(tmp_path):
@@ -209,7 +209,7 @@ def test_names_of_many_lines_are_told_in_one(tmp_path):
     graph.add("Identity", "in\nput\x1b[31m", output="out\nput")
     inputs = {"in\nput\x1b[31m": made.image_input(8, 8)}
     path = made.save(tmp_path / "n.onnx", graph, inputs, {"out\nput": (TensorProto.FLOAT, None)})
-    assert "of input[31m [1, 3, 8, 8] to output [1, 3, 8, 8]; " in refused(path)
+    assert "inputs input[31m [1, 3, 8, 8], outputs output [1, 3, 8, 8]; " in refused(path)
 
 
 def test_of_many_inputs_and_outputs_a_few_are_told(tmp_path):

@@ -108,7 +108,7 @@ def test_a_folder_that_may_not_be_read_is_said(opened, changeable, monkeypatch):
     monkeypatch.setattr(os, "scandir", refuse)
     monkeypatch.setattr(os, "access", lambda path, mode: path != closed and access(path, mode))
     recording = opened(changeable)
-    assert recording.loss.notes == ["image_03/data: you may not read it; try chmod u+rX"]
+    assert recording.loss.notes == ["image_03/data: permission denied; try chmod u+rX"]
     assert not recording.notes
 
 
@@ -126,7 +126,7 @@ def test_turns_without_their_times_are_said(opened, changeable, what, kept, lost
     topic = f"/velodyne_points/scan_{what}"
     assert len(messages(recording, topic)) == 5 - lost
     assert recording.loss.messages == lost
-    said = f"{lost} of 5 times are missing or damaged; skipped: as many messages of {topic}"
+    said = f"{lost} of 5 times are missing or damaged; their messages of {topic} skipped"
     expected = [f"velodyne_points/timestamps_{what}.txt: {said}"] if lost else []
     assert recording.loss.notes == expected
 

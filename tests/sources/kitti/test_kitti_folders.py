@@ -93,7 +93,7 @@ def test_missing_times_are_those_of_the_same_turn(opened, drive_0052):
     for topic in ("/cam00/image_rect", "/cam02/image_rect", "/velodyne_points", "/imu/data"):
         assert stamps[topic].tolist() == expected
     assert len(recording.notes) == 3
-    assert all("as oxts's of the same number" in note for note in recording.notes)
+    assert all("as those of oxts with the same number" in note for note in recording.notes)
 
 
 def test_single_missing_times_are_counted_on(opened, changeable):
@@ -135,7 +135,7 @@ def test_turns_without_a_file_of_their_times_are_a_remark(opened, changeable):
     (changeable / "velodyne_points/timestamps_end.txt").unlink()
     recording = opened(changeable)
     assert "/velodyne_points/scan_end" not in recording.topics
-    said = "velodyne_points: no timestamps_end.txt, so without /velodyne_points/scan_end"
+    said = "velodyne_points: no timestamps_end.txt, so /velodyne_points/scan_end is missing"
     assert recording.notes == [said]
     assert not recording.loss
 

@@ -138,7 +138,7 @@ def test_a_second_vehicle_is_kept_apart(write):
     station.hear("heartbeat", 2, **heartbeat, mavlink_version=3, autopilot=12)
     station.hear("local_position_ned", 2, **position)
     recording = open_recording(write(b"".join(station.parts)))
-    assert recording.notes == ["odometry is of system 1, not of 2"]
+    assert recording.notes == ["odometry comes from system 1; ignoring that of 2"]
     assert len(read(recording, "/odom")) == 50
     [other] = read(recording, "/mavlink/system_2/local_position_ned")
     assert other.message.x == 9

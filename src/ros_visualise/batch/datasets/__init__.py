@@ -77,7 +77,9 @@ def split_recordings(source: DatasetSource, table: str) -> list[SplitRecording]:
             " ORDER BY content, recording"
         ).fetchall()
     if not rows:
-        raise RosVisualiseError(f"{source.results}: no {table}; nothing to make a data set of")
+        raise RosVisualiseError(
+            f"{source.results}: the table {table} is empty; cannot make a data set"
+        )
     count = round(len(rows) * source.validation)
     if source.validation and len(rows) > 1:
         count = min(max(count, 1), len(rows) - 1)

@@ -105,12 +105,14 @@ def write(source: DatasetSource, folder: Path) -> int:
         names = episodes[0].names
         if not names or any(one.names != names for one in episodes):
             raise RosVisualiseError(
-                f"{source.action}: its fields are not in all recordings; add --fields"
+                f"{source.action}: some recordings lack its fields; add --fields"
                 f" '{source.action}.*' to the batch"
             )
         shapes = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
         if len(set(shapes)) > 1:
-            raise RosVisualiseError(f"{source.results}: images of different sizes")
+            raise RosVisualiseError(
+                f"{source.results}: images differ in size; choose recordings of one size"
+            )
         _write_data(sql, episodes, folder, fps)
         _write_meta(sql, episodes, folder, fps, shapes[0], provenance(source))
     return sum(len(one.stamps_ns) for one in episodes)

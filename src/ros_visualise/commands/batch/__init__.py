@@ -22,7 +22,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
         metavar="INPUT",
     )
     out: Path | None = option(
-        None, "folder of the results; work that is done there is not repeated", metavar="DIR"
+        None, "folder of the results; finished work is not repeated", metavar="DIR"
     )
     pipeline: str = option(
         "images",
@@ -32,10 +32,10 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     node: Sequence[str] = option(
         [],
-        "add a node, as of `ros-visualise FILE`; repeatable",
+        "add a node, as `ros-visualise FILE --node` does; repeatable",
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
     )
-    preset: str = option("", "set the image nodes together", metavar="NAME")
+    preset: str = option("", "preset of the image nodes, such as seed", metavar="NAME")
     topics: Sequence[str] = option(
         [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
@@ -62,13 +62,13 @@ class BatchOptions(SettingOptions, MemoryOptions):
     cluster: str = option(
         "",
         "run the tasks on a Dask cluster: the address of its scheduler, such as"
-        " tcp://192.168.1.10:8786, or local, which starts one here; inputs and DIR are on a disk"
-        " that all its machines share",
+        " tcp://192.168.1.10:8786, or local, which starts one here; inputs and DIR must be on a"
+        " disk that all its machines share",
         metavar="ADDRESS|local",
     )
     device: str = option(
         "cpu",
-        "run networks on a GPU where a task has one and onnxruntime-gpu, else on the CPU (default:"
+        "where networks run; cuda needs a GPU and onnxruntime-gpu, and falls back to cpu (default:"
         " cpu)",
         choices=("cpu", "cuda"),
     )
@@ -85,14 +85,16 @@ class BatchOptions(SettingOptions, MemoryOptions):
         metavar="TIME",
     )
     timeout: float = option(
-        3600.0, "give a task up after S seconds (default: 3600)", type=positive, metavar="S"
+        3600.0, "abort a task after S seconds (default: 3600)", type=positive, metavar="S"
     )
-    port: int = option(8080, "port of the page of view (default: %(default)s)", type=port)
+    port: int = option(
+        8080, "port of the page that `view` serves (default: %(default)s)", type=port
+    )
     json: bool = option(False, "print a report as one JSON object")
 
 
 COMMAND = Command(
-    "run many recordings through the nodes, into tables",
+    "run nodes over many recordings, and write tables of the results",
     BatchOptions,
     "ros_visualise.commands.batch.work:run",
 )

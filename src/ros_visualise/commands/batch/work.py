@@ -127,7 +127,7 @@ def _execute(
     try:
         failed = _run(results, left, _map(options, request, run_task, tasks), len(planned))
     except Stopped:
-        print_status("stopped; the same command goes on")
+        print_status("stopped; run the same command again to continue")
         return STOPPED
     results.clean()
     rows = results.compact(planned)
@@ -153,7 +153,7 @@ def _run(
     """Run what is left, with a progress bar; the number of failures."""
     failed = 0
     if len(left) < count:
-        print_status(f"{count - len(left)} of {counted(count, 'task')} done before")
+        print_status(f"{count - len(left)} of {counted(count, 'task')} already done")
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     total = sum(one.size for one in left.values())
     done = count - len(left)

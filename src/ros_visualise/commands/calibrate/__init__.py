@@ -69,7 +69,7 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
         " (default: %(default)s)",
         choices=("pinhole", "rational", "fisheye"),
     )
-    topic: str | None = option(None, "images of a recording (default: the first)")
+    topic: str | None = option(None, "topic of images in a recording (default: the first)")
     duration: float | None = option(
         None, "watch a camera for S seconds", type=positive, metavar="S"
     )
@@ -83,7 +83,7 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
 
 
 COMMAND = Command(
-    "calibrate a camera by pictures of a board, or print the board",
+    "calibrate a camera from pictures of a board; print the board",
     CalibrateOptions,
     "ros_visualise.commands.calibrate.work:calibrate_camera",
 )

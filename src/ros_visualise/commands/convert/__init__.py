@@ -24,16 +24,16 @@ class ConvertOptions(MemoryOptions):
         metavar="DST",
     )
     offset: Sequence[str] = option(
-        [], "move one of several recordings to later; repeatable", metavar="NAME=SECONDS"
+        [], "shift one of several recordings, later if positive; repeatable", metavar="NAME=SECONDS"
     )
     topics: Sequence[str] = option(
-        [], "only these topics", action="extend", nargs="+", metavar="TOPIC"
+        [], "write only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
     start: float | None = option(None, "skip the first S seconds", type=not_negative, metavar="S")
-    duration: float | None = option(None, "take only S seconds", type=positive, metavar="S")
+    duration: float | None = option(None, "write only S seconds", type=positive, metavar="S")
     between: Sequence[str] = option(
         [],
-        "take only what lies between two marks of the page",
+        "write only the part between two marks that were set on the page",
         action="store",
         nargs=2,
         metavar="MARK",

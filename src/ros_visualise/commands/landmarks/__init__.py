@@ -49,7 +49,8 @@ class DetectionOptions:
     )
     calibration: str = option(
         "",
-        "the camera's calibration, in ROS's format; needed for poses; of several cameras, one each",
+        "the camera's calibration, in ROS's format; needed for poses; for several cameras, a file"
+        " each",
         metavar="FILE.yaml,...",
     )
 
@@ -84,7 +85,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
 
 
 COMMAND = Command(
-    "find tags and objects in pictures, videos and recordings, and map them",
+    "detect tags and objects in pictures, videos and recordings, and map them",
     LandmarksOptions,
     "ros_visualise.commands.landmarks.work:find_landmarks",
 )

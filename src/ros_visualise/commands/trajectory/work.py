@@ -44,11 +44,14 @@ def assess(options: TrajectoryOptions) -> int:
     inputs, compared = interruptible(lambda: _read_and_compare(options))
     drawn = _drawn(inputs, compared, options.label)
     planes = planes_of([one.path.positions_xyz for one in drawn], options.plane)
-    save(_files(inputs, compared, drawn, planes, options), options.overwrite)
+    files = _files(inputs, compared, drawn, planes, options)
+    save(files, options.overwrite)
     if options.json:
         print_json(_report(inputs, compared, options))
     else:
         print_result(_lines(inputs, compared, drawn, planes, options))
+    for file in files:
+        print_status(f"{file}: written")
     for note in inputs.notes:
         print_status(f"ros-visualise: {note}")
     return 1 if inputs.notes or any(one.left_out.get("damaged") for one in inputs.all) else 0

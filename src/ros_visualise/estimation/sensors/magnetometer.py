@@ -102,7 +102,7 @@ class MagnetometerModel(Sensor):
         """Make the disturbance uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(DISTURBANCE.rows, np.multiply.outer(residual, residual))
-        return "it is disturbed"
+        return "taking it as disturbed"
 
 
 SENSOR = MagnetometerModel()

@@ -1,4 +1,4 @@
-"""Printing a board to scale, as SVG or PDF."""
+"""Printing boards and tags to scale, as SVG or PDF."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ import numpy.typing as npt
 from PIL import Image as Pictures
 
 from ros_visualise.core.errors import UsageError
+from ros_visualise.data import Floats
 from ros_visualise.landmarks.calibration.boards import Board, BoardKind, dark_rectangles, outer_size
+from ros_visualise.landmarks.tags import Family, draw_cells
 
 PAGES = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
 """Name -> width and height, mm."""
@@ -27,33 +29,19 @@ _RULER_MM = 100
 
 @dataclass(frozen=True)
 class Sheet:
-    """A board on a page; all in millimetres.
+    """A pattern on a page; all lengths in millimetres.
 
-    ``left`` and ``top``: of the pattern; ``dark``: (x, y, width, height) on the page.
+    ``left`` and ``top`` are those of the pattern, ``side`` is that of its squares or tags;
+    ``dark`` are the black rectangles, (N, 4): x, y, width and height on the page.
     """
 
-    board: Board
     width: float
     height: float
     left: float
     top: float
-
-    @property
-    def dark(self) -> npt.NDArray[np.float64]:
-        """(N, 4) black rectangles."""
-        return dark_rectangles(self.board) * 1000 + [self.left, self.top, 0, 0]
-
-    @property
-    def caption(self) -> str:
-        """Description of the board, and how to check the scale of the print."""
-        square = f"{self.board.square * 1000:g} mm"
-        share = f"{self.board.square * self.board.share * 1000:g} mm"
-        sides = {
-            BoardKind.CHESSBOARD: f"squares of {square}",
-            BoardKind.CHARUCO: f"squares of {square}, markers {self.board.dictionary} of {share}",
-            BoardKind.APRILGRID: f"tags of {square}, {share} between them",
-        }
-        return f"{self.board.noun} of {self.board.counts}, {sides[self.board.kind]}"
+    side: float
+    dark: Floats
+    caption: str
 
 
 def lay_out(board: Board, page: str, square: float | None) -> Sheet:
@@ -67,24 +55,71 @@ def lay_out(board: Board, page: str, square: float | None) -> Sheet:
     Raises:
         UsageError: unknown page, or the board does not fit on it.
     """
+
+    def caption(side: float) -> str:
+        share = f"{side * board.share:g} mm"
+        sides = {
+            BoardKind.CHESSBOARD: f"squares of {side:g} mm",
+            BoardKind.CHARUCO: f"squares of {side:g} mm, markers {board.dictionary} of {share}",
+            BoardKind.APRILGRID: f"tags of {side:g} mm, {share} between them",
+        }
+        return f"{board.noun} of {board.counts}, {sides[board.kind]}"
+
+    unit = replace(board, square=1.0)
+    what = f"a board of {board.counts}", "--square"
+    return _centred(dark_rectangles(unit), outer_size(unit), page, square, what, caption)
+
+
+def lay_out_tag(family: Family, id: int, page: str, size: float | None) -> Sheet:
+    """A tag centred on a page; ``size`` is the side by which it is measured, metres.
+
+    Raises:
+        ParameterError: the family has no such tag.
+        UsageError: unknown page, or the tag does not fit on it.
+    """
+    cells, rim = draw_cells(family, id)
+    count = len(cells)
+    rows = [
+        (start, row, stop - start, 1)
+        for row, bits in enumerate(cells)
+        for start, stop in np.flatnonzero(np.diff(bits == 0, prepend=False, append=False)).reshape(
+            -1, 2
+        )
+    ]
+    whole = count / (count - 2 * rim)
+    dark = np.array(rows) / (count - 2 * rim)
+    what = f"a tag of {family.name}", "--size"
+    return _centred(
+        dark, (whole, whole), page, size, what, lambda side: f"{family.name}, id {id}, {side:g} mm"
+    )
+
+
+def _centred(
+    dark: Floats,
+    unit: tuple[float, float],
+    page: str,
+    given: float | None,
+    what: tuple[str, str],
+    caption: Callable[[float], str],
+) -> Sheet:
+    """A pattern with a side of 1, ``unit`` wide and high, as large as given or as fits the page."""
     size = _page_size(page)
-    unit = np.array(outer_size(replace(board, square=1.0)))
     upright = np.array([min(size), max(size)]) - 2 * _MARGIN_MM
     rooms = [upright - [0, _FOOT_MM], upright[::-1] - [0, _FOOT_MM]]
     across = bool(min(rooms[1] / unit) > min(rooms[0] / unit))
     most = float(min(rooms[across] / unit))
-    side = math.floor(most) if square is None else square * 1000
+    side = math.floor(most) if given is None else given * 1000
     if not _LEAST_MM <= side <= most:
+        name, option = what
         raise UsageError(
-            f"a board of {board.counts} with a side of {max(side, _LEAST_MM):g} mm does not fit on"
-            f" {page}; use at most {math.floor(most * 10) / 10:g} mm (--square"
-            f" {math.floor(most * 10) / 10000:g}) or a larger --page"
+            f"{name} with a side of {max(side, _LEAST_MM):g} mm does not fit on {page}; use at most"
+            f" {math.floor(most * 10) / 10:g} mm ({option} {math.floor(most * 10) / 10000:g}) or a"
+            " larger --page"
         )
-    board = replace(board, square=side / 1000)
     width, height = (max(size), min(size)) if across else (min(size), max(size))
-    wide, tall = unit * side
-    top = _MARGIN_MM + (height - 2 * _MARGIN_MM - _FOOT_MM - tall) / 2
-    return Sheet(board, width, height, (width - wide) / 2, top)
+    left = (width - unit[0] * side) / 2
+    top = _MARGIN_MM + (height - 2 * _MARGIN_MM - _FOOT_MM - unit[1] * side) / 2
+    return Sheet(width, height, left, top, side, dark * side + [left, top, 0, 0], caption(side))
 
 
 def to_svg(sheet: Sheet) -> bytes:
@@ -104,11 +139,11 @@ def to_svg(sheet: Sheet) -> bytes:
     ).encode()
 
 
-def to_pdf(sheet: Sheet) -> bytes:
-    """A PDF file with one image of 1/600 inch pixels: edges are exact to 0.02 mm."""
+def to_pdf(*sheets: Sheet) -> bytes:
+    """A PDF file with an image of 1/600 inch pixels on each page: edges are exact to 0.02 mm."""
     file = BytesIO()
-    picture = Pictures.fromarray(rasterise(sheet, _DPI)).convert("1")
-    picture.save(file, "PDF", resolution=_DPI)
+    first, *rest = (Pictures.fromarray(rasterise(one, _DPI)).convert("1") for one in sheets)
+    first.save(file, "PDF", resolution=_DPI, save_all=True, append_images=rest)
     return file.getvalue()
 
 

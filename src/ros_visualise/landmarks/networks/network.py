@@ -174,7 +174,8 @@ def _not_understood(session: OnnxSession, outputs: Mapping[str, Any]) -> str:
     task = session.metadata.get("task", "detect")
     of = f" for the task {task[:20]}" if task != "detect" else ""
     known = "; ".join(f"{one.name}: {one.shapes}" for one in layouts.ALL)
-    return f"{session.path}: a network{of} of {inputs} to {came}; supported: {known}"
+    what = f"unsupported network{of}: inputs {inputs}, outputs {came}"
+    return f"{session.path}: {what}; supported: {known}"
 
 
 def _listed(arrays: Sequence[TensorPort], shapes: list[Sequence[Any]]) -> str:

@@ -167,7 +167,7 @@ class Process:
         for topic, output in self._outputs.items():
             if self._declared[topic] == _outside(name):
                 return output.connections
-        raise UsageError(f"no topic {name} here; choose from {', '.join(self._declared.values())}")
+        raise UsageError(f"no such topic: {name}; choose from {', '.join(self._declared.values())}")
 
     @property
     def parameters(self) -> dict[str, Parameters[Any]]:

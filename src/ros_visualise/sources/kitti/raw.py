@@ -90,7 +90,7 @@ def _report_empty(drive: _Drive) -> None:
     for name in sorted(PARTS - drive.parts.keys()):
         data = drive.folder / name / "data"
         if data.exists() and not os.access(data, os.R_OK | os.X_OK):
-            drive.lose(DamagedFile(data, "you may not read it; try chmod u+rX"))
+            drive.lose(DamagedFile(data, "permission denied; try chmod u+rX"))
         elif times := stamps.read_times(data.with_name("timestamps.txt"), stamps.parse_time):
             drive.compare(name, 0, len(times))
         elif data.parent.is_dir():
@@ -178,10 +178,10 @@ def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
     found = stamps.read_stamps("velodyne_points", path, numbers)
     times = found.times
     if found.lacking and path.exists():
-        why = f"{found.gaps}; skipped: as many messages of {topic}"
+        why = f"{found.gaps}; their messages of {topic} skipped"
         drive.lose(DamagedFile(path, why), len(found.lacking))
     elif found.lacking and path.with_name("timestamps.txt").exists():
-        drive.notes.append(f"velodyne_points: no {path.name}, so without {topic}")
+        drive.notes.append(f"velodyne_points: no {path.name}, so {topic} is missing")
     known = [(index, times[number]) for index, number in enumerate(numbers) if number in times]
     of_scans = np.array([stamps_ns[index] for index, _ in known], np.int64)
 

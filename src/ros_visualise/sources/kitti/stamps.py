@@ -126,7 +126,7 @@ def _borrow(one: FrameTimes, known: Mapping[str, Times]) -> list[str]:
         given = {number: times[number] for number in one.lacking if number in times}
         if given:
             one.times.update(given)
-            sources.append(f"as {name}'s of the same number")
+            sources.append(f"as those of {name} with the same number")
     return sources
 
 

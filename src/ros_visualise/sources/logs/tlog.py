@@ -60,7 +60,9 @@ def open_tlog(path: Path) -> SeriesRecording:
     own = {name: table for name, table in every.items() if "/" not in name}
     tables = without_strays(_flight_columns(own), frames.loss)
     others = ", ".join(str(one) for one in vehicles[1:])
-    notes = (f"odometry is of system {vehicles[0]}, not of {others}",) if others else ()
+    notes = (
+        (f"odometry comes from system {vehicles[0]}; ignoring that of {others}",) if others else ()
+    )
     formats = {one.name: one.fields for number in frames.numbers if (one := layout(number))}
     found = FlightLog("mavlink", tables, every, formats, frames.loss, notes, utc_us=0)
     return recorded_flight(path, "MAVLink telemetry log", found)
