@@ -318,7 +318,7 @@ def test_numbers_have_their_nouns(
         (["drive.bag", "r.bag", "--compression", "zstd"], "unsupported compression zstd"),
         (["drive.bag", "r.bag", "--profile", "ros2"], "can only store messages of ROS 1"),
         (["drive.bag", "r.mp4", "--topics", "/imu"], "no topic of images"),
-        (["drive.bag", "r.txt"], "ends in .mcap, .bag, .mp4 or .csv"),
+        (["drive.bag", "r.avi"], "ends in .mcap, .bag, .mp4, .csv, .txt"),
         (["drive.bag", "r.mcap", "--offset", "drive=1"], "needs several recordings"),
         (["drive.bag", "r.mcap", "--between", "a", "b"], "no mark 'a' in drive.bag.marks.yaml"),
         (["drive.bag", "there.bag"], "there.bag exists; choose another name"),

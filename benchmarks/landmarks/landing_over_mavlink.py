@@ -23,7 +23,7 @@ import tempfile
 import time
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pymavlink import mavutil
@@ -80,20 +80,29 @@ class Station:
         self.command(CHANGE_MODE, 1, *OFFBOARD, nan)
         self.wait("LOCAL_POSITION_NED", near)
 
-    def land(self) -> float:
-        """Land precisely; seconds until it is disarmed."""
-        start_s = time.monotonic()
+    def land(self) -> tuple[float, float]:
+        """Land precisely; seconds until it is disarmed, by the vehicle's clock and by ours."""
+        start_s, start = time.monotonic(), self.wait("ATTITUDE", lambda m: True)
         self.command(CHANGE_MODE, 1, *PRECISION_LAND)
         self.wait("HEARTBEAT", lambda m: m.get_srcComponent() == 1 and not m.base_mode & 128)
-        return time.monotonic() - start_s
+        end_s, end = time.monotonic(), self.wait("ATTITUDE", lambda m: True)
+        return (end.time_boot_ms - start.time_boot_ms) / 1e3, end_s - start_s
 
     def close(self) -> None:
         """Leave."""
         self._link.close()
 
 
-def fly(seed: int, wind: float, folder: Path, more: list[str]) -> tuple[float, float]:
-    """One landing: metres off, and seconds."""
+class Landing(NamedTuple):
+    """One landing: metres off, its duration by the vehicle's clock and by ours."""
+
+    off_m: float
+    flown_s: float
+    passed_s: float
+
+
+def fly(seed: int, wind: float, folder: Path, more: list[str]) -> Landing:
+    """One landing."""
     random = np.random.default_rng(seed)
     record, ports = folder / "run.mcap", (free_port(), free_port())
     x, y = random.uniform(-4.5, -2.5), random.uniform(0.5, 2.5)
@@ -108,7 +117,8 @@ def fly(seed: int, wind: float, folder: Path, more: list[str]) -> tuple[float, f
     }
     command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--world", "plane"]
     command += ["--seed", str(seed), "--view", "none", "--record", f"{record}@{TRUTH},{PAD}"]
-    command += ["--overwrite", "--mavlink", f"udp://:{ports[0]}", *more]
+    command += ["--overwrite", "--mavlink", f"udp://:{ports[0]}"]
+    command += ["--set", "landing_target.autopilot=px4", *more]
     for port in ports:
         command += ["--mavlink-vehicle", f"udpout://127.0.0.1:{port}"]
     for name, value in settings.items():
@@ -121,12 +131,12 @@ def fly(seed: int, wind: float, folder: Path, more: list[str]) -> tuple[float, f
         station.command(TAKE_OFF, 0, 0, 0, *[math.nan] * 4)
         station.wait("LOCAL_POSITION_NED", lambda m: m.z < -2)
         station.fly_to(over_y, over_x, -HEIGHT_M)
-        seconds = station.land()
+        flown_s, passed_s = station.land()
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(60)
         station.close()
-    return off_pad(record), seconds
+    return Landing(off_pad(record), flown_s, passed_s)
 
 
 def off_pad(record: Path) -> float:
@@ -154,13 +164,18 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[])
     args = parser.parse_args()
     more = [text for one in args.set for text in ("--set", one)]
-    off = []
+    landings = []
     for seed in range(args.first, args.first + args.seeds):
-        with tempfile.TemporaryDirectory() as name:  # the world `plane` starts at its origin
-            off_m, seconds = fly(seed, args.wind, Path(name), more)
-        load = os.getloadavg()[0]
-        print(f"{seed}: {off_m:.3f} m off, {seconds:.0f} s, load {load:.1f}", flush=True)
-        off.append(off_m)
+        with tempfile.TemporaryDirectory() as name:
+            one = fly(seed, args.wind, Path(name), more)
+        speed, load = one.flown_s / one.passed_s, os.getloadavg()[0]
+        print(
+            f"{seed}: {one.off_m:.3f} m off, after {one.flown_s:.0f} s at {speed:.2f} of real time,"
+            f" load {load:.1f}",
+            flush=True,
+        )
+        landings.append(one)
+    off = [one.off_m for one in landings]
     print(
         f"{len(off)} landings, {sum(m <= 0.2 for m in off)} within 0.2 m,"
         f" median {np.median(off):.3f} m, largest {max(off):.3f} m"

@@ -24,19 +24,28 @@ def free_port():
     return ports.free_port(socket.SOCK_DGRAM)
 
 
-class FakeVehicle:
-    """Sends telemetry to a port over UDP, answers TIMESYNC, and keeps what it is sent."""
+def udp_line(port):
+    line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    line.bind(("127.0.0.1", 0))
+    line.connect(("127.0.0.1", port))
+    line.settimeout(0.02)
+    return line
 
-    def __init__(self, port, autopilot=PX4, system=1, garbage=b""):
+
+class FakeVehicle:
+    """Sends telemetry to a port over UDP, or to another line, answers TIMESYNC, and keeps what it
+    is sent.
+
+    ``line`` has `recv`, `send` and `close`; it raises TimeoutError without news.
+    """
+
+    def __init__(self, port=0, autopilot=PX4, system=1, garbage=b"", line=None):
         self.autopilot, self.system = autopilot, system
         self.heard = []
         self.is_quiet = False
         self.results = {}  # command -> result, None: no answer; others are accepted
         self._garbage = garbage
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
-        self._socket.settimeout(0.02)
-        self._to = ("127.0.0.1", port)
+        self._line = line or udp_line(port)
         self._mav = v2.MAVLink(None, system, 1)
         self._mav.robust_parsing = True
         self._started_ns = time.monotonic_ns()
@@ -49,12 +58,13 @@ class FakeVehicle:
         return [one for one in list(self.heard) if one.get_type() == kind]
 
     def send(self, message):
-        self._socket.sendto(message.pack(self._mav), self._to)
+        with suppress(ConnectionRefusedError):  # nobody listens there yet
+            self._line.send(message.pack(self._mav))
 
     def close(self):
         self._stop.set()
         self._thread.join()
-        self._socket.close()
+        self._line.close()
 
     def _now_ns(self):
         return time.monotonic_ns() - self._started_ns + OFFSET_NS
@@ -73,11 +83,11 @@ class FakeVehicle:
             self.send(v2.MAVLink_attitude_message(ms, 0, 0, math.pi / 2, 0.1, 0.2, 0.3))
             self.send(v2.MAVLink_local_position_ned_message(ms, 20, 10, -5, 1, 2, -3))
             if self._garbage:
-                self._socket.sendto(self._garbage, self._to)
+                self._line.send(self._garbage)
 
     def _listen(self):
         try:
-            data = self._socket.recv(65536)
+            data = self._line.recv(65536)
         except (TimeoutError, ConnectionRefusedError):
             return
         for one in self._mav.parse_buffer(data) or []:

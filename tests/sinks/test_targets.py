@@ -57,7 +57,7 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
     ("target", "expected"),
     [
         ("..", "not a valid name; give the name of a file or folder"),
-        ("r.avi", r"r.avi: the name of a recording ends in .mcap, .bag, .mp4, .csv or .txt"),
+        ("r.avi", r"r.avi: the name of a recording ends in .mcap, .bag, .mp4, .csv, .txt"),
         ("r.mp5", r"; did you mean .mp4\?"),
         (
             "r.bag@/nope",

@@ -54,6 +54,7 @@ from ros_visualise.data.sensors import NavSatFix as NavSatFix
 from ros_visualise.data.sensors import Range as Range
 from ros_visualise.data.sensors import TimeReference as TimeReference
 from ros_visualise.data.values import Number as Number
+from ros_visualise.data.values import Octets as Octets
 from ros_visualise.data.values import Text as Text
 
 for _module in iter_modules(__path__):

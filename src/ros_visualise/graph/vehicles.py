@@ -8,7 +8,8 @@ from dataclasses import replace
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import PoseWithCovarianceStamped
 from ros_visualise.graph import SOURCE_TOPICS, Graph, Node, place
-from ros_visualise.links.wires import parse
+from ros_visualise.landmarks.landing.relative import Autopilot
+from ros_visualise.links.wires import parse, split_system
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS
 
@@ -25,11 +26,11 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
     """
     is_simulated = graph.source is not None and graph.source.name in ROBOTS.names()
     for number, address in enumerate(addresses, 1):
-        parse(address)
+        line, system = split_system(address)
         if address in addresses[: number - 1]:
-            raise UsageError(f"--mavlink {address}: given twice")
+            raise UsageError(f"--mavlink {address}: given twice; ?system=2 follows another vehicle")
         node = _beside(graph, place(find_node(_AUTOPILOT), {}), number)
-        settings = {"address": address, "simulated": is_simulated}
+        settings = {"address": line, "system": system, "simulated": is_simulated}
         graph = graph.joined(node).configured({node.name: settings})
     return graph
 
@@ -56,7 +57,7 @@ def guiding_vehicles(graph: Graph) -> Graph:
     """The same graph; its vehicles get the landing targets and poses that its nodes make.
 
     Poses that are made from a vehicle's own odometry would come back to it as if measured: they
-    are not sent.
+    are not sent. Targets that are made from it are given in its own local frame, exactly.
     """
     own = {topic for one in graph.nodes if one.type.name == _AUTOPILOT for topic in one.topics}
     made = {
@@ -74,7 +75,13 @@ def guiding_vehicles(graph: Graph) -> Graph:
         replace(node, inputs=inputs) if node.type.name == _AUTOPILOT else node
         for node in graph.nodes
     )
-    return replace(graph, nodes=tuple(nodes))
+    graph = replace(graph, nodes=tuple(nodes))
+    local = {
+        node.name: {"autopilot": Autopilot.PX4}
+        for node in graph.nodes
+        if node.type.name == "landing_target" and node.inputs.get("odom") in own
+    }
+    return graph.configured(local)
 
 
 def _beside(graph: Graph, node: Node, number: int) -> Node:

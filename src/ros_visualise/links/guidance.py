@@ -10,6 +10,7 @@ reads velocities even where they are unknown.
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ _UPPER = np.triu_indices(6)
 
 
 def landing_target(
-    target: PoseWithCovarianceStamped, autopilot: int, own: Telemetry, usec: int
+    target: PoseWithCovarianceStamped, autopilot: int, own: Telemetry, stamp_ns: int | None
 ) -> Any:
     """LANDING_TARGET; None where the vehicle's own pose is needed and unknown, or for NaN.
 
@@ -38,27 +39,28 @@ def landing_target(
         target: the pose of the node `landing_target`: in a frame ``_ned``, ``_frd``, or relative to
             the body, x forward, y left, z up.
         autopilot: whose frame it gets: `PX4` or `ARDUPILOT`.
-        own: the vehicle's pose.
-        usec: the time of the message.
+        own: the vehicle's poses.
+        stamp_ns: time for which the target holds; None: unknown, it is taken to hold now.
     """
     frame, at = target.header.frame_id, np.asarray(target.position_xyz, np.float64)
     is_local = frame.endswith("_ned")
     if not is_local and not frame.endswith("_frd"):
         at = to_flu(at)  # which turns back too
     if is_local is not (autopilot == PX4):
-        if own.position_xyz is None or own.quat_xyzw is None:
+        pose = own.pose_at(stamp_ns)
+        if pose is None:
             return None
-        R = rotations.to_matrix(own.quat_xyzw)
+        position, R = pose
         if is_local:
-            at = to_flu(R.T @ (to_enu(at) - own.position_xyz))
+            at = to_flu(R.T @ (to_enu(at) - position))
         else:
-            at = to_enu(own.position_xyz + R @ to_flu(at))
+            at = to_enu(position + R @ to_flu(at))
     if not np.isfinite(at).all():
         return None
     x, y, z = at.tolist()
     is_ned = autopilot == PX4
     return dialect().MAVLink_landing_target_message(
-        usec,
+        microseconds(stamp_ns),
         target_num=0,
         frame=_LOCAL_NED if is_ned else _BODY_FRD,
         angle_x=0.0 if is_ned else math.atan2(y, z),
@@ -75,8 +77,16 @@ def landing_target(
     )
 
 
-def pose(estimate: PoseWithCovarianceStamped, autopilot: int, usec: int, resets: int) -> Any:
+def microseconds(stamp_ns: int | None) -> int:
+    """A time as messages have it, which vehicles convert by TIMESYNC; None: now."""
+    return (time.time_ns() if stamp_ns is None else stamp_ns) // 1000
+
+
+def body_pose(
+    estimate: PoseWithCovarianceStamped, autopilot: int, stamp_ns: int | None, resets: int
+) -> Any:
     """ODOMETRY or VISION_POSITION_ESTIMATE of the body's pose in a frame x east, y north, z up."""
+    usec = microseconds(stamp_ns)
     at = to_enu(estimate.position_xyz)
     turned = SIX_ENU @ estimate.covariance @ SIX_ENU.T
     values = [*at, *np.asarray(estimate.quat_xyzw).tolist(), *turned.ravel()]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
 from typing import Any, Protocol
 
 from ros_visualise.core import supervision
@@ -35,13 +34,11 @@ class MavlinkLine:
     Attributes:
         address: see `ros_visualise.links.wires`.
         damaged: bytes that belong to no known message.
-        taps: take every frame that comes or goes, each as its bytes.
     """
 
     def __init__(self, address: str) -> None:
         self.address = address
         self.damaged = 0
-        self.taps: list[Callable[[bytes], None]] = []
         self._wire = Rewire(address)
         self._stream = MavlinkStream()
         self._hearers: list[Hearer] = []
@@ -72,7 +69,7 @@ class MavlinkLine:
         with _OPENING:
             self._hearers = [one for one in self._hearers if one is not hearer]
             if not self._hearers and self._thread is not None:
-                _LINES.pop(self.address)
+                _LINES.pop(self.address, None)
                 self._closed.set()
                 self._thread.join()
 
@@ -80,7 +77,6 @@ class MavlinkLine:
         """Send a frame to a peer; None: to all that were heard."""
         with self._sending:
             self._wire.write(frame, peer)
-        self._tap(frame)
 
     def _run(self) -> None:
         try:
@@ -88,7 +84,6 @@ class MavlinkLine:
                 data, peer = self._wire.read(_LOOK_S)
                 is_datagram = peer is not None  # only bytes of a line continue the last ones
                 for message in self._stream.feed(data, is_datagram) if data else ():
-                    self._tap(bytes(message.get_msgbuf()))
                     for one in self._hearers:
                         one.hear(message, self, peer)
                 self.damaged = self._stream.damaged
@@ -97,10 +92,6 @@ class MavlinkLine:
                 self._notice_failure()
         finally:
             self._wire.close()
-
-    def _tap(self, frame: bytes) -> None:
-        for tap in self.taps:
-            tap(frame)
 
     def _notice_failure(self) -> None:
         if self.error != self._said:

@@ -52,7 +52,7 @@ _STILL_M_S, _LANDED_S = 0.1, 1.0
 _LIFTED_M = 0.15
 _SETTLING_S = 2.0  # it is held down after it was disarmed
 _FEET_M = 0.2  # from its middle to its feet
-_HELD_M_S = 0.3  # above a target, before the descent
+_HELD_M_S = 0.5  # above a target, before the descent
 _FRESH_S = 0.5  # age of a target while descending, unless it is low
 _LOW_M = 1.0
 
@@ -242,10 +242,8 @@ class Px4Modes:
         state.since_s, clear_m = math.inf, float(target[2] - now.position[2])
         offset = target[:2] - now.position[:2]
         aside_m, speed = float(np.hypot(*offset)), float(np.hypot(*now.velocity[:2]))
-        if not state.descends:
-            state.descends = aside_m < p["PLD_HACC_RAD"] and speed < _HELD_M_S
-        elif aside_m > 2 * p["PLD_HACC_RAD"]:
-            state.descends = False
+        is_above = aside_m < p["PLD_HACC_RAD"] and speed < _HELD_M_S
+        state.descends = state.descends or is_above  # until the target is lost
         self._go(np.array([*target[:2], self._goal.position[2]]), self._goal.yaw)
         if clear_m < p["PLD_FAPPR_ALT"] + _FEET_M and state.descends:
             state.sinks = True

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import (
     Floats,
     Header,
@@ -27,6 +29,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.aircraft import to_attitude, to_enu, to_flu
+from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.geodesy import LocalPlane
 
 ODOM, BODY, GIMBAL, GPS = "odom", "base_link", "gimbal", "gps"
@@ -55,6 +58,7 @@ SIX_ENU = np.kron(np.eye(2), _SWAP)
 """(6, 6): north, east, down and rotations about them -> east, north, up; and back."""
 _YAW_IN_VEHICLE = 32  # of GIMBAL_DEVICE_FLAGS
 _PREFERRED_NS = 1_000_000_000
+_KEPT_S, _NEAR_S = 5.0, 0.3  # of poses
 
 
 class Telemetry:
@@ -71,7 +75,18 @@ class Telemetry:
         self.position_xyz: Floats | None = None
         self.geodetic: Floats | None = None
         self._rates: Floats = np.zeros(3)
+        self._frames = FrameTree(_KEPT_S)
         self._odometry_ns = -_PREFERRED_NS  # when ODOMETRY came, which has covariances
+
+    def pose_at(self, stamp_ns: int | None) -> tuple[Floats, Floats] | None:
+        """Position and R_odom_body at a time, or at the nearest one, None: now; None if unknown."""
+        if self.position_xyz is None or self.quat_xyzw is None:
+            return None
+        if stamp_ns is not None:
+            with suppress(NoTransform):
+                T = self._frames.lookup(ODOM, BODY, stamp_ns, _NEAR_S)
+                return T[:3, 3], T[:3, :3]
+        return self.position_xyz, rotations.to_matrix(self.quat_xyzw)
 
     def on_earth(self, place_xyz: Floats) -> Floats | None:
         """Latitude, longitude and height above the sea of a place in ``odom``; None if unknown."""
@@ -149,7 +164,10 @@ class Telemetry:
             "odom",
             Odometry(at, quat, linear, angular, covariance, child_frame_id=BODY, header=header),
         )
-        yield "tf", Transforms((TransformStamped(BODY, at, quat, header),))
+        transform = TransformStamped(BODY, at, quat, header)
+        with suppress(WrongTransforms):  # its clock jumped
+            self._frames.add(transform)
+        yield "tf", Transforms((transform,))
 
     def imu(self, m: Any, stamp_ns: int) -> Iterator[Answer]:
         """HIGHRES_IMU in SI units; SCALED_IMU and ArduPilot's RAW_IMU in thousandths."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 import threading
 import time
 from collections import Counter, deque
@@ -20,6 +21,7 @@ from ros_visualise.links.wires import Peer
 
 log = logging.getLogger(__name__)
 
+_STAMP = struct.Struct(">Q")  # microseconds since 1970
 COMPONENT = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 _AUTOPILOT, _INVALID = 1, 8
@@ -91,6 +93,7 @@ class Vehicle:
         self._sender = self._dialect.MAVLink(None, system or 1, COMPONENT)
         self._peer: Peer = None
         self._answers: deque[Answer] = deque(maxlen=_KEPT)
+        self._raw: deque[bytes] = deque(maxlen=_KEPT)
         self._heard_s = self._spoke_s = 0.0
         self._resets = 0
         self._warned: set[str] = set()
@@ -105,19 +108,29 @@ class Vehicle:
             found.append(self._answers.popleft())
         return found
 
-    def send_target(self, target: PoseWithCovarianceStamped) -> bool:
-        """Send a landing target; false if this autopilot takes none, or the vehicle is away."""
+    def take_raw(self) -> bytes:
+        """The frames that came and went since, each after its time, as in a ``.tlog`` file."""
+        found = []
+        while self._raw:
+            found.append(self._raw.popleft())
+        return b"".join(found)
+
+    def send_target(self, target: PoseWithCovarianceStamped, stamp_ns: int | None) -> bool:
+        """Send a landing target; false if this autopilot takes none, or the vehicle is away.
+
+        ``stamp_ns`` is its time by the wall clock; None: unknown.
+        """
         return self._guide(
-            lambda autopilot: guidance.landing_target(
-                target, autopilot, self.telemetry, _now_ns() // 1000
-            )
+            lambda autopilot: guidance.landing_target(target, autopilot, self.telemetry, stamp_ns)
         )
 
-    def send_pose(self, pose: PoseWithCovarianceStamped, jumped: bool) -> bool:
+    def send_pose(
+        self, pose: PoseWithCovarianceStamped, stamp_ns: int | None, jumped: bool
+    ) -> bool:
         """Send a pose of the body; ``jumped``: it does not continue the one before."""
         resets = (self._resets + jumped) % 256
         is_sent = self._guide(
-            lambda autopilot: guidance.pose(pose, autopilot, _now_ns() // 1000, resets)
+            lambda autopilot: guidance.body_pose(pose, autopilot, stamp_ns, resets)
         )
         self._resets = resets if is_sent else self._resets
         return is_sent
@@ -172,6 +185,7 @@ class Vehicle:
             frame = message.pack(self._sender)
             self._sender.seq = (self._sender.seq + 1) % 256
             self._line.send(frame, self._peer)
+        self._keep(frame)
 
     def hear(self, message: Any, line: MavlinkLine, peer: Peer) -> None:
         """Take a message of any system on the line."""
@@ -187,6 +201,7 @@ class Vehicle:
                 self._warn(f"ignoring system {system} at {places}")
             return
         self.counts["messages"] += 1
+        self._keep(message.get_msgbuf())
         if is_beat:
             self._peer = peer
             self._beat(message)
@@ -196,6 +211,9 @@ class Vehicle:
             self._commander.answer(message)
         else:
             self._answers.extend(self.telemetry.take(message, self._stamp_ns(message)))
+
+    def _keep(self, frame: bytes) -> None:
+        self._raw.append(_STAMP.pack(_now_ns() // 1000) + frame)
 
     @property
     def _is_free(self) -> bool:

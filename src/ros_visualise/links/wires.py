@@ -18,6 +18,8 @@ from urllib.parse import urlsplit
 
 from ros_visualise.core.errors import OpenError, UsageError
 
+SYSTEM = "?system="
+"""Before the number of one of several vehicles, at the end of an address."""
 FORMS = "udp://[HOST]:PORT, udpout://HOST:PORT, tcp://HOST:PORT or serial:///DEVICE:BAUD"
 _MOST = 65_536
 _AGAIN_S = 1.0  # between two tries to open
@@ -54,6 +56,19 @@ def parse(address: str) -> tuple[str, str, int]:
     except ValueError:
         pass
     raise UsageError(f"{address}: not the address of a vehicle; use {FORMS}")
+
+
+def split_system(address: str) -> tuple[str, int]:
+    """An address, and the number of the vehicle's system after it; 0: none.
+
+    Raises:
+        UsageError: not an address, or not a number from 1 to 255.
+    """
+    place, mark, number = address.partition(SYSTEM)
+    parse(place)
+    if mark and not (number.isascii() and number.isdigit() and 1 <= int(number) <= 255):
+        raise UsageError(f"{address}: give a system from 1 to 255")
+    return place, int(number or 0)
 
 
 def open_wire(address: str) -> Wire:

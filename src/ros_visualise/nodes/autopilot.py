@@ -19,6 +19,7 @@ from ros_visualise.data import (
     Floats,
     Header,
     Level,
+    Octets,
     PoseWithCovarianceStamped,
     Text,
     Transforms,
@@ -32,7 +33,7 @@ from ros_visualise.nodes import node
 
 log = logging.getLogger(__name__)
 
-_OURS = {"mode": Text, "diagnostics": DiagnosticArray, "tf_static": Transforms}
+_OURS = {"mode": Text, "mavlink": Octets, "diagnostics": DiagnosticArray, "tf_static": Transforms}
 _FRAMES = {"tf": "/tf", "tf_static": "/tf_static"}
 _SHOWN_S = 1.0
 _SIGMAS = 3.0
@@ -115,6 +116,10 @@ class AutopilotParams:
         """The place to go to."""
         return np.array([self.goal_x, self.goal_y, self.goal_z])
 
+    def time_of(self, message: PoseWithCovarianceStamped) -> int | None:
+        """Its time by the wall clock, if it is known."""
+        return None if self.simulated else message.header.stamp_ns
+
     @property
     def mounting(self) -> Transforms | None:
         """The place of the camera on the body, if there is one."""
@@ -189,6 +194,8 @@ class AutopilotLink:
             found[port] = message
         if self._mounting is not None:
             found["tf_static"], self._mounting = self._mounting, None
+        if raw := self._vehicle.take_raw():
+            found["mavlink"] = Octets(np.frombuffer(raw, np.uint8), Header(time.time_ns()))
         return (found | self._news()) or None
 
     @action("arm, and take off to take_off_height")
@@ -241,7 +248,7 @@ class AutopilotLink:
         now_s = time.monotonic()
         if self._target_s is not None and now_s - self._target_s < 0.9 / params.rate:
             return
-        if self._vehicle.send_target(target):
+        if self._vehicle.send_target(target, params.time_of(target)):
             if self._target_s is None:
                 self._vehicle.say("landing target found", is_warning=False)
             self._target_s = now_s
@@ -250,7 +257,7 @@ class AutopilotLink:
         now_s = time.monotonic()
         if now_s - self._pose_s < 0.9 / params.pose_rate:
             return
-        if self._vehicle.send_pose(pose, self._jumps(pose, params)):
+        if self._vehicle.send_pose(pose, params.time_of(pose), self._jumps(pose, params)):
             self._pose_s, self._last = now_s, pose
 
     def _notice_loss(self, params: AutopilotParams) -> None:

@@ -196,7 +196,8 @@ class OutputOptions:
     record: Sequence[str] = option(
         [],
         "record to an .mcap, a .bag or a ROS 2 folder, one topic of images to an .mp4 "
-        "(default: /edges), numbers to a .csv, or tracks to a .txt (MOT format); repeatable",
+        "(default: /edges), numbers to a .csv, tracks to a .txt (MOT format), or MAVLink to a"
+        " .tlog; repeatable",
         metavar="OUT[@TOPIC,...]",
     )
     split: str | None = option(
@@ -238,7 +239,7 @@ class NetworkOptions:
     mavlink: Sequence[str] = option(
         [],
         "connect a vehicle, such as udp://:14540, tcp/serial as in tcp://HOST:5760 and"
-        " serial:///dev/ttyACM0:57600; repeatable",
+        " serial:///dev/ttyACM0:57600, one of several there as udp://:14540?system=2; repeatable",
         metavar="ADDRESS",
     )
     node_name: str = option(

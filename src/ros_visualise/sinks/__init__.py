@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ros_visualise.sinks.chunked import ChunkedRecorder
     from ros_visualise.sinks.parts import Split
 
-Kind = Literal["mcap", "bag", "mp4", "csv", "txt", "folder"]
+Kind = Literal["mcap", "bag", "mp4", "csv", "txt", "tlog", "folder"]
 Profile = Literal["ros1", "ros2"]
 
 COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
@@ -29,6 +29,7 @@ COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
     "mp4": (),
     "csv": (),
     "txt": (),
+    "tlog": (),
 }
 """Kind of recording -> its compressions, the default first.
 
@@ -142,9 +143,9 @@ def kind_of(path: Path) -> Kind:
     kind = {"": "folder", **kinds}.get(path.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"{path}: the name of a recording ends in .mcap, .bag, .mp4, .csv or .txt (tracks),"
-            " optionally followed by @/TOPIC; without a suffix it is the folder of a ROS 2 bag"
-            + did_you_mean(path.suffix, filter(None, kinds), listed=False)
+            f"{path}: the name of a recording ends in .mcap, .bag, .mp4, .csv, .txt (tracks) or"
+            " .tlog (MAVLink), optionally followed by @/TOPIC; without a suffix it is the folder of"
+            " a ROS 2 bag" + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
 
@@ -183,7 +184,8 @@ def open_recorder(
         overwrite: replace an existing recording.
         on_demand: topics that are only recorded if named.
         named: the topics to record; by default all, for an .mp4 the last one of images, for a .csv
-            those with numbers, for a .txt the last one of detections, without those on demand.
+            those with numbers, for a .txt the last one of detections, for a .tlog those of
+            MAVLink, without those on demand.
         beside: topic -> another one that is recorded with it, if it exists.
         profile: an .mcap may store messages of ROS 1; the default is ROS 2.
         compression: one of `COMPRESSIONS`.
@@ -201,11 +203,9 @@ def open_recorder(
     kind, encoding = kind_of(path), encoding_of(path, profile)
     compression = _choose_compression(path, kind, compression)
     wanted = _choose_topics(path, named, topics, on_demand)
-    if kind in ("mp4", "csv", "txt"):
+    if kind in ("mp4", "csv", "txt", "tlog"):
         if split is not None:
-            raise UsageError(
-                f"{path}: a video or table is not split; record to .mcap, .bag or a folder"
-            )
+            raise UsageError(f"{path}: a .{kind} is not split; record to .mcap, .bag or a folder")
         return _open_extract(path, kind, wanted, bool(named), overwrite, live)
     also = [name for topic, name in (beside or {}).items() if topic in wanted]
     wanted |= {name: topics[name] for name in also if name in topics}
@@ -224,7 +224,7 @@ def _open_extract(
     overwrite: bool,
     live: bool,
 ) -> Recorder:
-    """A file that holds a part of the messages: images or tracks of a topic, or numbers."""
+    """A file with a part of the messages: images or tracks of a topic, numbers, or MAVLink."""
     if kind == "csv":
         from ros_visualise.sinks.csv_file import CsvRecorder, topics_with_numbers
 
@@ -235,6 +235,10 @@ def _open_extract(
 
         topic = mot_file.choose_topic(path, wanted, named)
         return mot_file.MotRecorder(path, topic, overwrite, live)
+    if kind == "tlog":
+        from ros_visualise.sinks.tlog import TlogRecorder, mavlink_topics
+
+        return TlogRecorder(path, mavlink_topics(path, wanted), overwrite)
     from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
     return Mp4Recorder(path, choose_topic(path, wanted, named), overwrite)
