@@ -1,5 +1,6 @@
 """What the tests share."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -9,6 +10,12 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
 
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
+
+
+def pytest_collection_finish() -> None:
+    """Leave out of garbage collections what they would go through for a third of a second."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,6 +113,11 @@ def along(*points, speed=3.0):
 
     Straight lines smoothed by two running means of a second: twice differentiable.
     """
+    return _along(tuple(tuple(map(float, point)) for point in points), float(speed))
+
+
+@lru_cache(8)
+def _along(points, speed):
     points = np.array(points, float)
     legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
     knots = np.concatenate([[0], legs.cumsum()[:-1]])
@@ -128,12 +134,16 @@ def along(*points, speed=3.0):
         several = [twice_integrated(one) for one in (s - speed, s, s + speed)]
         return (several[0] - 2 * several[1] + several[2]) / speed**2
 
+    @lru_cache(100_000)  # of all sensors, and of all worlds on this way
     def pose(t):
         s = speed * (max(t, 0) ** 2 / 4 if t < 2 else t - 1)
         ahead = place(s + 0.2) - place(s - 0.2)
         swing = 0.05 * (1 - np.exp(-((max(t, 0) / 3) ** 3)))
         roll, pitch = swing * np.sin(0.9 * t), swing * np.sin(1.3 * t + 1)
-        return Pose(from_rpy(roll, pitch, np.arctan2(ahead[1], ahead[0])), place(s))
+        made = Pose(from_rpy(roll, pitch, np.arctan2(ahead[1], ahead[0])), place(s))
+        for part in made:
+            part.setflags(write=False)
+        return made
 
     return pose
 

@@ -79,7 +79,7 @@ def world(
     """
     from ros_visualise.landmarks.mapping.outward import outward_steps
 
-    sightings = []
+    seen = []
     errors = {}
     for view, T in enumerate(cameras):
         for tag, stands in enumerate(tags):
@@ -93,11 +93,16 @@ def world(
                 if tag in errors:
                     new = lasting * errors[tag] + np.sqrt(1 - lasting**2) * new
                 errors[tag] = new
-                corners = corners + errors[tag]
-                [poses] = squares_poses(corners[None], [SIZE], INFO, [max(sigma_px, 0.05)])
-                if poses:
-                    hypotheses = [hypothesis(pose) for pose in poses]
-                    sightings.append(TagSighting(view, tag, corners, SIZE, INFO, hypotheses))
+                seen.append((view, tag, corners + errors[tag]))
+    count = len(seen)
+    found = squares_poses(
+        [corners for *_, corners in seen], [SIZE] * count, INFO, [max(sigma_px, 0.05)] * count
+    )
+    sightings = [
+        TagSighting(*one, SIZE, INFO, [hypothesis(pose) for pose in poses])
+        for one, poses in zip(seen, found, strict=True)
+        if poses
+    ]
     names = [f"tag36h11_{number}" for number in range(len(tags))]
     stamps = 10**9 + 10**8 * np.arange(len(cameras))
     told = None if odometry is None else CameraPath(odometry)
