@@ -297,7 +297,7 @@ def test_recordings_are_converted(husky, tmp_path):
     assert made.path == tmp_path / "a.mcap"
     assert made.losses == ()
     assert made.messages == {"/fix": len(list(rv.messages(made.path)))}
-    with pytest.raises(rv.OpenError, match="exists"):
+    with pytest.raises(rv.OpenError, match="give overwrite=True"):
         rv.convert(husky, tmp_path / "a.mcap")
     with pytest.raises(rv.UsageError, match="no topic /fx; did you mean /fix"):
         rv.convert(husky, tmp_path / "b.mcap", topics=["/fx"])

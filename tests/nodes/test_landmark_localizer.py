@@ -189,6 +189,19 @@ def test_an_odometry_says_how_sure_the_robot_is():
     np.testing.assert_allclose(sure[:3], [0.25, 0.25, 0.01], atol=3e-3)
 
 
+def test_images_that_come_late_are_taken_with_the_odometry_of_their_time():
+    """A detector takes seconds on a busy machine, while odometry comes at once and drifts on."""
+    node = LandmarkLocalizer(PARAMS)
+    for second, sigma in enumerate((0.1, 5.0, 9.0)):
+        covariance = np.diag([sigma**2] * 3 + [1e-6] * 3)
+        header = Header(S + 2 * second * S, "map")
+        place = np.array([0.0, 0, 5])
+        odom = Odometry(place, LEVEL, pose_covariance=covariance, header=header)
+        node.step(PARAMS, odom=odom, frames=tree())
+    (found,) = observe(node)["landmarks"].detections
+    assert np.sqrt(np.diag(found.hypotheses[0].covariance)[:2]) == pytest.approx(0.1, abs=0.02)
+
+
 def test_the_ground_is_where_it_is_said():
     frames = tree()
     lake = TransformStamped("lake", np.array([0, 0, -3.0]), from_rpy([0, 0, 0]), Header(0, "map"))

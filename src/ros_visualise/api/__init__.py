@@ -20,6 +20,7 @@ from ros_visualise.api.reading import (
 from ros_visualise.api.running import NodeFailed, pipeline, run
 from ros_visualise.api.trajectories import PoseTrajectory, TrajectoryErrors, trajectory
 from ros_visualise.core.errors import OpenError, ParameterError, RosVisualiseError, UsageError
+from ros_visualise.core.limits import set_max_memory
 from ros_visualise.core.message import Message
 from ros_visualise.data import CameraInfo, Detection, Header, Image, NavSatFix, Odometry
 from ros_visualise.graph import Graph
@@ -65,5 +66,6 @@ __all__ = [
     "param",
     "pipeline",
     "run",
+    "set_max_memory",
     "trajectory",
 ]

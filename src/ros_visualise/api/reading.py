@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
@@ -11,7 +12,13 @@ from pathlib import Path
 from typing import Any, Generic, Literal, NamedTuple, TypeVar, overload
 
 from ros_visualise.api.trajectories import PoseTrajectory, as_arrays
-from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError, did_you_mean
+from ros_visualise.core.errors import (
+    DamagedMessage,
+    OpenError,
+    RecordingError,
+    UsageError,
+    did_you_mean,
+)
 from ros_visualise.core.message import Message
 from ros_visualise.data import Image, Pixels
 from ros_visualise.messages.recorded import content
@@ -265,6 +272,8 @@ def convert(
         RecordingError: the target could not be written to its end.
     """
     path = Path(target)
+    if os.path.lexists(path) and not overwrite:
+        raise OpenError(f"{path} exists; choose another name, or give overwrite=True")
     check_targets([path], source if isinstance(source, str) else Path(source))
     with closing(open_source(source)) as recording:
         part = choose_part(recording, topics, start_s, duration_s)

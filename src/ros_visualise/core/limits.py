@@ -46,7 +46,7 @@ def parse_memory(text: str) -> int:
 
 
 def set_max_memory(size: int) -> None:
-    """Set the bytes that this process may take."""
+    """Set the memory that one input may take, bytes (default: 2 GiB)."""
     global _max_memory
     _max_memory = size
 

@@ -262,7 +262,7 @@ _PATH_INPUTS: dict[type, str] = {
 def _find_pair(recording: Recording, played: SourceType, odom: str) -> NamedPair | None:
     """The pair of frames that the path follows; None if it follows a topic."""
     if played.outputs.get(odom) is Transforms:
-        raise UsageError(ask_for_pair(recording, f"--odom {odom}"))
+        raise UsageError(ask_for_pair(recording, odom))
     if ":" not in odom:
         return None
     pair = parse_pair(recording, odom)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 import math
+from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,7 @@ from ros_visualise.sinks.files import save_again
 log = logging.getLogger(__name__)
 
 _MAP, _ODOM = "map", "odom"  # REP 105
-_STALE_S = 1.0  # an odometry further from an image is not used for it
+_KEPT = 1000  # odometries that wait for the image of their time, which takes longer to process
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class LandmarkLocalizer:
     def reset(self) -> None:
         """Start over with the landmarks of the map: time jumped."""
         self._start_over("time jumped")
-        self._odom: Odometry | None = None
+        self._odometry: deque[Odometry] = deque(maxlen=_KEPT)
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -136,8 +137,8 @@ class LandmarkLocalizer:
     ) -> dict[str, Any] | None:
         """All landmarks by now; ``objects`` are detections of a second detector."""
         self._params = params
-        if odom is not None:
-            self._odom = odom
+        if odom is not None and odom.pose_covariance.any():
+            self._odometry.append(odom)
         prefix = params.class_prefix if objects is None else params.object_prefix
         detections = objects if detections is None else detections
         if detections is None:
@@ -191,11 +192,9 @@ class LandmarkLocalizer:
 
     def _robot_covariance(self, frames: FrameTree, stamp_ns: int, camera: Floats) -> Floats | None:
         """Covariance (6, 6) of the camera's pose from odometry; None if unknown."""
-        odom = self._odom
-        if odom is None or not odom.pose_covariance.any():
+        if not self._odometry:
             return None
-        if abs(stamp_ns - odom.header.stamp_ns) > _STALE_S * 1e9:
-            return None
+        odom = min(self._odometry, key=lambda one: abs(stamp_ns - one.header.stamp_ns))
         try:
             T = frames.lookup(self._frame, odom.header.frame_id, stamp_ns)
         except NoTransform:

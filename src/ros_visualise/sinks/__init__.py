@@ -158,7 +158,7 @@ def encoding_of(path: Path, profile: Profile | None = None) -> Encoding:
     """
     kind = kind_of(path)
     if (kind, profile) in (("bag", "ros2"), ("folder", "ros1")):
-        other = "ROS 1 (--profile ros1)" if kind == "bag" else "ROS 2 (--profile ros2)"
+        other = "ROS 1 (profile ros1)" if kind == "bag" else "ROS 2 (profile ros2)"
         raise UsageError(f"{path}: can only store messages of {other}; record to .mcap instead")
     return "ros1" if kind == "bag" or profile == "ros1" else "cdr"
 

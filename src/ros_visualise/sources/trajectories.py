@@ -107,7 +107,7 @@ def read_trajectory(
         topic = _find_topic(recording, topic, _KINDS) if topic else _choose(recording, but)
         kind = recording.topics[topic].type.data_class
         if kind is Transforms:
-            raise UsageError(ask_for_pair(recording, f"--topic {topic}"))
+            raise UsageError(ask_for_pair(recording, topic))
         poses = reader.last_path(topic) if kind is Path else reader.poses(topic)
     found = list(poses)
     stamps_ns = np.array([one.stamp_ns for one in found], np.int64)
@@ -181,7 +181,7 @@ def need_motion(recording: Recording, pair: NamedPair) -> None:
     _check_motion(recording, pair, tree)
 
 
-def ask_for_pair(recording: Recording, option: str) -> str:
+def ask_for_pair(recording: Recording, topic: str) -> str:
     """A message on how to follow a frame by tf, with the names of all frames."""
     tree = FrameTree(_HISTORY_S)
     with closing(recording.read(topics=_topics_of(recording, (Transforms,)))) as entries:
@@ -191,7 +191,7 @@ def ask_for_pair(recording: Recording, option: str) -> str:
     frames = ", ".join(tree.frames())
     if not frames:
         return f"{recording.path}: no poses in it, and no readable transforms"
-    return f"{recording.path}: choose two frames by {option}:PARENT.CHILD of {frames}"
+    return f"{recording.path}: choose two frames as {topic}:PARENT.CHILD from {frames}"
 
 
 class _Reader:

@@ -79,3 +79,25 @@ def test_ten_views_with_one_attitude_error_are_not_ten_votes():
     model = ErrorModel(MODEL.position_m, MODEL.attitude_rad, 1e-3, 1e-3)
     new = passed(np.random.default_rng(1), views=60, model=model, redraw_every=1)[1]
     assert np.trace(new[:2, :2]) < 0.1 * np.trace(once[:2, :2])
+
+
+def test_tags_seen_on_the_way_back_have_not_moved():
+    """The scale error shrinks there: the covariance hardly grows, but the random walk goes on."""
+    walk, scale, elsewhere = 0.02, 0.005, 0
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        localizer, longer, error = Localizer(), scale * random.standard_normal(), np.zeros(3)
+        for step in range(400):
+            x = 0.2 * (step if step < 200 else 400 - step)
+            error += walk * math.sqrt(0.2) * random.standard_normal(3)
+            of_scale = np.array([x, 0, 0])
+            sigmas2 = np.append(walk**2 * 0.2 * (step + 1) + (scale * of_scale) ** 2, [1e-6] * 3)
+            T = looking(np.array([x, 0, 4.0]), np.array([x, 0.01, 0]))
+            seen = [tag_seen(T, np.array([8.0, 0, 0]), turn([0, 0, 0]), tag_noise(4), random)]
+            wrong = misled(T, np.append(-error - longer * of_scale, np.zeros(3)))
+            found = seen if step > 200 and abs(x - 8) < 2 else []
+            localizer.observe(
+                detections(step / 10, found), wrong, LocalizerRules(), np.diag(sigmas2)
+            )
+        elsewhere += localizer.skipped["elsewhere"]
+    assert elsewhere < 5

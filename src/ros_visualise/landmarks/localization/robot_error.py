@@ -20,6 +20,7 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import about_itself
 from ros_visualise.landmarks.steadiness import loosened
 
+_DRIFT = 0.005  # metres per metre, of an odometry that began before it was listened to
 _LEAST = 1e-12  # variance, m^2 or rad^2, of odometry that reports zero
 
 
@@ -50,6 +51,7 @@ class RobotError:
         self._deviations = np.zeros(6)
         self._stamp_ns: int | None = None
         self._camera = np.zeros(3)
+        self._way_m = 0.0
         self._is_given = False
 
     def advance(
@@ -72,7 +74,11 @@ class RobotError:
         shift, self._camera = camera_xyz - self._camera, camera_xyz
         if given is not None:
             self.covariance = given + _LEAST * np.eye(6)
-            return _walked(before, self.covariance, shift) if was_given else np.zeros((6, 6))
+            if not was_given:
+                self._way_m = 0.0
+                return np.zeros((6, 6))
+            self._way_m += float(np.linalg.norm(shift))
+            return _walked(before, self.covariance, shift, self._way_m)
         deviations = np.repeat([model.position_m, model.attitude_rad], 3)
         self.covariance = np.diag(deviations**2)
         held_s = np.repeat([model.position_s, model.attitude_s], 3)
@@ -92,10 +98,12 @@ def at_camera(covariance: Floats, R_fixed_odom: Floats, base_to_camera_xyz: Floa
     return moved
 
 
-def _walked(before: Floats, now: Floats, shift: Floats) -> Floats:
+def _walked(before: Floats, now: Floats, shift: Floats, way_m: float) -> Floats:
     """The remaining part of errors that accumulated along the way.
 
-    Propagated rigidly, the old error is entirely part of the new one where the covariance grew.
+    The covariance has grown over the whole way, so at least the share of the last step is new, also
+    where it does not grow: on the way back a constant scale error shrinks, while a random walk goes
+    on. Propagated rigidly, the old error is entirely part of the new one where the covariance grew.
     Where it shrank, something corrected it, and the new error is what remains of the old, as after
     a Kalman update: cov(new, old) = cov(new).
     """
@@ -103,5 +111,7 @@ def _walked(before: Floats, now: Floats, shift: Floats) -> Floats:
     root = np.linalg.cholesky(carry @ before @ carry.T)
     back = np.linalg.inv(root)
     ratios, axes = np.linalg.eigh(back @ now @ back.T)
+    way_m = max(way_m, math.sqrt(np.trace(now[:3, :3]) / 3) / _DRIFT, 1e-9)
+    old = 1 - min(float(np.linalg.norm(shift)) / way_m, 1.0)
     kept: Floats = root @ (axes * np.minimum(ratios, 1)) @ axes.T @ back @ carry
-    return kept
+    return math.sqrt(old) * kept
