@@ -42,7 +42,7 @@ _MOMENTS = {
     "The most blurred images": f"SELECT recording, t_ns, {_AT}, topic, sharpness FROM image_stats"
     " JOIN recordings USING (recording) WHERE node IN ('player', 'streamer')"
     " ORDER BY sharpness LIMIT 20",
-    "The first sight of each thing": f"SELECT recording, t_ns, {_AT}, label, times FROM"
+    "The first detection of each object": f"SELECT recording, t_ns, {_AT}, label, times FROM"
     " (SELECT recording, min(t_ns) AS t_ns, label, count(*) AS times FROM detections GROUP BY ALL)"
     " JOIN recordings USING (recording) ORDER BY ALL LIMIT 200",
     "The longest gaps of topics": "SELECT recording, first_ns, topic, max_gap_s, messages"

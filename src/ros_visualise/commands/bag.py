@@ -15,7 +15,7 @@ class BagOptions(TopicOptions):
     """Options of ``bag`` and ``kitti``."""
 
     input: Sequence[str] = argument(
-        "the recording; several, films too, are played on one timeline",
+        "the recording; several recordings and films share one timeline",
         metavar="PATH",
         nargs="+",
     )

@@ -179,7 +179,7 @@ class CameraErrorParams:
     )
     calibration: str = param(
         "",
-        "YAML file that calibrate wrote: an error of the focal length is estimated",
+        "calibration file, written by calibrate, for the uncertainty of the focal length",
         group="camera",
         file=bool,
     )

@@ -50,15 +50,15 @@ class AutopilotParams:
         restart=True,
     )
     system: int = param(
-        0, "number of the vehicle's system; 0: the first one heard", min=0, max=255, restart=True
+        0, "MAVLink system of the vehicle; 0: the first one heard", min=0, max=255, restart=True
     )
-    rate: float = param(20.0, "most landing targets a second", min=1, max=100)
-    pose_rate: float = param(50.0, "most poses a second", min=1, max=200)
+    rate: float = param(20.0, "maximum rate of landing targets, Hz", min=1, max=100)
+    pose_rate: float = param(50.0, "maximum rate of poses, Hz", min=1, max=200)
     timeout: float = param(
         0.5, "age after which a landing target or a pose is not sent, seconds", min=0.01, max=10
     )
     simulated: bool = param(
-        False, "stamps are those of a simulation, by which the age of a target is not known"
+        False, "stamps are simulated, so the age of targets and poses is not checked"
     )
     speed: float = param(
         15.0, "speed above which a pose is a relocalization, m/s", min=0.1, max=200

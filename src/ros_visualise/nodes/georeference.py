@@ -134,8 +134,8 @@ class GeoreferenceParams:
     )
     terrain_shift: float = param(
         0.0,
-        "metres that are added to the model's heights, such as the geoid's, where altitudes are"
-        " compared with them: without a point of take-off",
+        "offset added to the heights of the terrain model, such as that of the geoid, metres;"
+        " unused with a known point of take-off",
         min=-1e4,
         max=1e4,
         slider=(-100, 100),

@@ -46,7 +46,7 @@ class LocalizerParams(MapParams):
 
     fixed_frame: str = param(_MAP, "frame of the landmarks; odom if frame map is missing")
     min_sightings: int = param(
-        3, "number of sightings that make a landmark", min=1, max=1000, slider=(1, 20)
+        3, "number of sightings before a landmark is accepted", min=1, max=1000, slider=(1, 20)
     )
     ground_frame: str = param(
         "", "frame whose x-y plane is the ground; empty is the fixed frame", group="ground"

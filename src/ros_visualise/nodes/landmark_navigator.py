@@ -49,8 +49,8 @@ log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
 _TWO_PUBLISH = (
-    "another node already publishes {0} -> {1}: starting from its last value; stop it (of a"
-    " recording, play it without its localization)"
+    "another node already publishes {0} -> {1}: starting from its last value; stop it, or play"
+    " the recording without its localization"
 )
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
 _UNKNOWN = 1e3  # variance above which an odometry says that it does not know

@@ -19,11 +19,10 @@ class MavlinkVehicleParams:
 
     address: str = param(
         "udp://:14550",
-        "addresses to be found on, separated by spaces, as those of the node autopilot;"
-        " read at the start",
+        "addresses that ground stations connect to, separated by spaces, as for the node autopilot",
         restart=True,
     )
-    system: int = param(1, "number of its system", min=1, max=255, restart=True)
+    system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)
     fixed_frame: str = param("map", "frame whose x axis points east; without it, that of odom does")
 
 

@@ -83,21 +83,21 @@ class TrackerParams:
     )
     camera_motion: CameraMotion = param(
         CameraMotion.AUTO,
-        "how the camera's motion is found: by odometry (tf and calibration), by the image, not at"
-        " all (a still camera), or auto: by odometry where it is known, else by the image",
+        "source of the camera's motion: odometry (tf and calibration), the image, none (a still"
+        " camera), or auto: odometry if available, else the image",
     )
     lines: str = param(
         "",
-        "counting lines, in pixels, such as gate: 100,200 400,200; several are separated by ;"
-        " seen from the first point, in is towards the right",
+        "counting lines, pixels, such as gate: 100,200 400,200, with ; between several; 'in' is the"
+        " direction to the right, seen from the first point",
     )
     zones: str = param(
-        "", "counting zones, in pixels, such as yard: 0,0 100,0 100,100; several are separated by ;"
+        "", "counting zones, in pixels, such as yard: 0,0 100,0 100,100, with ; between several"
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
-        "point of a box that is counted, and that is on the ground: the middle of its lower side,"
-        " or its centre, for a view from above",
+        "point of a box that stands on the ground and is counted: the middle of its lower side, or"
+        " its centre, for a view from above",
     )
     min_overlap: float = param(
         0.2,
@@ -108,7 +108,7 @@ class TrackerParams:
         group="association",
     )
     min_low_overlap: float = param(
-        0.5, "the same for detections of a low score", min=0.01, max=0.99, group="association"
+        0.5, "least overlap of a detection of a low score", min=0.01, max=0.99, group="association"
     )
     acceleration: float = param(
         0.25,
@@ -120,7 +120,7 @@ class TrackerParams:
         group="association",
     )
     same_class: bool = param(
-        False, "a track takes detections of its own class only", group="association"
+        False, "match detections only with tracks of their class", group="association"
     )
     fixed_frame: str = param("odom", "frame in which the ground is still", group="ground")
     ground_height: float = param(

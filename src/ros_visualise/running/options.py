@@ -238,8 +238,8 @@ class NetworkOptions:
     )
     mavlink: Sequence[str] = option(
         [],
-        "connect a vehicle, such as udp://:14540, tcp/serial as in tcp://HOST:5760 and"
-        " serial:///dev/ttyACM0:57600, one of several there as udp://:14540?system=2; repeatable",
+        "connect a vehicle: udp://:14540, tcp://HOST:5760 or serial:///dev/ttyACM0:57600; of"
+        " several vehicles at one address, ?system=2 chooses one; repeatable",
         metavar="ADDRESS",
     )
     node_name: str = option(

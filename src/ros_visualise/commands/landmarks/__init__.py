@@ -77,7 +77,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     geo: Path | None = option(
         None,
-        "write where the landmarks are on the Earth, with ellipses, and the camera's track",
+        "write geographic positions of the landmarks, with error ellipses, and the camera's track",
         metavar="OUT.geojson|.kml|.gpx|.csv",
     )
     overwrite: bool = option(False, "replace OUT if it exists")

@@ -141,7 +141,7 @@ class ResolutionParams:
     """Reduction of the resolution."""
 
     factor: int = param(
-        8, "this many pixels along each side become one", min=1, max=64, slider=(1, 32)
+        8, "side of the blocks that become one pixel, pixels", min=1, max=64, slider=(1, 32)
     )
 
 
