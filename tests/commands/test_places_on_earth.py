@@ -3,13 +3,17 @@
 import csv
 import json
 
+import av
 import numpy as np
 import PIL.Image
 import pytest
 
 from ros_visualise.commands import main
+from ros_visualise.data import Header, NavSatFix, Transforms, TransformStamped
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.landmarks.tags import draw_cells, family
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
 
 XMP = (
     '<d drone-dji:RelativeAltitude="+40.0" drone-dji:AbsoluteAltitude="+140.0"'
@@ -92,3 +96,36 @@ def test_what_cannot_be_placed_is_said_in_a_line(find, tmp_path):
         assert (found, out.exists()) == (status, False)
     assert "give a name that ends in .geojson" in find(picture, "--geo", tmp_path / "a.shp")[1]
     assert find(picture, "--geo", picture)[0] == 2
+
+
+def test_a_film_gets_its_poses_from_a_recording_beside_it(find, tmp_path, caplog):
+    """Its camera is fixed to the body, which flies 20 m high; the film starts 0.5 s later."""
+    film, beside, out = (tmp_path / name for name in ("film.mp4", "log.mcap", "out.csv"))
+    picture = tmp_path / "1.png"
+    write(picture, 400, 300)
+    with av.open(str(film), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.bit_rate = 800, 600, 8_000_000
+        for _ in range(5):
+            container.mux(stream.encode(av.VideoFrame.from_image(PIL.Image.open(picture))))
+        container.mux(stream.encode())
+    kinds = {"/fix": NavSatFix, "/tf": Transforms}
+    types = {topic: TopicType(kind.type_name) for topic, kind in kinds.items()}
+    recorder = open_recorder(beside, types, live=False)
+    for number in range(20):
+        stamp_ns, east = number * 10**8, float(number)
+        place = LocalPlane(*PLACE, 100).from_enu([east, 0, 20])
+        fix = NavSatFix(*place, np.eye(3), 2, header=Header(stamp_ns, "gps"))
+        body = np.array([east, 0.0, 20.0]), np.array([0.0, 0, 0, 1])
+        pose = TransformStamped("base_link", *body, Header(stamp_ns, "map"))
+        recorder.write("/fix", fix, stamp_ns)
+        recorder.write("/tf", Transforms((pose,)), stamp_ns)
+    recorder.close()
+    options = ["--beside", beside, "--offset", "film=0.5", "--set", "georeference.lens=70"]
+    assert find(film, *options, "--geo", out)[0] == 0
+    assert "taken as fixed to base_link, 90 degrees below" in caplog.text
+    (row,) = csv.DictReader(out.read_text().splitlines())
+    place = [float(row[name]) for name in ("latitude", "longitude", "height")]
+    np.testing.assert_allclose(LocalPlane(*PLACE, 100).to_enu(place), [7, 0, 0], atol=0.3)
+    assert find(film, "--offset", "film=1", "--geo", out, "--overwrite")[0] == 2
+    assert find(film, *options, "--offset", "other=1", "--geo", out, "--overwrite")[0] == 2

@@ -20,7 +20,10 @@ class BagOptions(TopicOptions):
         nargs="+",
     )
     offset: Sequence[str] = option(
-        [], "shift one of several recordings, later if positive; repeatable", metavar="NAME=SECONDS"
+        [],
+        "shift one of several recordings, later if positive; auto: a film by its motion and a"
+        " gyroscope; repeatable",
+        metavar="NAME=SECONDS|auto",
     )
 
 

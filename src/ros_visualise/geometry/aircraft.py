@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,12 @@ def to_enu(ned: npt.ArrayLike) -> Floats:
 def to_flu(frd: npt.ArrayLike) -> Floats:
     """Vectors (..., 3) of the body."""
     return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
+
+
+def R_body_camera(below_deg: float) -> Floats:  # noqa: N802
+    """(3, 3) optical axes of a camera that looks forward and so much below the horizon."""
+    sine, cosine = math.sin(math.radians(below_deg)), math.cos(math.radians(below_deg))
+    return np.array([[0, -sine, cosine], [-1, 0, 0], [0, -cosine, -sine]])
 
 
 def to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:

@@ -33,7 +33,7 @@ DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 LANDING_INPUT = "landing_target_odom"
 """Input of a source: the pad that it is to land on."""
 
-_ORIGIN, _LENS = "/map_origin", "/lens"
+_ORIGIN, LENS = "/map_origin", "/lens"
 
 _OBJECTS = {
     "detections": "/objects",
@@ -226,7 +226,7 @@ def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
                 " pictures of drones, a film with KLV, or a log beside it"
             )
     taken = {"fix": fixes[0], **inputs}
-    known = {"map_origin": _ORIGIN, "lens": _LENS}
+    known = {"map_origin": _ORIGIN, "lens": LENS}
     taken |= {port: topic for port, topic in known.items() if topic in graph.topics}
     return place(find_node(GEOREFERENCE), taken)
 

@@ -26,6 +26,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.aircraft import R_body_camera
 from ros_visualise.links import commands
 from ros_visualise.links.telemetry import BODY, OUTPUTS, Answer
 from ros_visualise.links.vehicle import Vehicle
@@ -125,8 +126,7 @@ class AutopilotParams:
         """The place of the camera on the body, if there is one."""
         if not self.camera:
             return None
-        sine, cosine = (f(math.radians(self.camera_pitch)) for f in (math.sin, math.cos))
-        R = np.array([[0, -sine, cosine], [-1, 0, 0], [0, -cosine, -sine]])  # right, down, forward
+        R = R_body_camera(self.camera_pitch)
         at = np.array([self.camera_x, 0.0, self.camera_z])
         header = Header(time.time_ns(), BODY)
         return Transforms((TransformStamped(self.camera, at, rotations.from_matrix(R), header),))

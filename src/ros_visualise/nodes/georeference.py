@@ -25,6 +25,7 @@ from ros_visualise.data import (
     NavSatFix,
     Text,
 )
+from ros_visualise.geometry.aircraft import R_body_camera
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.se3 import turn_between
 from ros_visualise.landmarks.georeferencing.ground import (
@@ -44,7 +45,7 @@ from ros_visualise.sinks.geography import GeoPlace, to_geojson
 from ros_visualise.vision.lens_table import find_lens
 from ros_visualise.vision.reshape import resized
 
-_MAP, _ODOM = "map", "odom"  # REP 105
+_MAP, _ODOM, _BASE = "map", "odom", "base_link"  # REP 105
 _OUTPUTS = {"positions": Detections3D, "geojson": Text, "map_origin": NavSatFix}
 _LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 _CALIBRATED = 0.003  # error of a calibrated focal length, as a fraction
@@ -57,6 +58,13 @@ class GeoreferenceParams:
     """Parameters of `Georeference`."""
 
     fixed_frame: str = param(_MAP, "frame with x east, y north, z up; odom if frame map is missing")
+    camera_pitch: float = param(
+        90.0,
+        "angle below the horizon of a camera that is fixed to base_link, degrees, used if its frame"
+        " is not on /tf; 90: straight down, with its upper edge forward",
+        min=-90,
+        max=90,
+    )
     lens: str = param(
         "",
         "lens of an uncalibrated camera: its horizontal field of view, degrees, or its name, such"
@@ -216,14 +224,14 @@ class Georeference:
             return
         fixed, stamp_ns = _fixed_frame(params, frames), fix.header.stamp_ns
         sigmas = np.array([params.position_sigma, params.position_sigma, 2 * params.position_sigma])
-        for frame in (fix.header.frame_id, "base_link", self._camera):
+        for frame in (fix.header.frame_id, _BASE, self._camera):
             try:
                 T_fixed_antenna = frames.lookup(fixed, frame, stamp_ns)
             except NoTransform:
                 continue
             self._finder.add(fix, T_fixed_antenna[:3, 3], sigmas)
             return
-        self._remarks.say(f"no frame {fix.header.frame_id} or base_link: fixes are not used")
+        self._remarks.say(f"no frame {fix.header.frame_id} or {_BASE}: fixes are not used")
 
     def _answer(
         self, found: Detections, params: GeoreferenceParams, frames: FrameTree
@@ -234,7 +242,7 @@ class Georeference:
             self._reject(len(several), "no position yet: give fixes, as on /fix")
             return None
         fixed = _fixed_frame(params, frames)
-        T_fixed_camera = frames.lookup(fixed, self._camera, stamp_ns)
+        T_fixed_camera = self._camera_pose(fixed, stamp_ns, params, frames)
         info, lens_sigma = self._lens_of(found, params)
         errors = self._errors(params, origin, lens_sigma, frames, fixed, stamp_ns)
         surface = self._surface_at(origin, params)
@@ -270,9 +278,23 @@ class Georeference:
             "map_origin": origin.message(stamp_ns, fixed),
         }
 
+    def _camera_pose(
+        self, fixed: str, stamp_ns: int, params: GeoreferenceParams, frames: FrameTree
+    ) -> Floats:
+        known = frames.frames()
+        if self._camera in known or _BASE not in known:
+            return frames.lookup(fixed, self._camera, stamp_ns)
+        self._remarks.say(
+            f"no frame {self._camera}: taken as fixed to {_BASE}, {params.camera_pitch:g} degrees"
+            " below the horizon (camera_pitch)"
+        )
+        T_base_camera = np.eye(4)
+        T_base_camera[:3, :3] = R_body_camera(params.camera_pitch)
+        return frames.lookup(fixed, _BASE, stamp_ns) @ T_base_camera
+
     def _reject(self, count: int, why: str) -> None:
-        self._rejected[why.partition(":")[0]] += count
         if count:
+            self._rejected[why.partition(":")[0]] += count
             self._remarks.say(f"not placed: {why}")
 
     def _lens_of(

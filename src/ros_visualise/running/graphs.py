@@ -37,9 +37,10 @@ from ros_visualise.running.options import (
 )
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
+from ros_visualise.sources.alignment import read_offsets
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import is_recording, open_joined, open_recording
-from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
+from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.servers import is_server
 from ros_visualise.sources.servers.connection import Connection
 
@@ -96,7 +97,7 @@ def recording(
             opened = undo.enter_context(closing(open_recording(path)))
             return recording_pipeline(opened, topics, *chosen)
         joined = undo.enter_context(closing(open_joined([Path(one) for one in (path, *more)])))
-        moved = dict(zip(joined.names, parse_offsets(offsets, joined), strict=True))
+        moved = dict(zip(joined.names, read_offsets(offsets, joined), strict=True))
         _say_alignment(joined, moved)
         graph = recording_pipeline(joined, topics, *chosen)
         return graph.configured({"player": moved})

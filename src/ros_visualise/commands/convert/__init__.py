@@ -24,7 +24,10 @@ class ConvertOptions(MemoryOptions):
         metavar="DST",
     )
     offset: Sequence[str] = option(
-        [], "shift one of several recordings, later if positive; repeatable", metavar="NAME=SECONDS"
+        [],
+        "shift one of several recordings, later if positive; auto: a film by its motion and a"
+        " gyroscope; repeatable",
+        metavar="NAME=SECONDS|auto",
     )
     topics: Sequence[str] = option(
         [], "write only these topics", action="extend", nargs="+", metavar="TOPIC"

@@ -28,9 +28,10 @@ from ros_visualise.sinks.conversion import (
 )
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources import open_source
+from ros_visualise.sources.alignment import read_offsets
 from ros_visualise.sources.opening import open_joined
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
+from ros_visualise.sources.recordings.joined import JoinedRecording
 from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.live.marks import Marks
 
@@ -67,7 +68,7 @@ def _opened(options: ConvertOptions) -> Recording:
             raise UsageError(f"--offset {options.offset[0]}: needs several recordings or films")
         return open_source(options.input[0])
     joined = open_joined([Path(path) for path in options.input])
-    joined.move(parse_offsets(options.offset, joined))
+    joined.move(read_offsets(options.offset, joined))
     return joined
 
 

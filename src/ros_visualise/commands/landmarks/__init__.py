@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,6 +64,17 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         "a picture, a folder of pictures, a video, a recording (with images or recorded tags),"
         f" or a simulated robot: {OURS}",
         metavar="SRC",
+    )
+    beside: Sequence[str] = option(
+        [],
+        "a recording or log of the same time, such as flight.ulg, with the poses of the camera;"
+        " repeatable",
+        metavar="FILE",
+    )
+    offset: Sequence[str] = option(
+        [],
+        "shift a source of --beside, later if positive; auto: by the film's own motion; repeatable",
+        metavar="NAME=SECONDS|auto",
     )
     mission: str | None = mission_option("the robot's own")
     topic: str = option(

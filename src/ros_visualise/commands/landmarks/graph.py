@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import print_status
-from ros_visualise.data import CameraInfo, Detections, Image, Imu, NavSatFix, Odometry, Transforms
+from ros_visualise.data import Detections, Image, Imu, NavSatFix, Odometry, Transforms
 from ros_visualise.graph import Graph, SourceNode
-from ros_visualise.graph.landmarks import LOCALIZER, OBJECTS, RECORDED_TAGS, TAGS, with_landmarks
+from ros_visualise.graph.landmarks import (
+    LENS,
+    LOCALIZER,
+    OBJECTS,
+    RECORDED_TAGS,
+    TAGS,
+    with_landmarks,
+)
 from ros_visualise.graph.pipelines import made_topics, open_input, recorded_source
 from ros_visualise.landmarks.tags.known import parse_ids
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.running.graphs import with_settings
 from ros_visualise.simulation.robots import OURS, ROBOTS
+from ros_visualise.sources.alignment import read_offsets
 from ros_visualise.sources.calibration import read_calibration
+from ros_visualise.sources.opening import open_joined
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image, own_cameras
 
@@ -60,6 +70,10 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, lis
     """The source, and the topics of images or detections."""
     if not options.input:
         raise UsageError(f"give a picture, a folder of pictures, a video, a recording, {OURS}")
+    if options.beside:
+        return _beside(options, undo)
+    if options.offset:
+        raise UsageError(f"--offset {options.offset[0]}: requires --beside FILE")
     source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
     if options.scenario and not is_robot:
@@ -79,17 +93,28 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, lis
     return source, ["/image_raw"]
 
 
+def _beside(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, list[str]]:
+    """Several recordings and films on one line of time."""
+    files = [Path(one) for one in (options.input, *options.beside)]
+    joined = undo.enter_context(closing(open_joined(files)))
+    moved = dict(zip(joined.names, read_offsets(options.offset, joined), strict=True))
+    source, topics = _recorded(joined, options)
+    return source.configured(moved), topics
+
+
 def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNode, list[str]]:
     """A recording's images, or its detections, and the poses of its camera."""
     kinds = {name: topic.type.data_class for name, topic in recording.topics.items()}
     topics = _cameras(recording, options, kinds)
     wanted = (*_MAPPED, *(() if options.map is None else (Imu,)))
-    wanted += () if options.geo is None else (NavSatFix, CameraInfo)
+    wanted += () if options.geo is None else (NavSatFix,)
     made = made_topics()
     beside = [
         name
         for name, kind in kinds.items()
-        if kind in wanted and name not in made and not recording.topics[name].unreadable
+        if (kind in wanted or (options.geo and name == LENS))
+        and name not in made
+        and not recording.topics[name].unreadable
     ]
     files = files_of(options)
     if len(files) not in (0, 1, len(topics)):

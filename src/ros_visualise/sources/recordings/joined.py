@@ -97,6 +97,11 @@ class JoinedRecording:
         self.end_ns = max(end_ns for _, end_ns in self.spans_ns)
 
     @property
+    def recordings(self) -> Sequence[Recording]:
+        """The parts, with their own stamps."""
+        return self._parts
+
+    @property
     def parts(self) -> Sequence[Collection[str]]:
         """The topics of each part."""
         return self._places
