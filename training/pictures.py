@@ -98,15 +98,22 @@ def row(seen: Seen) -> list[float]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of both pictures and training."""
-    parser.add_argument("--seed", type=int, default=0, help="of the worlds")
-    parser.add_argument("--per-world", type=int, default=PER_WORLD, help="pictures of each world")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the worlds (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--per-world",
+        type=int,
+        default=PER_WORLD,
+        help="pictures of each world (default: %(default)s)",
+    )
     parser.add_argument(
         "--body",
         type=Path,
         action="append",
         default=[],
         metavar="FILE.xml",
-        help="a MJCF file whose first body becomes a class more; may be given again",
+        help="MJCF file whose first body becomes an additional class; repeatable",
     )
 
 
@@ -114,11 +121,21 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path, help="folder to write to")
-    parser.add_argument("--worlds", type=int, default=10, help="how many (default: %(default)s)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument("--step", type=int, default=1, help="1: all; 2: every second one; ...")
-    parser.add_argument("--side", type=int, default=SIZE[0], help="pixels (default: %(default)s)")
-    parser.add_argument("--held-out", action="store_true", help="styles never trained on")
+    parser.add_argument(
+        "--worlds", type=int, default=10, help="number of worlds (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--first", type=int, default=0, help="number of the first world (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--step", type=int, default=1, help="step between their numbers (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--side", type=int, default=SIZE[0], help="side of a picture, pixels (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--held-out", action="store_true", help="use the styles that training never uses"
+    )
     add_arguments(parser)
     asked = parser.parse_args()
     for number in range(asked.first, asked.first + asked.worlds, asked.step):
@@ -127,6 +144,7 @@ def main() -> int:
             size = asked.side, asked.side
             seed = asked.seed, number
             write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
+        print(folder)
     return 0
 
 
