@@ -74,7 +74,7 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             type("Empty", (), {"__init__": lambda self, params: None}),
             {},
-            "node locator: the class Empty needs a method step(self, ",
+            r"node locator: the class Empty needs a method step\(self, ",
         ),
         (
             type("Bare", (), {"step": lambda self, params, image=None, boxes=None: None}),
