@@ -42,7 +42,7 @@ class FakeVehicle:
     def __init__(self, port=0, autopilot=PX4, system=1, garbage=b"", line=None):
         self.autopilot, self.system = autopilot, system
         self.heard = []
-        self.is_quiet = False
+        self.is_quiet = self.is_mute = False  # mute: only heartbeats and answers
         self.results = {}  # command -> result, None: no answer; others are accepted
         self._garbage = garbage
         self._line = line or udp_line(port)
@@ -79,6 +79,8 @@ class FakeVehicle:
                 beat_s = time.monotonic() + 0.5
                 mode = 4 << 16 | 9 << 24 if self.autopilot == PX4 else 5
                 self.send(v2.MAVLink_heartbeat_message(2, self.autopilot, 128, mode, 4, 3))
+            if self.is_mute:
+                continue
             ms = self._now_ns() // 1_000_000
             self.send(v2.MAVLink_attitude_message(ms, 0, 0, math.pi / 2, 0.1, 0.2, 0.3))
             self.send(v2.MAVLink_local_position_ned_message(ms, 20, 10, -5, 1, 2, -3))

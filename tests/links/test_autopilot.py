@@ -204,6 +204,22 @@ def test_stale_targets_are_not_sent(ends):
     assert texts() == ["landing target found", "landing target lost"]
 
 
+def test_telemetry_that_does_not_come_is_asked_for(ends, monkeypatch):
+    monkeypatch.setattr(vehicle, "_SPEAK_S", 0.05)
+    ends.start()
+    ardupilot = ends.vehicle(ARDUPILOT)
+    ardupilot.is_mute = True
+    ends.wait_for("mode")
+    asked = wait_for(lambda: ardupilot.of("COMMAND_LONG")[:3], "requests")
+    assert {one.command for one in asked} == {511}
+    assert {one.param1: one.param2 for one in asked}[32] == pytest.approx(1e6 / 30)
+    ends.tick()
+    wait_for(lambda: len(ardupilot.of("COMMAND_LONG")) >= 15, "all requests")
+    seen = len(ardupilot.of("HEARTBEAT"))
+    wait_for(lambda: len(ardupilot.of("HEARTBEAT")) > seen + 2, "later messages")
+    assert len(ardupilot.of("COMMAND_LONG")) == 15
+
+
 def test_nothing_commands_the_vehicle(ends):
     ends.start()
     px4 = ends.vehicle()

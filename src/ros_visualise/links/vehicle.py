@@ -29,6 +29,9 @@ _ONBOARD, _ACTIVE = 18, 4
 _SPEAK_S = 1.0
 _LOST_S = 3.0
 _MOST_WARNINGS = 100
+_NEEDED = {"ATTITUDE": 50.0, "LOCAL_POSITION_NED": 30.0, "GLOBAL_POSITION_INT": 5.0}
+"""Messages -> their rates, Hz, if they do not come by themselves."""
+_SET_INTERVAL, _MOST_ASKED = 511, 5
 _KEPT = 2_000  # messages that nobody has taken
 _ARMED = 128
 _WARNING, _INFO = 4, 6
@@ -96,6 +99,8 @@ class Vehicle:
         self._raw: deque[bytes] = deque(maxlen=_KEPT)
         self._heard_s = self._spoke_s = 0.0
         self._resets = 0
+        self._heard_kinds: Counter[str] = Counter()
+        self._asked = 0
         self._warned: set[str] = set()
         self._commander = Commander(self._send, self._tell)
         self._line = line_at(address)
@@ -201,6 +206,7 @@ class Vehicle:
                 self._warn(f"ignoring system {system} at {places}")
             return
         self.counts["messages"] += 1
+        self._heard_kinds[message.get_type()] += 1
         self._keep(message.get_msgbuf())
         if is_beat:
             self._peer = peer
@@ -230,6 +236,8 @@ class Vehicle:
 
     def _beat(self, message: Any) -> None:
         if self.lost or self.autopilot is None:
+            self._asked = 0
+            self._heard_kinds.clear()
             log.info("autopilot: system %d is %s", self.system, "back" if self.lost else "there")
             self.clock.forget()
         self.autopilot, self.lost = message.autopilot, False
@@ -268,6 +276,21 @@ class Vehicle:
             self._send(beat)
             if self.autopilot is not None:
                 self._send(self._dialect.MAVLink_timesync_message(0, _now_ns()))
+            if self.autopilot is not None and not self.lost:
+                self._ask_for_telemetry()
+
+    def _ask_for_telemetry(self) -> None:
+        """Ask for what does not come by itself, as from many ports of ArduPilot, a few times."""
+        self._asked += 1
+        for name, rate in _NEEDED.items() if 2 < self._asked <= 2 + _MOST_ASKED else ():
+            if not self._heard_kinds[name]:
+                number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
+                rest = 1e6 / rate, *[0.0] * 5
+                self._send(
+                    self._dialect.MAVLink_command_long_message(
+                        self.system, _AUTOPILOT, _SET_INTERVAL, 0, number, *rest
+                    )
+                )
 
     def _tell(self, text: str, is_failure: bool) -> None:
         log.log(logging.WARNING if is_failure else logging.INFO, "autopilot: %s", text)
