@@ -73,7 +73,7 @@ def test_the_frames_can_be_set_as_any_parameters(run, bag, tmp_path):
 
 PAIR = "--odom /tf:PARENT.CHILD"
 REFUSALS = [
-    (["--odom", "/tf"], "--odom /tf:PARENT.CHILD of base, camera, map, odom"),
+    (["--odom", "/tf"], "choose two frames as /tf:PARENT.CHILD from base, camera, map, odom"),
     (["--odom", "/tf:map"], "write a pair of frames as /tf:PARENT.CHILD"),
     (["--odom", "/tf:map.mars"], "no frame 'mars'; known frames: base, camera, map, odom"),
     (["--odom", "/tf:base.camera"], "camera does not move in base"),

@@ -124,7 +124,7 @@ def test_what_moves_is_no_landmark(caplog):
     for one in seen:
         answer = node.step(params, detections=one, frames=frames)
     assert [one.class_id for one in answer["landmarks"].detections] == ["tag36h11_4"]
-    assert node.report()["left_out"] == {"moves": 9}
+    assert node.report()["skipped"] == {"moves": 9}
     assert caplog.text == ""
 
 
@@ -174,7 +174,7 @@ def test_two_cameras_see_one_landmark():
         answer = node.step(PARAMS, detections=message(number, right, frame="right"), frames=frames)
     (found,) = answer["landmarks"].detections
     np.testing.assert_allclose(found.position_xyz, [1, -0.5, 0], atol=1e-9)
-    assert node.report() == {"landmarks": 1, "seen": {"tag36h11_3": 8}, "left_out": {}}
+    assert node.report() == {"landmarks": 1, "seen": {"tag36h11_3": 8}, "skipped": {}}
 
 
 def test_an_odometry_says_how_sure_the_robot_is():

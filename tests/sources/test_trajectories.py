@@ -105,7 +105,7 @@ def test_fixes_on_the_plane_at_the_first_that_is_one():
 
     fixes = [fix(0.0, -1), fix(48.0), fix(48.001), fix(math.nan), fix(48.0, -1), fix(91.0)]
     found = read_trajectory(Memory(fix=fixes))
-    assert found.left_out == {"without a fix": 2, "no numbers": 2}
+    assert found.skipped == {"without a fix": 2, "no numbers": 2}
     assert found.path.header.frame_id == "map"
     np.testing.assert_array_equal(found.path.quats_xyzw, [UPRIGHT] * 2)
     np.testing.assert_allclose(found.path.positions_xyz, [[0, 0, 0], [0, 111.2, 0]], atol=0.06)
@@ -115,14 +115,14 @@ def test_what_is_no_number_is_left_out_and_counted():
     wrong = [pose(math.nan, 1), pose(math.inf, 2), pose(1e300, 2), pose(0, 3, [0, 0, 0, math.nan])]
     found = read_trajectory(Memory(pose=[pose(5, 0), *wrong]))
     assert x_of(found) == [5]
-    assert found.left_out == {"no numbers": 4}
+    assert found.skipped == {"no numbers": 4}
 
 
 def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
     damaged = Recorded("geometry_msgs/msg/PoseStamped", b"\1\2\3", Definitions("ros1"), 0)
     found = read_trajectory(Memory(pose=[pose(1, 0), damaged, damaged, pose(2, 1)]))
     assert x_of(found) == [1, 2]
-    assert found.left_out == {"damaged": 2}
+    assert found.skipped == {"damaged": 2}
     assert caplog.messages == [
         "/pose: cannot decode 3 bytes as geometry_msgs/msg/PoseStamped"
         " (further occurrences suppressed)"
@@ -219,7 +219,7 @@ def test_frames_that_are_not_there_are_said():
     with pytest.raises(UsageError, match="camera does not move in base"):
         read_trajectory(Memory(**TF), "/tf:base.camera")
     for topic in (None, "/tf"):
-        with pytest.raises(UsageError, match=r"PARENT\.CHILD of base, camera, map, odom, wheel"):
+        with pytest.raises(UsageError, match=r"PARENT\.CHILD from base, camera, map, odom, wheel"):
             read_trajectory(Memory(**TF), topic)
 
 
@@ -247,7 +247,7 @@ def test_transforms_that_are_none_are_counted_by_what_is_wrong_with_them():
         Memory(tf=[Transforms((moved("odom", "base"), *wrong))]), "/tf:odom.base"
     )
     assert x_of(found) == [1]
-    assert found.left_out == {
+    assert found.skipped == {
         "transforms: is its own parent": 2,
         "transforms: would close a loop of frames": 1,
         "transforms: lacks a frame name": 1,

@@ -23,7 +23,7 @@ def write(tmp_path):
 def test_tum_as_evo_reads_it(recordings):
     path = recordings / "trajectory" / "evo" / "freiburg1_xyz-groundtruth.txt"
     found, evo = read_trajectory_file(path), file_interface.read_tum_trajectory_file(path)
-    assert (found.stamped, found.turns, found.left_out) == (True, True, {})
+    assert (found.stamped, found.turns, found.skipped) == (True, True, {})
     np.testing.assert_allclose(found.path.stamps_ns / 1e9, evo.timestamps, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(found.path.positions_xyz, evo.positions_xyz)
     np.testing.assert_array_equal(
@@ -57,7 +57,7 @@ def test_euroc_as_evo_reads_it(write, columns, comma, header):
     path = write("\n".join(lines[0 if header else 1 :]) + "\n")
     assert is_trajectory_file(path)
     found, evo = read_trajectory_file(path), file_interface.read_euroc_csv_trajectory(path)
-    assert (found.stamped, found.turns, found.left_out) == (True, True, {})
+    assert (found.stamped, found.turns, found.skipped) == (True, True, {})
     assert found.path.stamps_ns.tolist() == [1403636580838555648, 1403636580843555328]
     np.testing.assert_array_equal(found.path.positions_xyz, evo.positions_xyz)
     np.testing.assert_array_equal(
@@ -101,13 +101,13 @@ WRONG = ["2 x y z 0 0 0 1", "3 0 0 0 0", "4 nan 0 0 0 0 0 1", "1e300 0 0 0 0 0 0
 def test_a_damaged_line_is_counted_and_said(write, caplog, line):
     found = read_trajectory_file(write(f"1 0 0 0 0 0 0 1\n{line}\n9 0 0 0 0 0 0 1\n"))
     assert found.path.stamps_ns.tolist() == [10**9, 9 * 10**9]
-    assert found.left_out == {"damaged": 1}
+    assert found.skipped == {"damaged": 1}
     assert "line 2 is not a pose" in caplog.text
 
 
 def test_a_matrix_that_is_no_rotation_is_damaged(write):
     found = read_trajectory_file(write(KITTI + "2 0 0 4 0 1 0 5 0 0 1 6\n" + KITTI))
-    assert found.left_out == {"damaged": 1}
+    assert found.skipped == {"damaged": 1}
     mirrored = "1 0 0 4 0 1 0 5 0 0 -1 6\n"
     with pytest.raises(RosVisualiseError, match="no poses on"):
         read_trajectory_file(write(mirrored))

@@ -156,7 +156,7 @@ class LandmarkLocalizer:
         return {
             "landmarks": len(landmarks),
             "seen": {one.name: one.seen for one in landmarks},
-            "left_out": dict(self._localizer.skipped),
+            "skipped": dict(self._localizer.skipped),
         }
 
     def _answer(self, header: Header) -> dict[str, Any]:

@@ -55,7 +55,7 @@ class Trajectory:
     Attributes:
         topic: its name; of tf, with its frames.
         path: the poses in order of their stamps, in the frame of its header.
-        left_out: reason -> number of skipped poses.
+        skipped: reason -> number of skipped poses.
         unordered: poses that were recorded before others of earlier stamps.
         repeated: poses that have the stamp of the one before.
         without_attitude: poses whose quaternion was zero; they have that of the frame.
@@ -65,7 +65,7 @@ class Trajectory:
 
     topic: str
     path: Path
-    left_out: dict[str, int] = field(default_factory=dict)
+    skipped: dict[str, int] = field(default_factory=dict)
     unordered: int = 0
     repeated: int = 0
     without_attitude: int = 0
@@ -115,7 +115,7 @@ def read_trajectory(
         stamps_ns = np.array([one.recorded_ns for one in found], np.int64)
     rows = np.array([one.pose for one in found])
     frame_id = found[0].frame_id if found else ""
-    trajectory = ordered(topic, stamps_ns, rows, frame_id, reader.left_out)
+    trajectory = ordered(topic, stamps_ns, rows, frame_id, reader.skipped)
     trajectory.turns &= reader.has_attitudes
     return trajectory
 
@@ -131,7 +131,7 @@ def ordered(
     stamps_ns: npt.NDArray[np.int64],
     rows: Floats,
     frame_id: str,
-    left_out: dict[str, int],
+    skipped: dict[str, int],
 ) -> Trajectory:
     """The trajectory of poses (N, 7) in any order: x, y, z and a quaternion x, y, z, w each.
 
@@ -139,7 +139,7 @@ def ordered(
         RosVisualiseError: no poses.
     """
     if not len(rows):
-        why = ", ".join(f"{count} {why}" for why, count in left_out.items())
+        why = ", ".join(f"{count} {why}" for why, count in skipped.items())
         raise RosVisualiseError(f"no poses on {topic}{': ' if why else ''}{why}")
     unordered = int((stamps_ns < np.maximum.accumulate(stamps_ns)).sum())
     order = np.argsort(stamps_ns, kind="stable")
@@ -150,7 +150,7 @@ def ordered(
     repeated = int((np.diff(stamps_ns) == 0).sum())
     without_attitude = int(flat.sum())
     turns = without_attitude < len(rows)
-    return Trajectory(topic, path, left_out, unordered, repeated, without_attitude, turns=turns)
+    return Trajectory(topic, path, skipped, unordered, repeated, without_attitude, turns=turns)
 
 
 def parse_pair(recording: Recording, name: str) -> NamedPair:
@@ -205,7 +205,7 @@ class _Reader:
         self.has_attitudes = True
 
     @property
-    def left_out(self) -> dict[str, int]:
+    def skipped(self) -> dict[str, int]:
         """Reason -> number of skipped messages."""
         counts = {
             "without a fix": self._locator.without_fix,

@@ -78,8 +78,8 @@ def read_trajectory_file(path: Path) -> Trajectory:
             rows.append(row)
     if wrong:
         log.warning("%s: line %d is not a pose (further occurrences suppressed)", path, wrong[0])
-    left_out = {"damaged": len(wrong)} if wrong else {}
-    found = ordered(str(path), np.array(stamps_ns, np.int64), np.array(rows), "", left_out)
+    skipped = {"damaged": len(wrong)} if wrong else {}
+    found = ordered(str(path), np.array(stamps_ns, np.int64), np.array(rows), "", skipped)
     found.stamped = parse is not _kitti
     found.repeated = found.repeated if found.stamped else 0
     return found

@@ -158,7 +158,7 @@ def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
             }
             for one in calibrations_of(found)
         ],
-        "left_out": dict(unused),
+        "skipped": dict(unused),
     }
 
 

@@ -27,7 +27,7 @@ def to_json(
         "frame": found.path.header.frame_id,
         "start": int(found.path.stamps_ns[0]) / 1e9 if found.stamped else None,
         **figures(found),
-        "left_out": found.left_out,
+        "skipped": found.skipped,
         "unordered": found.unordered,
         "repeated": found.repeated,
         "without_attitude": found.without_attitude,
@@ -61,7 +61,7 @@ def summary(found: Trajectory) -> list[str]:
     if values["mean_mps"] is not None:
         lines.append(f"mean speed: {values['mean_mps']:.3f} m/s")
         lines.append(f"top speed:  {values['top_mps']:.3f} m/s over a second")
-    for why, count in found.left_out.items():
+    for why, count in found.skipped.items():
         lines.append(f"skipped:    {count} {why}")
     if found.unordered:
         lines.append(f"sorted:     {found.unordered} out of order")

@@ -54,7 +54,7 @@ def assess(options: TrajectoryOptions) -> int:
         print_status(f"{file}: written")
     for note in inputs.notes:
         print_status(f"ros-visualise: {note}")
-    return 1 if inputs.notes or any(one.left_out.get("damaged") for one in inputs.all) else 0
+    return 1 if inputs.notes or any(one.skipped.get("damaged") for one in inputs.all) else 0
 
 
 def _check(options: TrajectoryOptions) -> None:
