@@ -9,9 +9,11 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from made_videos import numbered, write_video
 
 from ros_visualise.core import limits
 from ros_visualise.data import Image, Imu, NavSatFix
+from ros_visualise.geometry.rotations import to_matrix
 from ros_visualise.graph.pipelines import film_pipeline
 from ros_visualise.nodes.streamer import StreamerParams
 from ros_visualise.nodes.streamer import film as film_source
@@ -208,3 +210,25 @@ def test_a_film_alone_has_the_pipeline_of_images(recordings):
     graph = film_pipeline(recordings / "video" / "vtest.avi")
     assert graph.source.outputs == {"image": "/image_raw"}
     assert [node.name for node in graph.nodes] == ["fps_control", "filters", "edge_detector"]
+
+
+def test_subtitles_with_the_gimbal_give_the_pose_of_the_camera(tmp_path):
+    """As of newer drones of DJI: 30 m above the point of take-off, looking down to the east."""
+    film = tmp_path / "DJI_1.MP4"
+    write_video(film, numbered(5))
+    text = ""
+    for number, yaw in enumerate((90, 91)):
+        text += (
+            f"{number + 1}\n00:00:0{number},000 --> 00:00:0{number + 1},000\n[focal_len: 24.00]"
+            " [latitude: 47.5] [longitude: 8.25] [rel_alt: 30.0 abs_alt: 430.0]"
+            f" [gb_yaw: {yaw}.0 gb_pitch: -90.0 gb_roll: 0.0]\n\n"
+        )
+    film.with_suffix(".SRT").write_text(text)
+    series = {one.topic: one for one in telemetry_of(film)}
+    assert series.keys() == {"map_origin", "tf", "fix", "lens"}
+    assert series["map_origin"].make(0).altitude == 400
+    (first,) = series["tf"].make(0).transforms
+    np.testing.assert_allclose(first.translation_xyz, [0, 0, 30], atol=1e-6)
+    np.testing.assert_allclose(to_matrix(first.quat_xyzw) @ [0, -1, 0], [1, 0, 0], atol=1e-9)
+    assert len(series["lens"].stamps_ns) == 1
+    assert series["fix"].make(0).altitude == 430

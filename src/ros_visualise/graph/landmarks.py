@@ -25,7 +25,7 @@ from ros_visualise.simulation.worlds import WORLDS
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
-GEOREFERENCE = "georeference"
+GEOREFERENCE, _TRACKER = "georeference", "tracker"
 LANDING, POSE_ERROR = "landing_target", "pose_error"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or convert those that others found."""
@@ -86,6 +86,7 @@ def with_landmarks(
     settings: Settings = MappingProxyType({}),
     navigate: bool = False,
     on_earth: bool | None = None,
+    follow: bool = False,
 ) -> Graph:
     """The same graph with nodes that find landmarks; where there are frames, also map them.
 
@@ -100,6 +101,7 @@ def with_landmarks(
         settings: type of node -> its parameters.
         navigate: localize the robot in the map, instead of trusting the frames.
         on_earth: place them on the Earth; None: where fixes and frames allow it, unless simulated.
+        follow: give objects ids over time before they are placed.
 
     Raises:
         UsageError: one of their topics exists, no odometry to correct, no such parameter, or a
@@ -127,6 +129,10 @@ def with_landmarks(
         found = _with_landing(found, beside)
     earth = _first(graph, NavSatFix) is not None and has_frames(graph)
     if on_earth or (on_earth is None and earth and not _is_simulated(graph)):
+        if follow and "objects" in inputs:
+            seen = {"detections": inputs["objects"], "image": topics[0]}
+            found.append(place(find_node(_TRACKER), seen))
+            inputs = {**inputs, "objects": found[-1].outputs["tracks"]}
         found.append(_georeference(graph, inputs))
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(

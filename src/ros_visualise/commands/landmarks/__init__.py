@@ -92,6 +92,9 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         "write geographic positions of the landmarks, with error ellipses, and the camera's track",
         metavar="OUT.geojson|.kml|.gpx|.csv",
     )
+    tracks: bool = option(
+        False, "follow objects over time by the node tracker; --geo has the track of each"
+    )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")
 

@@ -54,7 +54,12 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
         graph = Graph(source, ())
         detectors = _detectors(options, is_image=graph.topics[topics[0]].type is Image)
         graph = with_landmarks(
-            graph, topics, detectors, _settings(options), on_earth=options.geo is not None
+            graph,
+            topics,
+            detectors,
+            _settings(options),
+            on_earth=options.geo is not None,
+            follow=options.tracks,
         )
         graph = with_settings(graph, options)
         undo.pop_all()  # the graph closes the recording

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +43,14 @@ class PlaceLog:
         self._fixes: list[NavSatFix] = []
         self._origin: MapOrigin | None = None
 
-    @property
-    def places(self) -> list[GeoPlace]:
-        """Each thing once; those without an id of their own are distinguished by their places."""
+    def found(self) -> tuple[list[GeoPlace], list[GeoTrack]]:
+        """Each thing once, and the tracks of the camera and of things that are followed.
+
+        Those without an id of their own are distinguished by their places.
+        """
         origin = self._origin
         if origin is None:
-            return []
+            return [], []
         several: dict[str, list[_Thing]] = {}
         with self._lock:
             found = sorted(self._found, key=lambda one: one.header.stamp_ns)
@@ -55,11 +58,11 @@ class PlaceLog:
             _assign(
                 several, geo_places(message.detections, origin, message.header.stamp_ns), origin
             )
-        return [thing.place(origin) for things in several.values() for thing in things]
+        every = [thing for things in several.values() for thing in things]
+        followed = [thing.track for thing in every if thing.is_followed]
+        return [thing.place(origin) for thing in every], [*self._camera_track(), *followed]
 
-    @property
-    def tracks(self) -> list[GeoTrack]:
-        """The camera's track, if it moved."""
+    def _camera_track(self) -> list[GeoTrack]:
         with self._lock:
             fixes = sorted(self._fixes, key=lambda one: one.header.stamp_ns)
         places = np.array([(one.latitude, one.longitude, one.altitude) for one in fixes])
@@ -88,7 +91,7 @@ def save_places(path: Path, log: PlaceLog, report: RunReport, overwrite: bool) -
     figures = report.nodes[GEOREFERENCE]
     rejected: Mapping[str, int] = figures.own["rejected"]
     why = [f"{count} {reason}" for reason, count in rejected.items()]
-    places, tracks = log.places, log.tracks
+    places, tracks = log.found()
     if not places:
         lost = [f"{n} dropped ({reason})" for reason, n in figures.dropped.items() if n]
         reasons = "; ".join([*why, *lost]) or "no landmarks were detected"
@@ -129,8 +132,21 @@ class _Thing:
             covariance = covariance + scatter  # it moves, or is several
         return mean, covariance
 
+    @property
+    def is_followed(self) -> bool:
+        """True if it has an id over time, and was seen more than once."""
+        return self.seen[0].name != self.kind and len(self.seen) > 1
+
+    @property
+    def track(self) -> GeoTrack:
+        """Its places over time."""
+        stamps_ns = np.array([one.stamp_ns for one in self.seen], np.int64)
+        return GeoTrack(self.name, np.array([one.place for one in self.seen]), stamps_ns)
+
     def place(self, origin: MapOrigin) -> GeoPlace:
-        """All of it."""
+        """All of it; the last place of a thing that is followed, since it may move."""
+        if self.is_followed:
+            return replace(self.seen[-1], seen=len(self.seen))
         position, covariance = self.mean
         at: Floats = origin.plane.from_enu(position)
         last = self.seen[-1].stamp_ns

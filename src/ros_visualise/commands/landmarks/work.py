@@ -74,6 +74,8 @@ def _check(options: LandmarksOptions) -> None:
     Raises:
         UsageError: the map cannot be written there, or there is a survey and no map.
     """
+    if options.tracks and options.geo is None:
+        raise UsageError("--tracks: requires --geo OUT")
     if options.geo is not None:
         check_geography(options.geo)
         check_targets([options.geo], options.input)

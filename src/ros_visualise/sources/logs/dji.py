@@ -3,7 +3,8 @@
 Alone it is a recording of ``/gps/fix``. Its stamps are those of the camera's clock, which shows
 local time and is read as UTC, where the subtitles have dates; else they are the time in the film.
 Where that clock goes back, the film began at its first date. Altitudes are above the sea where the
-subtitles have them, else above the point of take-off. Camera settings are ignored.
+subtitles have them, else above the point of take-off. Beside a film, subtitles with the angles of
+the gimbal give the pose of its camera, and its lens by the focal length.
 """
 
 from __future__ import annotations
@@ -22,9 +23,19 @@ import numpy as np
 from ros_visualise.core.errors import OpenError, TooLarge
 from ros_visualise.core.limits import check_text
 from ros_visualise.core.regular_files import read_file
+from ros_visualise.data import CameraInfo
+from ros_visualise.sources.camera_poses import (
+    CameraPoses,
+    angle_quats,
+    camera_series,
+    lens_series,
+    optical_quats,
+)
+from ros_visualise.sources.demux import open_container, video_stream
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series, fix_series
+from ros_visualise.vision.lens_table import lens_of_focal
 
 _NS = 1_000_000_000
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
@@ -40,6 +51,7 @@ _DATE = re.compile(
 )
 _NO_TEXT = re.compile("[\0\ufffd]")
 _FIGURES = re.compile(r"[-+.\d]+")
+_TURNS = ("yaw", "pitch", "roll")
 _GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[,)]")
 _LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
 _LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]")
@@ -47,6 +59,9 @@ _ABSOLUTE = re.compile(rf"\babs_alt\s*:?\s*{_NUMBER}\s*[\]\s]")
 _RELATIVE = re.compile(
     rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,mM]|\bH\s+{_NUMBER}\s*m"
 )
+_ANGLES = tuple(re.compile(rf"\bgb_{name}\s*:?\s*{_NUMBER}\s*[\]\s,]") for name in _TURNS)
+_FOCAL = re.compile(rf"\bfocal_len\s*:?\s*{_NUMBER}\s*\]")
+_LONGEST_MM = 100.0  # above it, focal lengths are in tenths
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +70,8 @@ class _Subtitle:
 
     ``begin_ns`` is its time in the film; ``date_ns`` the camera's clock as if it showed UTC, or
     None; ``date_is_fine`` is true if that has parts of seconds. ``altitude`` is in metres above
-    the sea, ``height`` above the point of take-off.
+    the sea, ``height`` above the point of take-off. ``angles`` are yaw, pitch and roll of the
+    gimbal in degrees, ``focal_mm`` the focal length as of 36 x 24 mm.
     """
 
     number: int
@@ -66,6 +82,8 @@ class _Subtitle:
     longitude: float
     altitude: float
     height: float
+    angles: tuple[float, float, float]
+    focal_mm: float
 
     @property
     def has_fix(self) -> bool:
@@ -103,9 +121,43 @@ def fixes_beside(film: Path) -> list[Series]:
         if path.is_file() and path != film:
             text, subtitles = _read(path)
             if begins_srt(text[:_HEAD_BYTES].encode()) and any(one.has_fix for one in subtitles):
-                return [_fixes("fix", subtitles, [one.begin_ns for one in subtitles])]
+                return _camera(film, subtitles)
             break
     return []
+
+
+def _camera(film: Path, subtitles: Sequence[_Subtitle]) -> list[Series]:
+    """The camera of a film, by the time in it: its fixes, and its pose and lens if known."""
+    stamps_ns = [one.begin_ns for one in subtitles]
+    fixes = _fixes("fix", subtitles, stamps_ns)
+    quats = optical_quats(angle_quats([one.angles for one in subtitles]))
+    if not np.isfinite(quats).any():
+        return [fixes]
+    altitudes = np.array([one.altitude for one in subtitles])
+    heights = np.array([one.height for one in subtitles])
+    ground = altitudes - heights if np.isfinite(altitudes).any() else 0 * heights
+    known = ground[np.isfinite(ground)]
+    ground_m = float(known[0]) if len(known) else math.nan
+    up = np.where(np.isfinite(heights) & len(known), ground_m + heights, altitudes)
+    places = np.column_stack(
+        [[one.latitude for one in subtitles], [one.longitude for one in subtitles], up]
+    )
+    places[[not one.has_fix for one in subtitles]] = np.nan
+    poses = CameraPoses(np.array(stamps_ns, np.int64), places, quats, ground_m)
+    beside = [one for one in camera_series(poses) if one.topic != fixes.topic]
+    return [*beside, fixes, *lens_series(_lenses(film, subtitles))]
+
+
+def _lenses(film: Path, subtitles: Sequence[_Subtitle]) -> Iterator[tuple[int, CameraInfo]]:
+    with open_container(film) as container:
+        codec = video_stream(container, film).codec_context
+        size = (codec.width, codec.height)
+    last = math.nan
+    for one in subtitles:
+        focal_mm = one.focal_mm / (10 if one.focal_mm > _LONGEST_MM else 1)
+        if focal_mm > 0 and focal_mm != last:
+            last = focal_mm
+            yield one.begin_ns, lens_of_focal(focal_mm, size)
 
 
 def _read(path: Path) -> tuple[str, list[_Subtitle]]:
@@ -133,7 +185,9 @@ def _parse(start: re.Match[str], text: str) -> _Subtitle:
     begin_s = 60 * (60 * hours + minutes) + seconds
     begin_ns = begin_s * _NS + int(start[5].ljust(3, "0")) * 1_000_000
     position, heights = _position(text), (_number(_ABSOLUTE, text), _number(_RELATIVE, text))
-    return _Subtitle(number, begin_ns, *_date(text), *position, *heights)
+    yaw, pitch, roll = (_number(one, text) for one in _ANGLES)
+    rest = (yaw, pitch, roll), _number(_FOCAL, text)
+    return _Subtitle(number, begin_ns, *_date(text), *position, *heights, *rest)
 
 
 def _position(text: str) -> tuple[float, float]:
