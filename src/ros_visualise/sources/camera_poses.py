@@ -65,7 +65,8 @@ def angle_quats(yaw_pitch_roll_deg: npt.ArrayLike) -> Floats:
     """(N, 4) of forward, right, down in north, east, down, of angles (N, 3) in degrees: yaw from
     north to east, pitch upwards, roll to the right.
     """
-    return rotations.from_rpy(np.radians(np.asarray(yaw_pitch_roll_deg, np.float64)[..., ::-1]))
+    angles = np.asarray(yaw_pitch_roll_deg, np.float64).reshape(-1, 3)
+    return rotations.from_rpy(np.radians(angles[:, ::-1]))
 
 
 def optical_quats(quats_ned: Floats) -> Floats:

@@ -61,6 +61,7 @@ def test_what_is_not_known_is_not_made_up(tmp_path):
     (tmp_path / "bad.jpg").write_bytes(b"\xff\xd8\xff\xe1\x00\x10Exif\0\0II*\0")
     (tmp_path / "empty.jpg").write_bytes(b"")
     plain = write(tmp_path / "plain.jpg", gps=False)
+    assert still_series([]) == []
     assert still_series([plain, tmp_path / "bad.jpg", tmp_path / "empty.jpg"]) == []
     assert [one.topic for one in still_series([write(tmp_path / "gps.jpg")])] == ["fix", "lens"]
     turned = write(tmp_path / "turned.jpg", XMP.format(yaw=0), orientation=6)

@@ -74,6 +74,8 @@ class Still:
 def still_series(files: Sequence[Path]) -> list[Series]:
     """The topics of pictures that are shown one each second; none without data in them."""
     stills = [read_still(file) for file in files]
+    if not stills:
+        return []
     stamps_ns = [number * NS_PER_PICTURE for number in range(len(files))]
     ground_m = next((g for one in stills if math.isfinite(g := one.place[2] - one.height_m)), None)
     places = np.array([one.place for one in stills])
