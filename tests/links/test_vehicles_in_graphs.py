@@ -79,3 +79,11 @@ def test_a_simulated_quadrotor_is_a_vehicle_that_flies():
 def test_a_rover_is_no_vehicle():
     with pytest.raises(UsageError, match="needs a flying robot"):
         as_vehicle(simulation_pipeline("husky"), ["udp://:14550"])
+
+
+def test_one_end_of_a_line_is_no_other_one():
+    robot = simulation_pipeline("quadrotor")
+    with pytest.raises(UsageError, match="given twice"):
+        as_vehicle(robot, ["udp://:14550", "udp://:14550"])
+    with pytest.raises(UsageError, match="--mavlink-vehicle has it; give it udpout://"):
+        with_vehicles(as_vehicle(robot, ["udp://:14550"]), ["udp://:14550"])

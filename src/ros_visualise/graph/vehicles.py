@@ -25,10 +25,18 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
         UsageError: not an address, or one that is given twice.
     """
     is_simulated = graph.source is not None and graph.source.name in ROBOTS.names()
+    own = [
+        address
+        for node in graph.nodes
+        if node.type.name == _SIMULATED
+        for address in node.params.address.split()
+    ]
     for number, address in enumerate(addresses, 1):
         line, system = split_system(address)
         if address in addresses[: number - 1]:
             raise UsageError(f"--mavlink {address}: given twice; ?system=2 follows another vehicle")
+        if line in own:
+            raise UsageError(f"--mavlink {line}: --mavlink-vehicle has it; give it udpout://")
         node = _beside(graph, place(find_node(_AUTOPILOT), {}), number)
         settings = {"address": line, "system": system, "simulated": is_simulated}
         graph = graph.joined(node).configured({node.name: settings})
@@ -43,8 +51,10 @@ def as_vehicle(graph: Graph, addresses: Sequence[str]) -> Graph:
     """
     if not addresses:
         return graph
-    for address in addresses:
+    for number, address in enumerate(addresses):
         parse(address)
+        if address in addresses[:number]:
+            raise UsageError(f"--mavlink-vehicle {address}: given twice")
     robot = graph.source
     if robot is None or "linear.z" not in robot.type.velocity_axes:
         raise UsageError(f"--mavlink-vehicle {addresses[0]}: needs a flying robot: quadrotor")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
+from functools import partial
 from typing import Any, Protocol
+
+import numpy as np
 
 from ros_visualise.core import supervision
 from ros_visualise.links.mavlink import MavlinkStream
@@ -80,18 +83,23 @@ class MavlinkLine:
 
     def _run(self) -> None:
         try:
-            while not self._closed.is_set():
-                data, peer = self._wire.read(_LOOK_S)
-                is_datagram = peer is not None  # only bytes of a line continue the last ones
-                for message in self._stream.feed(data, is_datagram) if data else ():
+            with np.errstate(all="ignore"):  # numbers of others are tested where they matter
+                while not self._closed.is_set():
+                    self._read()
                     for one in self._hearers:
-                        one.hear(message, self, peer)
-                self.damaged = self._stream.damaged
-                for one in self._hearers:
-                    one.watch()
-                self._notice_failure()
+                        one.watch()
+                    self._notice_failure()
         finally:
             self._wire.close()
+
+    def _read(self) -> None:
+        data, peer = self._wire.read(_LOOK_S)
+        is_datagram = peer is not None  # only bytes of a line continue the last ones
+        for message in self._stream.feed(data, is_datagram) if data else ():
+            for one in self._hearers:
+                name = f"{self.address}: {message.get_type()}"
+                supervision.attempt(name, partial(one.hear, message, self, peer))
+        self.damaged = self._stream.damaged
 
     def _notice_failure(self) -> None:
         if self.error != self._said:

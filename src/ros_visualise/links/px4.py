@@ -302,6 +302,8 @@ class Px4Vehicle:
 
     def _place(self, latitude: float, longitude: float, height: float, frame: int) -> Floats | None:
         """A place on the Earth as north, east, down; its height above sea or home by the frame."""
+        if math.isinf(height):
+            return None
         if frame in _RELATIVE:
             height += self._own.place(self._own.home)[2] / 1e3
         return self._own.ned(latitude, longitude, height)
@@ -347,18 +349,21 @@ class Px4Vehicle:
         return kind.msgname if kind is not None else ""
 
     def _arm(self, p: list[float], frame: int) -> str:
+        if p[0] not in (0, 1):
+            return "neither arm nor disarm"
         return self._modes.arm() if p[0] == 1 else self._modes.disarm()
 
     def _take_off(self, p: list[float], frame: int) -> str:
         if math.isnan(p[6]):
             return self._modes.enter(Px4Mode.TAKEOFF)
         place = self._place(*self._here, p[6], frame)
-        return "no global position" if place is None else self._modes.take_off(-float(place[2]))
+        return "no such place" if place is None else self._modes.take_off(-float(place[2]))
 
     def _go_to(self, p: list[float], frame: int) -> str:
         level = self._here if np.isnan(p[4:6]).any() else (p[4], p[5])
         place = self._place(*level, p[6], frame)
-        return "no global position" if place is None else self._modes.go_to(place, p[3])
+        yaw = p[3] if math.isfinite(p[3]) else math.nan
+        return "no such place" if place is None else self._modes.go_to(place, yaw)
 
     def _change_mode(self, p: list[float], frame: int) -> str:
         return self._enter(int(p[1]), int(p[2])) if np.isfinite(p[1:3]).all() else "no such mode"
