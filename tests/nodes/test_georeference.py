@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from ros_visualise.core.errors import NoTransform, ParameterError
+from ros_visualise.core.errors import NoTransform, OpenError, ParameterError
 from ros_visualise.data import (
     CameraInfo,
     Detection,
@@ -140,9 +140,10 @@ def test_what_cannot_be_placed_is_counted_and_said_once(caplog):
         assert reason in said.message
     with pytest.raises(NoTransform):
         started().step(PARAMS, detections=seen(box()), frames=FrameTree())
-    wrong = GeoreferenceParams(lens="no such camera")
     with pytest.raises(ParameterError, match="field of view in degrees"):
-        started().step(wrong, detections=seen(box()), frames=tree())
+        GeoreferenceParams(lens="no such camera")
+    with pytest.raises(OpenError, match=r"none\.tif: No such file"):
+        Georeference(GeoreferenceParams(terrain="none.tif"))
 
 
 def test_errors_of_time_count_with_the_speed_of_the_camera():

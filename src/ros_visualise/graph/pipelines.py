@@ -87,10 +87,14 @@ def picture_source(path: str) -> SourceNode:
     return place_source(pictures(path)).configured({"path": path})
 
 
+def film_source(path: str | Path) -> SourceNode:
+    """A source of a video file, and of its telemetry."""
+    return place_source(film(path)).configured({"path": str(path)})
+
+
 def film_pipeline(path: str | Path, **settings: Any) -> Graph:
     """A video file through the image nodes, and the path of its GPS fixes, if any."""
-    source = place_source(film(path)).configured({"path": str(path), **settings})
-    return _with_fixes(source)
+    return _with_fixes(film_source(path).configured(settings))
 
 
 def _with_fixes(source: SourceNode) -> Graph:
@@ -185,7 +189,7 @@ def open_input(path: str, undo: ExitStack, **robot: Any) -> SourceNode | Recordi
     if path in ROBOTS.names() and not os.path.exists(path):
         return source_named(path, **robot)
     if not is_recording(path):
-        return picture_source(path) if is_pictures(path) else source_named("streamer", path=path)
+        return picture_source(path) if is_pictures(path) else film_source(path)
     return undo.enter_context(closing(open_recording(path)))
 
 

@@ -36,7 +36,7 @@ from ros_visualise.landmarks.georeferencing.ground import (
     measured_point,
 )
 from ros_visualise.landmarks.georeferencing.origin import MapOrigin, OriginFinder
-from ros_visualise.landmarks.georeferencing.terrain import TerrainSurface
+from ros_visualise.landmarks.georeferencing.terrain import TerrainSurface, check_terrain
 from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.pose.rays import rays_of
@@ -150,6 +150,10 @@ class GeoreferenceParams:
         group="ground",
     )
 
+    def __post_init__(self) -> None:
+        if self.lens:
+            find_lens(self.lens, (4, 3))
+
 
 @node(
     "georeference",
@@ -176,6 +180,8 @@ class Georeference:
     """
 
     def __init__(self, params: GeoreferenceParams) -> None:
+        if params.terrain:
+            check_terrain(Path(params.terrain))
         self._remarks = OnceLog("georeference")
         self._lens: CameraInfo | None = None
         self._surface: tuple[Any, Surface] | None = None

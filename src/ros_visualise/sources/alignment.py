@@ -7,7 +7,6 @@ camera is mounted and whatever its lens. The log of the residuals' determinant i
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -19,13 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.core.errors import DamagedMessage, UsageError
+from ros_visualise.core.printing import print_status
 from ros_visualise.data import Floats, Imu, Pixels
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import ImageAt, Recording
 from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
 from ros_visualise.sources.video import Video
-
-log = logging.getLogger(__name__)
 
 AUTO = "auto"
 _WIDTH = 240  # of the images that are compared, pixels
@@ -71,12 +69,10 @@ def read_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
         joined.move(offsets)
         found = _align(joined, number, text)
         offsets[number] = found.offset_s
-        log.info(
-            "%s: moved by %.3f s +- %.3f s, where its motion explains %.0f %% of the film's",
-            joined.paths[number].name,
-            found.offset_s,
-            found.sigma_s,
-            100 * found.explained,
+        print_status(
+            f"ros-visualise: {joined.paths[number].name}: moved by {found.offset_s:.3f} s"
+            f" +- {found.sigma_s:.3f} s, as the motion of the film's images is then explained best"
+            f" ({100 * found.explained:.0f} %)"
         )
     return offsets
 

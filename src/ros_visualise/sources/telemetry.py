@@ -7,6 +7,7 @@ import logging
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,9 +58,9 @@ class Film:
             first = next(images, None)
             if first is None:
                 return
-            yield first
             parts = [_measured(one, max(first[0], start_ns)) for one in self._series]
-            yield from heapq.merge(images, *parts, key=lambda timed: timed[0])
+            whole = chain([first], images)  # after what was measured at the same time
+            yield from heapq.merge(*parts, whole, key=lambda timed: timed[0])
 
 
 class FilmRecording:
@@ -149,6 +150,5 @@ def _measured(series: Series, start_ns: int) -> Iterator[tuple[int, FilmItem]]:
     begin = int(np.searchsorted(series.stamps_ns[order], start_ns))
     begin = max(begin - 1, 0) if series.latched else begin
     for index in order[begin:]:
-        time_ns = max(int(series.stamps_ns[index]), 0)
         own_ns = int(series.stamps_ns[index])
-        yield time_ns, FilmItem(series.topic, series.make(int(index)), own_ns)
+        yield max(own_ns, start_ns), FilmItem(series.topic, series.make(int(index)), own_ns)

@@ -60,9 +60,10 @@ def find_lens(text: str, size: Size) -> CameraInfo:
     try:
         degrees = float(text)
     except ValueError:
-        hint = did_you_mean(text.lower(), NAMES)
+        hint = did_you_mean(text.lower(), NAMES, listed=False)
         raise ParameterError(
-            f"lens={text!r}: give a horizontal field of view in degrees, or a camera{hint}"
+            f"lens={text!r}: give a horizontal field of view in degrees, or a camera, such as"
+            f" mini 2{hint}"
         ) from None
     if not _LEAST_DEG <= degrees <= _MOST_DEG:
         raise ParameterError(

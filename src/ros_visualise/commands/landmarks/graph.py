@@ -28,7 +28,7 @@ from ros_visualise.running.graphs import with_settings
 from ros_visualise.simulation.robots import OURS, ROBOTS
 from ros_visualise.sources.alignment import read_offsets
 from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.opening import open_joined
+from ros_visualise.sources.opening import open_joined, open_source
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image, own_cameras
 
@@ -79,6 +79,8 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, lis
         return _beside(options, undo)
     if options.offset:
         raise UsageError(f"--offset {options.offset[0]}: requires --beside FILE")
+    if options.geo is not None and options.input not in ROBOTS.names():
+        open_source(Path(options.input)).close()  # says first if it cannot be read
     source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
     if options.scenario and not is_robot:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -103,15 +104,14 @@ class TerrainSurface:
         return np.where(inside, upper * (1 - v) + lower * v, np.nan)
 
 
-def _read(path: Path, latitude: float, longitude: float) -> tuple[Floats, Floats, Floats]:
-    """Heights around a point by rows from the north, the centre of the first, and the step."""
-    try:
-        import rasterio
-        from rasterio.errors import RasterioError
-        from rasterio.vrt import WarpedVRT
-        from rasterio.windows import Window, from_bounds
-    except ImportError:
-        raise OpenError(f"{path}: {_INSTALL}") from None
+def check_terrain(path: Path) -> str:
+    """GDAL's driver for a file.
+
+    Raises:
+        OpenError: it is missing, or of another format, or rasterio is missing.
+    """
+    if find_spec("rasterio") is None:
+        raise OpenError(f"{path}: {_INSTALL}")
     try:
         with open_file(path) as file:  # neither an address nor one of GDAL's virtual files
             driver = _DRIVERS.get(file.read(4))
@@ -121,6 +121,17 @@ def _read(path: Path, latitude: float, longitude: float) -> tuple[Floats, Floats
         driver = "SRTMHGT"
     if driver is None:
         raise OpenError(f"{path}: no terrain model; give a GeoTIFF, .hgt, DTED or ASCII grid")
+    return driver
+
+
+def _read(path: Path, latitude: float, longitude: float) -> tuple[Floats, Floats, Floats]:
+    """Heights around a point by rows from the north, the centre of the first, and the step."""
+    driver = check_terrain(path)
+    import rasterio
+    from rasterio.errors import RasterioError
+    from rasterio.vrt import WarpedVRT
+    from rasterio.windows import Window, from_bounds
+
     reach = _REACH_M / _DEGREE_M
     wide = reach / max(np.cos(np.radians(latitude)), 0.01)
     bounds = (longitude - wide, latitude - reach, longitude + wide, latitude + reach)
