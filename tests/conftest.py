@@ -2,12 +2,28 @@
 
 import gc
 import os
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--disable-extensions",
+    "--renderer-process-limit=1",  # all tabs have one process, which is started once
+    "--host-resolver-rules=MAP evil.example 127.0.0.1",
+]
 
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
 
@@ -28,6 +44,21 @@ def recordings() -> Path:
             pytest.fail(f"no recordings in {folder}: set ROS_VISUALISE_DATA")
         pytest.skip(f"no recordings in {folder}: set ROS_VISUALISE_DATA to run this")
     return folder
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[object]:
+    """One browser for all tests, skipped where there is none."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+    if found is None:
+        if os.environ.get("CI"):
+            pytest.fail("no chromium: apt-get install chromium")
+        pytest.skip("no chromium: apt-get install chromium, to run this")
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=found, args=FLAGS)
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from documents import PACKAGE
@@ -62,6 +63,37 @@ def test_pages_load_nothing_from_elsewhere(site: Path):
 def test_reference_comes_from_the_declarations(site: Path, page: str, words: list[str]):
     text = (site / page).read_text()
     assert [word for word in words if word not in text] == []
+
+
+QUESTIONS = {
+    "record to mcap": "howto/record-a-camera",
+    "convert bag to mp4": "howto/make-a-film-of-a-bag",
+    "calibrate camera": "howto/calibrate-a-camera",
+    "wrong colors bayer": "howto/fix-wrong-colours",
+    "slow page": "howto/speed-up-a-slow-page",
+    "remote machine": "howto/open-the-page-elsewhere",
+    "px4 log": "howto/play-a-flight-log",
+    "print tags": "howto/print-tags",
+    "landing pad": "tutorials/landing",
+    "kitti to rosbag": "howto/play-kitti",
+    "own node": "howto/use-my-own-node",
+    "plot a field": "howto/plot-a-field",
+    "trajectory error": "tutorials/trajectory",
+    "train network": "tutorials/train",
+    "camera not found": "howto/show-a-camera",
+}
+"""Words that people type -> the page that answers them."""
+
+
+def test_the_search_shows_the_page_that_answers_first(site: Path, chromium):
+    page = chromium.new_page()
+    first = {}
+    for words in QUESTIONS:
+        page.goto(f"{(site / 'search.html').as_uri()}?q={quote(words)}")
+        found = page.wait_for_selector("#search-results li a")
+        first[words] = found.get_attribute("href").partition(".html")[0]
+    page.close()
+    assert first == QUESTIONS
 
 
 def test_docs_prints_the_address_of_a_page(site: Path, monkeypatch, capsys):

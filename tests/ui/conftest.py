@@ -1,7 +1,5 @@
 """A page that shows a real graph, and real browsers to look at it."""
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -17,20 +15,6 @@ from ros_visualise.ui import ViewOptions
 from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.scene.scene import Scene
-
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-    "--disable-extensions",
-    "--renderer-process-limit=1",  # all tabs have one process, which is started once
-    "--host-resolver-rules=MAP evil.example 127.0.0.1",
-]
 
 
 @pytest.fixture(autouse=True)
@@ -65,21 +49,6 @@ def page(port: int, runtime: LocalRuntime) -> Iterator[Page]:
     shown.open(runtime)
     yield shown
     shown.close()
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[object]:
-    """One browser for all tests, skipped where there is none."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-    if found is None:
-        if os.environ.get("CI"):
-            pytest.fail("no chromium: apt-get install chromium")
-        pytest.skip("no chromium: apt-get install chromium, to run this")
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=found, args=FLAGS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

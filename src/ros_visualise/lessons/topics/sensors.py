@@ -239,7 +239,7 @@ class Allan:
 
 LESSON = Lesson(
     "sensors",
-    "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of a real IMU",
+    "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of an IMU",
     "",
     [Step(Car), Step(ImuReadings), Step(Allan)],
     sample=("husky", {"world": "plane", "mission": "none", "camera": False, "lidar": False}),
