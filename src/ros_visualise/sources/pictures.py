@@ -129,14 +129,17 @@ def recorded_pictures(path: Path) -> SeriesRecording:
 
 
 def picture_files(path: Path) -> list[Path]:
-    """A picture, or the pictures directly in a folder, in order."""
-    return _in_folder(path) if path.is_dir() else [path]
+    """A picture, or the pictures directly in a folder, in order; raises OpenError without any."""
+    found = _in_folder(path) if path.is_dir() else [path]
+    if not found:
+        videos = videos_in(path)
+        hint = f"give a video, for instance {videos[0]}" if videos else _GIVEN
+        raise OpenError(f"{path}: a folder without pictures; {hint}")
+    return found
 
 
 def _files(path: Path) -> list[Path]:
     found = picture_files(path)
-    if not found:
-        raise OpenError(f"{path}: a folder without pictures; {_GIVEN}")
     if videos := videos_in(path) if path.is_dir() else []:
         log.warning("%s: pictures alone are read, no videos; to play one: %s", path, videos[0])
     return found
