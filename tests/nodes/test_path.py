@@ -503,6 +503,6 @@ def test_it_is_said_once_that_another_input_is_followed_than_odometry(caplog):
     level = np.array([0.0, 0.0, 0.0, 1.0])
     for stamp_ns in (1, 2):
         node.step(PathParams(), pose=PoseStamped(np.zeros(3), level, Header(stamp_ns, "map")))
-    assert caplog.messages == ["no odometry; drawing the path from /pose"]
+    assert caplog.messages == ["no odometry; drawing the path from the input pose"]
     node.step(PathParams(), odom=Odometry(np.zeros(3), level, header=Header(3, "odom")))
     assert len(caplog.messages) == 1

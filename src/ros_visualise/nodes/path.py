@@ -182,7 +182,7 @@ class PathNode:
         if order.index(name) < order.index(self._followed):
             self._followed = name
             if name != "odom":
-                log.info("no odometry; drawing the path from /%s", name)
+                log.info("no odometry; drawing the path from the input %s", name)
             self._begin()
         return name == self._followed
 
