@@ -21,8 +21,8 @@ class BagOptions(TopicOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings, later if positive; auto: a film by its motion and a"
-        " gyroscope; repeatable",
+        "shift one of several recordings, later if positive; auto aligns a film by its motion with"
+        " a gyroscope; repeatable",
         metavar="NAME=SECONDS|auto",
     )
 

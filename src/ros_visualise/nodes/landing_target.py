@@ -97,7 +97,7 @@ class LandingTargetParams:
     )
     attitude_sigma: float = param(
         0.5,
-        "standard deviation of the camera's attitude, degrees; more where images show it; 0: exact",
+        "standard deviation of the camera's attitude, degrees; raised by images that show more",
         min=0,
         max=45,
         slider=(0, 5),

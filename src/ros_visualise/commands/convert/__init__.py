@@ -25,8 +25,8 @@ class ConvertOptions(MemoryOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings, later if positive; auto: a film by its motion and a"
-        " gyroscope; repeatable",
+        "shift one of several recordings, later if positive; auto aligns a film by its motion with"
+        " a gyroscope; repeatable",
         metavar="NAME=SECONDS|auto",
     )
     topics: Sequence[str] = option(

@@ -71,7 +71,7 @@ def summary(found: Trajectory) -> list[str]:
             " such files"
         )
     if found.without_attitude:
-        lines.append(f"attitude:   {found.without_attitude} missing; written as that of the frame")
+        lines.append(f"attitude:   {found.without_attitude} missing; written as no rotation")
     return lines
 
 

@@ -96,7 +96,7 @@ def wrong_survey(found: SmoothedMap) -> list[Outlier]:
     number = int(worst.argmax())
     text = (
         f"its surveyed position is {np.linalg.norm(off[number]):.2f} m"
-        f" ({worst[number]:.0f} sigma) from where the views see it; ignored"
+        f" ({worst[number]:.0f} sigma) from its position in the views; ignored"
     )
     return [Outlier(found.problem.names[surveyed[number].tag], SURVEY, text)]
 

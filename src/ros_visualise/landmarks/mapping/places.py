@@ -121,7 +121,7 @@ def _surveyed_well(problem: Problem) -> tuple[Problem, list[Outlier]]:
         Outlier(
             problem.names[one.tag],
             SURVEY,
-            f"its surveyed position is {metres:.2f} m from where the views see it; ignored",
+            f"its surveyed position is {metres:.2f} m from its position in the views; ignored",
             float(metres),
         )
         for one, metres, is_far in zip(known, off, far, strict=True)
