@@ -9,10 +9,22 @@ import PIL.Image
 import pytest
 
 from ros_visualise.commands import main
-from ros_visualise.data import Header, NavSatFix, Transforms, TransformStamped
+from ros_visualise.commands.landmarks import LandmarksOptions
+from ros_visualise.commands.landmarks.graph import landmark_graph
+from ros_visualise.commands.landmarks.places import PlaceLog
+from ros_visualise.data import (
+    Detection3D,
+    Detections3D,
+    Header,
+    Hypothesis,
+    NavSatFix,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.landmarks.tags import draw_cells, family
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.queues import Packet
 from ros_visualise.sinks import open_recorder
 
 XMP = (
@@ -21,6 +33,7 @@ XMP = (
     ' drone-dji:GimbalRollDegree="0.0"/>'
 )
 PLACE = (47.5, 8.25)
+LEVEL = np.array([0.0, 0, 0, 1])
 FOCAL_PX = 24 / np.hypot(36, 24) * 1000
 CELL_PX = 6
 
@@ -69,7 +82,7 @@ def test_a_tag_in_two_pictures_is_one_place(find, tmp_path):
     np.testing.assert_allclose(LocalPlane(*PLACE, 100).to_enu(place), [10, 0, 0], atol=0.15)
     assert 3 < float(row["sd_east_m"]) < 4  # that of the position is not known: 3 m
     out = tmp_path / "out.geojson"
-    status, _ = find(folder, "--geo", out, "--set", "georeference.position_sigma=0.1")
+    status, _ = find(folder, "--geo", out, "--set", "georeference.position_sigma=0.1", "--json")
     kinds = [one["geometry"]["type"] for one in json.loads(out.read_text())["features"]]
     assert (status, kinds) == (0, ["Point", "Polygon", "LineString"])
 
@@ -129,3 +142,39 @@ def test_a_film_gets_its_poses_from_a_recording_beside_it(find, tmp_path, caplog
     np.testing.assert_allclose(LocalPlane(*PLACE, 100).to_enu(place), [7, 0, 0], atol=0.3)
     assert find(film, "--offset", "film=1", "--geo", out, "--overwrite")[0] == 2
     assert find(film, *options, "--offset", "other=1", "--geo", out, "--overwrite")[0] == 2
+
+
+def test_objects_that_are_followed_have_tracks(tmp_path):
+    """Two cars, of which one drives: their ids keep them apart, however near they are."""
+    write(tmp_path / "1.jpg", 400, 300)
+    model = str(tmp_path / "any.onnx")
+    options = LandmarksOptions(
+        input=str(tmp_path / "1.jpg"), geo=tmp_path / "o.kml", tracks=True, model=model
+    )
+    graph = landmark_graph(options)
+    (node,) = [one for one in graph.nodes if one.name == "georeference"]
+    assert node.inputs["objects"] == "/tracks"
+    log = PlaceLog(graph)
+
+    def tell(port, message, topics):
+        log.listeners[topics[port]].put(Packet(0, message, 0))
+
+    origin = NavSatFix(*PLACE, 400.0, header=Header(0, "map"))
+    tell("map_origin", origin, node.outputs)
+    for number in range(5):
+        at = {"1": [10.0, 0, 0], "2": [12.0 + 3 * number, 1, 0]}
+        cars = tuple(
+            Detection3D(np.array(xyz), LEVEL, np.zeros(3), (car(xyz),), id)
+            for id, xyz in at.items()
+        )
+        tell("positions", Detections3D(cars, Header(number * 10**9, "map")), node.outputs)
+    places, tracks = log.found()
+    assert [one.name for one in places] == ["car #1", "car #2"]
+    assert [one.name for one in tracks] == ["car #1", "car #2"]
+    enu = LocalPlane(*PLACE, 400).to_enu(tracks[1].places)
+    np.testing.assert_allclose(enu[:, 0], [12, 15, 18, 21, 24], atol=1e-3)
+    np.testing.assert_allclose(places[1].place, tracks[1].places[-1])
+
+
+def car(xyz):
+    return Hypothesis("car", 0.9, np.array(xyz), LEVEL, 25 * np.eye(6))

@@ -78,9 +78,13 @@ class GeoPlace:
         """Its properties by name."""
         major, minor, azimuth = self.ellipse
         sigmas = np.sqrt(np.maximum(np.diag(self.covariance_m2), 0)).tolist()
+        height = float(self.place[2])
         return {
             "name": self.name,
             "class": self.kind,
+            "latitude": float(self.place[0]),
+            "longitude": float(self.place[1]),
+            "height": height if math.isfinite(height) else None,
             "seen": self.seen,
             **dict(zip(("sd_east_m", "sd_north_m", "sd_up_m"), sigmas, strict=True)),
             "ellipse_major_m": major,
@@ -197,18 +201,14 @@ def _csv(places: Sequence[GeoPlace], tracks: Sequence[GeoTrack]) -> bytes:
     """Places alone, or without any the points of tracks."""
     text = io.StringIO()
     table = csv.writer(text)
-    rows = [
-        {"latitude": one.place[0], "longitude": one.place[1], "height": one.place[2], **one.values}
-        for one in places
-    ]
-    names = ["name", "class", "latitude", "longitude", "height", "seen"]
-    names += [name for name in GeoPlace("", "", np.zeros(3), np.eye(3)).values if name not in names]
-    table.writerow(names)
-    table.writerows([_word(row[name]) for name in names] for row in rows)
+    table.writerow(GeoPlace("", "", np.zeros(3), np.eye(3)).values)
+    table.writerows(map(_word, one.values.values()) for one in places)
     return text.getvalue().encode()
 
 
 def _word(value: Any) -> str:
+    if value is None:
+        return ""
     return f"{value:.9f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 

@@ -30,6 +30,8 @@ MAP, OPTICAL = "map", "camera_optical"
 UNKNOWN_M = 1e4
 """Standard deviation of the ground's height at an origin whose z is 0 elsewhere."""
 
+_STEP_NS, _GAP_NS = 200_000_000, 5_000_000_000
+_Times = npt.NDArray[np.int64]
 _FLU_OPTICAL = np.array([-0.5, 0.5, -0.5, 0.5])  # right, down, forward in forward, left, up
 _NONE, _APPROXIMATED, _DIAGONAL = 0, 1, 2
 
@@ -77,8 +79,11 @@ def optical_quats(quats_ned: Floats) -> Floats:
     return np.where(known[:, None], rotations.multiply(turned, _FLU_OPTICAL), np.nan)
 
 
-def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
-    """The topics ``fix``, ``tf`` and ``map_origin``, as far as they are known."""
+def camera_series(poses: CameraPoses, frame: str = OPTICAL, is_track: bool = True) -> list[Series]:
+    """The topics ``fix``, ``tf`` and ``map_origin``, as far as they are known.
+
+    Between the poses of a track others are interpolated: images wait only shortly for ``tf``.
+    """
     placed = np.flatnonzero(poses.is_placed)
     if not len(placed):
         return []
@@ -94,11 +99,11 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
     base = poses.ground_m if is_known else float(altitude)
     plane = LocalPlane(latitude, longitude, base)
     positions = plane.to_enu(poses.places[posed])
-    quats = [
-        rotations.multiply(rotations.from_matrix(plane.rotation_at(*place[:2])), quat)
-        for place, quat in zip(poses.places[posed], poses.quats[posed], strict=True)
-    ]
+    turns = rotations.from_matrix([plane.rotation_at(*one[:2]) for one in poses.places[posed]])
+    quats = rotations.multiply(turns, poses.quats[posed])
     stamps_ns = poses.stamps_ns[posed]
+    if is_track:
+        stamps_ns, positions, quats = _filled(stamps_ns, positions, quats)
 
     def transform(index: int) -> Transforms:
         header = Header(int(stamps_ns[index]), MAP)
@@ -116,6 +121,26 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL) -> list[Series]:
     )
     tf = Series("tf", Transforms, stamps_ns, transform)
     return [single("map_origin", origin, start_ns), tf, *several]
+
+
+def _filled(stamps_ns: _Times, positions: Floats, quats: Floats) -> tuple[_Times, Floats, Floats]:
+    """Poses with others between them, where there is no long gap."""
+    stamps_ns, order = np.unique(stamps_ns, return_index=True)
+    positions, quats = positions[order], quats[order]
+    gaps_ns = np.diff(stamps_ns)
+    counts = np.where(gaps_ns <= _GAP_NS, -(-gaps_ns // _STEP_NS), 1)
+    before = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(before)) - np.repeat(np.cumsum(counts) - counts, counts)) / (
+        counts[before]
+    )
+    moved = positions[before] + share[:, None] * (positions[before + 1] - positions[before])
+    turned = rotations.slerp(quats[before], quats[before + 1], share)
+    filled_ns = stamps_ns[before] + np.round(share * gaps_ns[before]).astype(np.int64)
+    return (
+        np.append(filled_ns, stamps_ns[-1]),
+        np.vstack([moved, positions[-1:]]),
+        np.vstack([turned.reshape(-1, 4), quats[-1:]]),
+    )
 
 
 def lens_series(several: Iterable[tuple[int, CameraInfo]], frame: str = OPTICAL) -> list[Series]:

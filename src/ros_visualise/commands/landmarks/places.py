@@ -91,10 +91,10 @@ def save_places(path: Path, log: PlaceLog, report: RunReport, overwrite: bool) -
     figures = report.nodes[GEOREFERENCE]
     rejected: Mapping[str, int] = figures.own["rejected"]
     why = [f"{count} {reason}" for reason, count in rejected.items()]
+    why += [f"{n} images dropped ({one})" for one, n in figures.dropped.items() if n]
     places, tracks = log.found()
     if not places:
-        lost = [f"{n} dropped ({reason})" for reason, n in figures.dropped.items() if n]
-        reasons = "; ".join([*why, *lost]) or "no landmarks were detected"
+        reasons = "; ".join(why) or "no landmarks were detected"
         raise RosVisualiseError(f"{path}: not written: nothing placed on the Earth: {reasons}")
     write_file(path, to_geography(path, places, tracks), overwrite)
     beside = f"; not placed: {', '.join(why)}" if why else ""

@@ -59,9 +59,15 @@ def find_landmarks(options: LandmarksOptions) -> int:
         if mapper:
             _save_map(runtime, mapped, found, options, stopped)
         report = runtime.report()
-        _print(graph, found, mapped, report, options)
+        _print(graph, found, mapped, report, options, places)
         if places is not None and options.geo is not None:
-            print_status(save_places(options.geo, places, report, options.overwrite))
+            try:
+                said = save_places(options.geo, places, report, options.overwrite)
+            except RosVisualiseError as error:
+                if not stopped:
+                    raise
+                said = f"ros-visualise: {error}"
+            print_status(said)
         for node in report.nodes.values():
             for note in node.unread:
                 print_status(f"ros-visualise: {options.input}: {note}")
@@ -135,6 +141,7 @@ def _print(
     mapped: MappedLandmarks | None,
     report: RunReport,
     options: LandmarksOptions,
+    places: PlaceLog | None,
 ) -> None:
     paths = _paths(graph)
     images = [image_json(image, paths.get(image.stamp_ns)) for image in found.images]
@@ -144,6 +151,7 @@ def _print(
     landmarks = landmarks_json(found, seen)
     if options.json:
         values: dict[str, Any] = {"images": images, "landmarks": landmarks}
+        values |= {"places": [one.values for one in places.found()[0]]} if places else {}
         values |= {"smoothing": report_values(mapped.map, mapped.unused)} if mapped else {}
         print_json(values, allow_nan=False)
         return

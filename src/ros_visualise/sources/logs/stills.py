@@ -94,7 +94,7 @@ def still_series(files: Sequence[Path]) -> list[Series]:
         for stamp_ns, one in zip(stamps_ns, stills, strict=True)
         if one.lens is not None
     ]
-    found = camera_series(poses)
+    found = camera_series(poses, is_track=False)
     return [*found, *lens_series(lenses)] if found else []
 
 
