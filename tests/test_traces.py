@@ -51,6 +51,10 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
         ["out", "out/out_0.mcap", "out/metadata.yaml"],
     ),
     "landmarks": ("landmarks {data}/tags/swatbotics --size 0.127 --json", NOTHING),
+    "odometry": (
+        "odometry {kitti} --out way.tum --plot way.png --covariances way.txt",
+        ["way.tum", "way.png", "way.txt"],
+    ),
     "trajectory": (
         "trajectory {data}/bags/robot_localization_test1.bag way.tum --plot way.png"
         " --topic /husky_velocity_controller/odom",

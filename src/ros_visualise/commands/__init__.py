@@ -82,7 +82,7 @@ COMMANDS = Registry(
     holding(Command, "COMMAND"),
     first=(
         *("demo", "sim", "video", "camera", "live", "bag", "kitti", "view", "explain"),
-        *("info", "convert", "landmarks", "trajectory", "calibrate", "tags"),
+        *("info", "convert", "landmarks", "odometry", "trajectory", "calibrate", "tags"),
         *("batch", "query", "compare", "dataset", "nodes", "plugins", "docs", "completion"),
     ),
 )

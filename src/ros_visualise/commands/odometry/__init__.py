@@ -1,0 +1,89 @@
+"""``odometry``: the trajectory of a camera by its images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ros_visualise.commands import Command
+from ros_visualise.running.arguments import argument, option, positive
+from ros_visualise.running.options import MemoryOptions, PartOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryOutputOptions:
+    """Files that are written."""
+
+    GROUP = "output"
+
+    out: Sequence[str] = option(
+        [],
+        "write the trajectory of the camera: .kitti (a line for each image) or .tum; repeatable",
+        metavar="FILE",
+    )
+    covariances: Path | None = option(
+        None,
+        "write the covariances of the poses: lines of a time and 36 numbers, x y z in metres and"
+        " rotations about these axes",
+        metavar="FILE",
+    )
+    plot: Path | None = option(
+        None, "draw the trajectory to this .png, .svg or .pdf", metavar="FILE"
+    )
+    overwrite: bool = option(False, "replace existing files")
+    json: bool = option(False, "print a report as one JSON object")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
+    """Options of ``odometry``."""
+
+    input: str = argument(
+        "a film, a folder of pictures, KITTI's folders, or a recording with images", metavar="SRC"
+    )
+    topic: str | None = option(
+        None, "topic of the images of a recording (default: the first)", metavar="TOPIC"
+    )
+    right: str | None = option(
+        None,
+        "topic of the right images of a stereo pair, or none (default: those that the calibration"
+        " places beside the first)",
+        metavar="TOPIC|none",
+    )
+    calibration: str = option(
+        "",
+        "the camera's calibration, in ROS's format or KITTI's calib.txt (default: the source's, or"
+        " a focal length estimated from the images)",
+        metavar="FILE",
+    )
+    height: float | None = option(
+        None,
+        "height of the camera over the ground, which gives the scale",
+        type=positive,
+        metavar="METRES",
+    )
+    scale: str | None = option(
+        None,
+        "topic of odometry, poses or fixes that gives the scale; without a scale lengths have no"
+        " unit",
+        metavar="TOPIC",
+    )
+    fps: float = option(
+        10.0, "pictures of a folder per second (default: %(default)g)", type=positive, metavar="N"
+    )
+    readout: float = option(
+        0.0,
+        "time from the first to the last row of a rolling shutter, milliseconds (default: 0)",
+        metavar="MS",
+    )
+    corners: int = option(
+        300, "number of corners to follow (default: %(default)s)", type=int, metavar="N"
+    )
+
+
+COMMAND = Command(
+    "find the trajectory of a camera by what it sees",
+    OdometryOptions,
+    "ros_visualise.commands.odometry.work:find_trajectory",
+)

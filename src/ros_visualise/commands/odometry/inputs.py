@@ -1,0 +1,257 @@
+"""Inputs of ``odometry``: images in the order of time, calibrated if possible, and positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ros_visualise.commands.odometry import OdometryOptions
+from ros_visualise.core.errors import DamagedMessage, NoTransform, OpenError, UsageError
+from ros_visualise.data import CameraInfo, Floats, Image, NavSatFix, Pixels
+from ros_visualise.geometry.frames import FrameTree, WrongTransforms
+from ros_visualise.geometry.located import Locator
+from ros_visualise.messages.calibrations import calibration_topic
+from ros_visualise.messages.recorded import content
+from ros_visualise.sources import open_source
+from ros_visualise.sources.calibration import Calibration
+from ros_visualise.sources.pictures import Pictures, is_pictures
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.images import image_topic
+from ros_visualise.vision import color
+from ros_visualise.vision.depth import to_8_bit
+
+_TOGETHER_NS = 20_000_000  # images of a stereo pair
+_CALIB = "calib.txt"
+_WHEELS = 0.02  # m, of positions that have no covariance
+
+
+class CameraImage(NamedTuple):
+    """An image, gray (H, W) uint8, and that of the right camera, if any."""
+
+    stamp_ns: int
+    gray: Pixels
+    right: Pixels | None = None
+
+
+class Position(NamedTuple):
+    """A measured position (3,), and its standard deviation, metres."""
+
+    stamp_ns: int
+    xyz: Floats
+    sigma: float
+
+
+@dataclass
+class CameraInput:
+    """Images and their calibrations.
+
+    Attributes:
+        infos: of the camera, and of the right one; empty if it is not calibrated.
+        cameras: T_left_camera (C, 4, 4).
+        notes: damage of the input, a line each.
+    """
+
+    infos: list[CameraInfo] = field(default_factory=list)
+    cameras: Floats = field(default_factory=lambda: np.eye(4)[None])
+    notes: list[str] = field(default_factory=list)
+
+    def read(self) -> Iterator[CameraImage | Position]:
+        """All images and positions, in order."""
+        raise NotImplementedError
+
+
+def open_input(options: OdometryOptions) -> CameraInput:
+    """Open the input of the command line.
+
+    Raises:
+        OpenError, UsageError: it has no images.
+    """
+    folder = _pictures(Path(options.input))
+    found = _Folder(folder, options) if folder else _Recorded(options)
+    if options.calibration:
+        found.infos = [_read_calibration(options.calibration, found.size)]
+    return found
+
+
+class _Folder(CameraInput):
+    def __init__(self, folder: Path, options: OdometryOptions) -> None:
+        super().__init__()
+        if options.scale or options.right not in (None, "none"):
+            raise UsageError(f"{folder}: pictures have no topics")
+        self._pictures = Pictures(folder, options.fps)
+        first = next(image for _, image in self._pictures.read())
+        self.size = (first.width, first.height)
+        calib = next(
+            (one / _CALIB for one in (folder, folder.parent) if (one / _CALIB).is_file()), None
+        )
+        if calib and not options.calibration:
+            self.infos = [_read_calibration(str(calib), self.size)]
+
+    def read(self) -> Iterator[CameraImage | Position]:
+        for stamp_ns, image in self._pictures.read():
+            yield CameraImage(stamp_ns, _gray(image))
+        self.notes = self._pictures.faults
+
+
+class _Recorded(CameraInput):
+    def __init__(self, options: OdometryOptions) -> None:
+        super().__init__()
+        self._path = Path(options.input)
+        with closing(open_source(self._path)) as recording:
+            self._topic = image_topic(recording, options.topic)
+            info, self.size = _look(recording, self._topic)
+            self.infos = [info] if info else []
+            self._right = ""
+            if info and not options.calibration and options.right != "none":
+                self._find_right(recording, info, options.right)
+            self._scale = None
+            if options.scale:
+                named = {name.lstrip("/"): name for name in recording.topics}
+                self._scale = named.get(options.scale.lstrip("/"))
+                if self._scale is None:
+                    raise UsageError(f"{self._path}: no topic {options.scale}")
+
+    def _find_right(self, recording: Recording, info: CameraInfo, wanted: str | None) -> None:
+        """The other camera of a stereo pair, if there is one."""
+        images = [name for name, one in recording.topics.items() if one.type.data_class is Image]
+        if wanted and wanted not in images:
+            raise UsageError(f"{recording.path}: no topic {wanted} of images")
+        tree = _static_frames(recording)
+        for name in [wanted] if wanted else images:
+            other, size = _look(recording, name)
+            T = _beside(info, other, tree) if other and name != self._topic else None
+            if other and T is not None and size == self.size:
+                self._right, self.infos = name, [info, other]
+                self.cameras = np.stack([np.eye(4), T])
+                return
+        if wanted:
+            raise UsageError(
+                f"{wanted}: no calibration or transform places it right of {self._topic}"
+            )
+
+    def read(self) -> Iterator[CameraImage | Position]:
+        topics = [one for one in (self._topic, self._right, self._scale) if one]
+        locator, left, right = Locator(), None, None
+        with closing(open_source(self._path)) as recording:
+            with closing(recording.read(topics=topics)) as entries:
+                for entry in entries:
+                    try:
+                        message: Any = content(entry.message)
+                    except DamagedMessage:
+                        continue
+                    stamp_ns = message.header.stamp_ns or entry.stamp_ns
+                    if entry.topic == self._scale:
+                        found = locator.locate(message)
+                        if found is not None:
+                            yield Position(stamp_ns, found[:3], _sigma(message))
+                        continue
+                    view = CameraImage(stamp_ns, _gray(message))
+                    if not self._right:
+                        yield view
+                        continue
+                    left, right = (view, right) if entry.topic == self._topic else (left, view)
+                    if left and right and abs(left.stamp_ns - right.stamp_ns) <= _TOGETHER_NS:
+                        yield left._replace(right=right.gray)
+                        left = right = None
+            self.notes = list(recording.loss.notes)
+
+
+def _pictures(path: Path) -> Path | None:
+    """The folder with pictures: a path itself, or the only such folder in it."""
+    if not path.is_dir():
+        return None
+    if is_pictures(path):
+        return path
+    with_pictures = [one for one in sorted(path.iterdir()) if one.is_dir() and is_pictures(one)]
+    only = len(with_pictures) == 1 and not (path / "times.txt").exists()
+    return with_pictures[0] if only else None
+
+
+def _static_frames(recording: Recording) -> FrameTree:
+    tree = FrameTree()
+    topics = [name for name in recording.topics if name.lstrip("/") == "tf_static"]
+    with closing(recording.read(topics=topics)) as entries:
+        for entry in entries:
+            with suppress(DamagedMessage, WrongTransforms):
+                tree.add(content(entry.message), True)
+    return tree
+
+
+def _look(recording: Recording, topic: str) -> tuple[CameraInfo | None, tuple[int, int]]:
+    """The calibration of a topic of images, and their size."""
+    types = {name: one.type for name, one in recording.topics.items()}
+    of_info = calibration_topic(topic, types)
+    info, size = None, None
+    with closing(recording.read(topics=[one for one in (topic, of_info) if one])) as entries:
+        for entry in entries:
+            try:
+                message = content(entry.message)
+            except DamagedMessage:
+                continue
+            if isinstance(message, CameraInfo):
+                info = message if message.K[0, 0] > 0 else None
+            elif isinstance(message, Image):
+                size = (message.width, message.height)
+                info = info or message.camera_info
+            if size and (info or not of_info):
+                break
+    if size is None:
+        raise OpenError(f"{recording.path}: no readable image on {topic}")
+    return info if info and info.K[0, 0] > 0 else None, size
+
+
+def _beside(left: CameraInfo, right: CameraInfo, tree: FrameTree) -> Floats | None:
+    """T_left_right of a camera to the right of another, by tf or the projections of both."""
+    offsets = [one.projection[0, 3] / one.projection[0, 0] for one in (left, right)]
+    T = np.eye(4)
+    T[0, 3] = offsets[0] - offsets[1]
+    if not T[0, 3]:
+        try:
+            T = tree.lookup(left.header.frame_id, right.header.frame_id, 0)
+        except NoTransform:
+            return None
+    is_right = T[0, 3] > 2 * np.hypot(T[1, 3], T[2, 3])
+    return T if is_right and np.trace(T[:3, :3]) > 2.9 else None
+
+
+def _gray(image: Image) -> Pixels:
+    color.refuse_measurements(image.encoding)
+    pixels = color.demosaiced(image.pixels, image.encoding)
+    return to_8_bit(color.to_gray(pixels, color.order_of(image.encoding)))
+
+
+def _sigma(message: Any) -> float:
+    """Standard deviation of a position, metres."""
+    if isinstance(message, NavSatFix):
+        variance = float(np.mean(np.diag(message.covariance)[:2]))
+        return float(np.sqrt(variance)) if variance > 0 else 2.0
+    return _WHEELS
+
+
+def _read_calibration(name: str, size: tuple[int, int]) -> CameraInfo:
+    """The calibration in ROS's format, or KITTI's; raises OpenError."""
+    path = Path(name)
+    if path.suffix == ".txt":
+        return _read_rows(path, size)
+    info = Calibration(name).fit(size)
+    if info is None:
+        raise OpenError.missing(path)
+    return info
+
+
+def _read_rows(path: Path, size: tuple[int, int]) -> CameraInfo:
+    """The first camera of KITTI's calib.txt, also without names."""
+    try:
+        text = path.read_text()
+        row = np.array(text.splitlines()[0].rpartition(":")[2].split(), np.float64)
+        P = row.reshape(3, 4)
+    except (OSError, ValueError, IndexError):
+        raise OpenError(f"{path}: no calibration of KITTI; its lines have 12 numbers") from None
+    if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0):
+        raise OpenError(f"{path}: not the projection of a camera")
+    return replace(CameraInfo(size[1], size[0], P[:, :3]), P=P)

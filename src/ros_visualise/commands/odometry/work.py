@@ -1,0 +1,223 @@
+"""Finding the trajectory of a camera, and printing, writing and drawing it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from ros_visualise.commands.odometry import OdometryOptions
+from ros_visualise.commands.odometry.inputs import CameraImage, CameraInput, Position, open_input
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.printing import counted, print_json, print_result, print_status
+from ros_visualise.core.signals import STOPPED, noticed
+from ros_visualise.data import Header
+from ros_visualise.data import Path as PosePath
+from ros_visualise.estimation.visual.focal import PIXEL_SIGMA, find_focal_length, pinhole
+from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
+from ros_visualise.estimation.visual.stretch import VisualPose
+from ros_visualise.geometry import rotations, se3
+from ros_visualise.plotting.figure import FIGURE_FORMATS
+from ros_visualise.plotting.trajectory_plot import PlottedTrajectory, planes_of, plot_trajectories
+from ros_visualise.running.interruptible import interruptible
+from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.names import check_targets
+from ros_visualise.sinks.trajectory import FORMATS, save
+from ros_visualise.vision.threads import fit_threads
+
+_SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
+_FRAME = "camera_start"
+_TRIED = 60  # images by which a focal length is estimated
+_WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height or --scale"
+
+
+def find_trajectory(options: OdometryOptions) -> int:
+    """Find, print, write and draw a trajectory; the exit status."""
+    _check(options)
+    found = interruptible(lambda: open_input(options))
+    settings, notes = _settings(options), []
+    if not found.infos:
+        notes.append(_estimate_focal_length(found, options))
+        settings = replace(settings, pixel_sigma=PIXEL_SIGMA)
+    odometry = VisualOdometry(found.infos, found.cameras, settings)
+    stamps_ns: list[int] = []
+    reasons: dict[str, int] = {}
+    with noticed() as request:
+        for one in tqdm(_part(found, options), unit=" images", disable=None, leave=False):
+            if request.asked:
+                break
+            if isinstance(one, Position):
+                odometry.measured(*one)
+                continue
+            fit_threads(one.gray)
+            stamps_ns.append(one.stamp_ns)
+            odometry.step(*one)
+            if odometry.reason:
+                reasons[odometry.reason] = reasons.get(odometry.reason, 0) + 1
+    poses = [one for one in odometry.finish() if one.in_metres or not _has_unit(options, found)]
+    if not poses:
+        why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
+        if odometry.done:
+            why = "the scale could not be found; without --height and --scale lengths have no unit"
+        raise OpenError(f"{options.input}: no trajectory in {len(stamps_ns)} images: {why}")
+    save(_files(poses, stamps_ns, options), options.overwrite)
+    report = _report(poses, stamps_ns, reasons, odometry)
+    if options.json:
+        print_json({"path": options.input, **report, "notes": notes})
+    else:
+        print_result(_lines(report))
+    for note in [*notes, *found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]:
+        print_status(f"ros-visualise: {options.input}: {note}")
+    if request.asked:
+        return STOPPED
+    return int(bool(found.notes or odometry.counts["losses"]))
+
+
+def _check(options: OdometryOptions) -> None:
+    """Reject wrong usage before anything is read."""
+    outs = [Path(name) for name in options.out]
+    for one in outs:
+        if one.suffix.lower() not in _SUFFIXES:
+            raise UsageError(f"--out {one}: give a name that ends in {' or '.join(_SUFFIXES)}")
+    if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
+        kinds = " or ".join(FIGURE_FORMATS)
+        raise UsageError(f"--plot {options.plot}: give a name that ends in {kinds}")
+    if options.corners < 50:
+        raise UsageError(f"--corners {options.corners}: give at least 50")
+    targets = [*outs, *(one for one in (options.covariances, options.plot) if one)]
+    check_targets(targets, Path(options.input))
+    for target in targets:
+        TargetFile.check(target, options.overwrite)
+
+
+def _settings(options: OdometryOptions) -> VisualSettings:
+    return VisualSettings(
+        corners=options.corners,
+        height=options.height or 0.0,
+        readout_s=options.readout / 1e3,
+        has_positions=options.scale is not None,
+    )
+
+
+def _has_unit(options: OdometryOptions, found: CameraInput) -> bool:
+    """True if lengths are to be metres."""
+    return bool(options.height or options.scale) or len(found.infos) > 1
+
+
+def _estimate_focal_length(found: CameraInput, options: OdometryOptions) -> str:
+    """Give a camera without a calibration one; a note on it."""
+    views = [one for one in _part(found, options) if isinstance(one, CameraImage)]
+    every = max(len(views) // _TRIED, 1)
+    focal = find_focal_length([one.gray for one in views[: _TRIED * every : every]])
+    found.infos = [pinhole(views[0].gray.shape, focal.widths)]
+    pixels = focal.widths * views[0].gray.shape[1]
+    if focal.is_estimated:
+        low, high = (one * views[0].gray.shape[1] for one in (focal.low, focal.high))
+        return (
+            f"no calibration: focal length estimated as {pixels:.0f} px ({low:.0f} to {high:.0f})"
+        )
+    return (
+        f"no calibration: focal length assumed as {pixels:.0f} px, which these images do not show;"
+        " give --calibration"
+    )
+
+
+def _part(found: CameraInput, options: OdometryOptions) -> Iterator[CameraImage | Position]:
+    """The part of the input that is wanted."""
+    first_ns, count = None, 0
+    for one in found.read():
+        first_ns = one.stamp_ns if first_ns is None else first_ns
+        gone_s = (one.stamp_ns - first_ns) / 1e9
+        if options.duration is not None and gone_s > (options.start or 0.0) + options.duration:
+            return
+        if gone_s < (options.start or 0.0):
+            continue
+        count += isinstance(one, CameraImage)
+        if options.frames is not None and count > options.frames:
+            return
+        yield one
+
+
+def _files(
+    poses: list[VisualPose], stamps_ns: list[int], options: OdometryOptions
+) -> dict[Path, bytes]:
+    files = {}
+    for target in map(Path, options.out):
+        kind = _SUFFIXES[target.suffix.lower()]
+        path = _path(poses if kind == "tum" else _for_each_image(poses, stamps_ns))
+        head = f"# {_WITHOUT_UNIT}\n" if kind == "tum" and not poses[0].in_metres else ""
+        files[target] = (head + "".join(FORMATS[kind](path))).encode()
+    if options.covariances is not None:
+        files[options.covariances] = "".join(map(_covariance_line, poses)).encode()
+    if options.plot is not None:
+        path = _path(poses)
+        drawn = [PlottedTrajectory(Path(options.input).name, path)]
+        title = f"{Path(options.input).name}: {_length(poses)}"
+        figure = plot_trajectories(drawn, planes_of([path.positions_xyz], "auto"), title, True)
+        files[options.plot] = FIGURE_FORMATS[options.plot.suffix.lower()](figure)
+    return files
+
+
+def _path(poses: list[VisualPose]) -> PosePath:
+    T = se3.from_parts([one.R for one in poses], [one.p for one in poses])
+    stamps_ns = np.array([one.stamp_ns for one in poses], np.int64)
+    quats = rotations.from_matrix(T[:, :3, :3])
+    return PosePath(stamps_ns, T[:, :3, 3], quats, Header(int(stamps_ns[-1]), _FRAME))
+
+
+def _for_each_image(poses: list[VisualPose], stamps_ns: list[int]) -> list[VisualPose]:
+    """The pose of each image, or the last one before it, for a format without times."""
+    places = np.searchsorted([one.stamp_ns for one in poses], stamps_ns, side="right") - 1
+    return [poses[max(place, 0)] for place in places]
+
+
+def _covariance_line(pose: VisualPose) -> str:
+    change = se3.about_itself(pose.p)
+    values = (change @ pose.covariance @ change.T).ravel()
+    return f"{pose.stamp_ns / 1e9:.9f} {' '.join(f'{value:.6e}' for value in values)}\n"
+
+
+def _length(poses: list[VisualPose]) -> str:
+    way = np.linalg.norm(np.diff([one.p for one in poses], axis=0), axis=1).sum()
+    return f"{way:.3f} {'m' if poses[0].in_metres else 'units of length'}"
+
+
+def _report(
+    poses: list[VisualPose],
+    stamps_ns: list[int],
+    reasons: dict[str, int],
+    odometry: VisualOdometry,
+) -> dict[str, Any]:
+    last = poses[-1]
+    change = se3.about_itself(last.p)
+    deviations = np.sqrt(np.diag(change @ last.covariance @ change.T).clip(min=0))
+    way = float(np.linalg.norm(np.diff([one.p for one in poses], axis=0), axis=1).sum())
+    return {
+        "images": len(stamps_ns),
+        "poses": len(poses),
+        "keyframes": odometry.counts["keyframes"],
+        "losses": odometry.counts["losses"],
+        "without_pose": reasons,
+        "in_metres": last.in_metres,
+        "length": way,
+        "end_sigma": float(np.linalg.norm(deviations[:3])),
+        "end_sigma_deg": float(np.rad2deg(np.linalg.norm(deviations[3:]))),
+    }
+
+
+def _lines(report: dict[str, Any]) -> list[str]:
+    unit = " m" if report["in_metres"] else ", without a unit"
+    lines = [
+        f"images:    {report['images']}, {report['poses']} with a pose,"
+        f" {counted(report['keyframes'], 'keyframe')}",
+        f"length:    {report['length']:.3f}{unit}",
+        f"end:       +-{report['end_sigma']:.3f}{unit}, +-{report['end_sigma_deg']:.2f} degrees",
+    ]
+    lines += [f"no pose:   {count} ({why})" for why, count in report["without_pose"].items()]
+    if report["losses"]:
+        lines.append(f"lost:      {counted(report['losses'], 'time')}")
+    return lines

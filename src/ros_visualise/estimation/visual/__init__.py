@@ -1,0 +1,1 @@
+"""Visual odometry: the motion of one or two cameras by what they see."""

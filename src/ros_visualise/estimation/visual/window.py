@@ -1,0 +1,432 @@
+"""The last keyframes of a camera, with the points that they see, and what is known from before.
+
+The views before are eliminated, with the points that they host: what these sightings tell of the
+views that stay is a prior on their poses, so the covariance of the newest pose counts all drift
+since the start. Distances between keyframes that something else measures (the height over the
+ground, wheels, GPS) are part of the adjustment.
+
+Source: G. Sibley, L. Matthies, G. Sukhatme, Sliding window filter with application to planetary
+landing, 2010; S. Leutenegger et al., Keyframe-based visual-inertial odometry using nonlinear
+optimization, IJRR 2015.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats, Pixels
+from ros_visualise.estimation.visual.bundle import (
+    HUBER,
+    BundleScene,
+    Mask,
+    Normal,
+    Sightings,
+    linearize,
+    normal,
+    triangulated,
+)
+from ros_visualise.geometry import se3
+from ros_visualise.vision.tracking import Ids
+
+_OUTLIER = 3.5  # standard deviations
+_STEPS = 6
+_CONVERGED = 1e-3  # of the cost
+_LEAST_POINTS = 8
+_START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
+_FAR = 1e-6
+
+
+@dataclass(eq=False)
+class Keyframe:
+    """An image with its pose T_map_camera, and the directions in which it sees corners.
+
+    ``ids`` (N,) are in order; ``rays`` (C, N, 2) are of each camera, NaN where it
+    sees none; ``gray`` is the left image, undistorted.
+    """
+
+    key: int
+    stamp_ns: int
+    R: Floats
+    p: Floats
+    ids: Ids
+    rays: Floats
+    gray: Pixels
+
+    def see(self, ids: Ids, rays: Floats) -> None:
+        """Add corners, whose numbers are higher."""
+        self.ids = np.concatenate([self.ids, ids])
+        self.rays = np.concatenate([self.rays, rays], axis=1)
+
+
+class KeyframeDistance(NamedTuple):
+    """A measured distance between two keyframes, with its standard deviation."""
+
+    first: int
+    second: int
+    length: float
+    sigma: float
+
+
+@dataclass(eq=False)
+class PosePrior:
+    """Knowledge from before on keyframes: ``H x = g`` of the twists since their poses then."""
+
+    keys: list[int]
+    R: Floats
+    p: Floats
+    H: Floats
+    g: Floats
+
+    def at(self, R: Floats, p: Floats) -> tuple[Floats, float]:
+        """The right side at other poses, and half of the sum of squares up to a constant."""
+        back = np.swapaxes(self.R, 1, 2)
+        turn = R @ back
+        shift = p - (turn @ self.p[..., None])[..., 0]
+        x = np.concatenate([se3.log(a, b) for a, b in zip(turn, shift, strict=True)])
+        return self.g - self.H @ x, float(x @ self.H @ x / 2 - self.g @ x)
+
+
+@dataclass(eq=False)
+class MapPoints:
+    """Points by number: their hosts, and (3,) as in `BundleScene`."""
+
+    ids: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    host: Ids = field(default_factory=lambda: np.zeros(0, np.int64))  # keys of keyframes
+    values: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def chosen(self, kept: Mask) -> MapPoints:
+        return MapPoints(self.ids[kept], self.host[kept], self.values[kept])
+
+    def joined(self, other: MapPoints) -> MapPoints:
+        ids = np.concatenate([self.ids, other.ids])
+        order = np.argsort(ids)
+        return MapPoints(
+            ids[order],
+            np.concatenate([self.host, other.host])[order],
+            np.concatenate([self.values, other.values])[order],
+        )
+
+
+class Located(NamedTuple):
+    """A pose T_map_camera by known points, and the covariance (6, 6) of its twist.
+
+    ``used`` points of those ``seen`` agree; ``residual`` is a robust standard deviation.
+    """
+
+    R: Floats
+    p: Floats
+    covariance: Floats
+    used: int
+    seen: int
+    residual: float
+
+
+class KeyframeWindow:
+    """See the module.
+
+    Args:
+        sigma: standard deviation of directions.
+        cameras: T_left_camera (C, 4, 4).
+        length: number of keyframes.
+    """
+
+    def __init__(self, sigma: float, cameras: Floats, length: int = 8) -> None:
+        self.sigma, self.cameras, self.length = sigma, cameras, length
+        self.frames: list[Keyframe] = []
+        self.points = MapPoints()
+        self.distances: list[KeyframeDistance] = []
+        self.prior: PosePrior | None = None
+        self.lost: Ids = np.zeros(0, np.int64)
+
+    @property
+    def newest(self) -> Keyframe:
+        """The last keyframe."""
+        return self.frames[-1]
+
+    def frame(self, key: int) -> Keyframe:
+        """A keyframe."""
+        return next(one for one in self.frames if one.key == key)
+
+    def add(self, frame: Keyframe) -> None:
+        """Add a keyframe, and the points that are known by it."""
+        self.frames.append(frame)
+        if self.prior is None:
+            H = np.eye(6) / _START**2
+            self.prior = PosePrior([frame.key], frame.R[None], frame.p[None], H, np.zeros(6))
+        self._add_points()
+
+    def _add_points(self) -> None:
+        """Points whose depths the newest keyframe and another one show."""
+        new = self.newest
+        for first in self.frames:
+            for camera in range(len(self.cameras)):
+                if first is new and camera == 0:
+                    continue
+                self._triangulate(first, new, camera)
+
+    def _triangulate(self, first: Keyframe, new: Keyframe, camera: int) -> None:
+        common, a, b = np.intersect1d(first.ids, new.ids, return_indices=True)
+        z0, z1 = first.rays[0, a], new.rays[camera, b]
+        fresh = ~np.isin(common, self.points.ids) & np.isfinite(z0[:, 0]) & np.isfinite(z1[:, 0])
+        if not fresh.any():
+            return
+        T = self.cameras[camera]
+        R_view, p_view = new.R @ T[:3, :3], new.p + new.R @ T[:3, 3]
+        R, p = R_view.T @ first.R, R_view.T @ (first.p - p_view)
+        rho, factor = triangulated(R, p, z0[fresh], z1[fresh])
+        scale = 1 / max(float(np.linalg.norm(p)), 1e-9)
+        off = factor * self.sigma
+        good = (rho > -2 * off) & (off < 0.2 * scale)
+        values = np.column_stack([z0[fresh], np.maximum(rho, _FAR)])[good]
+        ids = common[fresh][good]
+        self.points = self.points.joined(MapPoints(ids, np.full(len(ids), first.key), values))
+
+    def positions(self) -> Floats:
+        """(N, 3) the points, in the map."""
+        scene = self.scene()
+        R, p = scene.R[scene.host], scene.p[scene.host]
+        rays = np.insert(self.points.values[:, :2], 2, 1.0, axis=1) / self.points.values[:, 2:]
+        found: Floats = (R @ rays[..., None])[..., 0] + p
+        return found
+
+    # adjustment
+
+    def scene(self) -> BundleScene:
+        """Views and points, as the adjustment takes them."""
+        keys = np.array([one.key for one in self.frames])
+        R = np.array([one.R for one in self.frames])
+        p = np.array([one.p for one in self.frames])
+        return BundleScene(
+            R, p, np.searchsorted(keys, self.points.host), self.points.values, self.cameras
+        )
+
+    def sightings(self) -> Sightings:
+        """All sightings of the points."""
+        several = []
+        for place, one in enumerate(self.frames):
+            at = np.searchsorted(self.points.ids, one.ids)
+            known = np.isin(one.ids, self.points.ids)
+            for camera, rays in enumerate(one.rays):
+                kept = known & np.isfinite(rays[:, 0])
+                n = int(kept.sum())
+                several.append((at[kept], np.full(n, place), np.full(n, camera), rays[kept]))
+        return Sightings(*(np.concatenate(column) for column in zip(*several, strict=True)))
+
+    def adjust(self) -> None:
+        """Fit poses and points to their sightings; drop outliers, whose ids are ``lost`` then."""
+        self.lost = np.zeros(0, np.int64)
+        for _ in range(2):
+            self._minimise()
+            if not self._drop_outliers():
+                break
+
+    def _system(self, scene: BundleScene, sightings: Sightings) -> Normal:
+        found = normal(scene, sightings, self.sigma)
+        H, g, cost = found.H, found.g, found.cost
+        place = {one.key: n for n, one in enumerate(self.frames)}
+        if self.prior is not None:
+            at = [place[key] for key in self.prior.keys]
+            rows = (6 * np.array(at)[:, None] + np.arange(6)).ravel()
+            right, more = self.prior.at(scene.R[at], scene.p[at])
+            H[np.ix_(rows, rows)] += self.prior.H
+            g[rows] += right
+            cost += more
+        for first, second, length, sigma in self.distances:
+            a, b = place[first], place[second]
+            way = scene.p[b] - scene.p[a]
+            now = float(np.linalg.norm(way))
+            along = way / max(now, 1e-12)
+            J = np.zeros(len(g))
+            J[6 * a : 6 * a + 6] = -np.concatenate([along, np.cross(scene.p[a], along)])
+            J[6 * b : 6 * b + 6] = np.concatenate([along, np.cross(scene.p[b], along)])
+            off = (length - now) / sigma
+            w = min(1.0, HUBER / max(abs(off), 1e-9)) / sigma**2
+            H += w * np.multiply.outer(J, J)
+            g += w * J * (length - now)
+            cost += off**2 / 2 if abs(off) < HUBER else HUBER * (abs(off) - HUBER / 2)
+        return found._replace(H=H, g=g, cost=cost)
+
+    def _minimise(self) -> None:
+        scene, sightings = self.scene(), self.sightings()
+        system, damping = self._system(scene, sightings), 1e-4
+        for _ in range(_STEPS):
+            H, g, inverse = system.reduced(damping)
+            H = H + damping * np.diag(np.diag(system.H))
+            x = np.asarray(np.linalg.solve(H, g), np.float64)
+            after = scene.moved(x.reshape(-1, 6), system.points_of(x, inverse))
+            then = self._system(after, sightings)
+            if then.cost > system.cost:
+                damping *= 10
+                continue
+            is_done = system.cost - then.cost < _CONVERGED * abs(system.cost)
+            scene, system, damping = after, then, damping / 10
+            if is_done:
+                break
+        self._take(scene)
+
+    def _take(self, scene: BundleScene) -> None:
+        for one, R, p in zip(self.frames, scene.R, scene.p, strict=True):
+            one.R, one.p = R, p
+        self.points.values = scene.points
+
+    def _drop_outliers(self) -> int:
+        """Forget sightings that do not fit, and points without two; their number."""
+        scene, sightings = self.scene(), self.sightings()
+        found = linearize(scene, sightings)
+        off = np.linalg.norm(found.residuals, axis=1) / self.sigma
+        bad = (off > _OUTLIER) | ~found.is_in_front
+        for place, camera in {*zip(sightings.view[bad], sightings.camera[bad], strict=True)}:
+            one = self.frames[place]
+            these = bad & (sightings.view == place) & (sightings.camera == camera)
+            gone = np.isin(one.ids, self.points.ids[sightings.point[these]])
+            one.rays[camera, gone] = np.nan
+        good = sightings.chosen(~bad)
+        count = np.bincount(good.point, minlength=len(self.points.ids))
+        is_host = (good.view == scene.host[good.point]) & (good.camera == 0)
+        hosted = np.bincount(good.point[is_host], minlength=len(self.points.ids)) > 0
+        kept = (count >= 2) & hosted
+        self.lost = np.concatenate([self.lost, self.points.ids[~kept]])
+        self.points = self.points.chosen(kept)
+        return int(bad.sum())
+
+    def residual(self) -> float:
+        """Robust standard deviation of the sightings' residuals, as a direction."""
+        scene, sightings = self.scene(), self.sightings()
+        r = linearize(scene, sightings).residuals
+        is_host = (sightings.view == scene.host[sightings.point]) & (sightings.camera == 0)
+        off = np.abs(r[~is_host])
+        return float(np.median(off) / 0.6745) if len(off) else self.sigma
+
+    def covariance(self) -> Floats:
+        """(6 F, 6 F) covariance of the twists of all keyframes."""
+        system = self._system(self.scene(), self.sightings())
+        H, _, _ = system.reduced(0.0)
+        return np.linalg.pinv((H + H.T) / 2, hermitian=True, rcond=1e-15)
+
+    # poses between keyframes
+
+    def locate(self, R: Floats, p: Floats, ids: Ids, rays: Floats) -> Located | None:
+        """The pose from which corners are seen in these directions (N, 2), from a guess on."""
+        common, at, of = np.intersect1d(self.points.ids, ids, return_indices=True)
+        if len(common) < _LEAST_POINTS:
+            return None
+        scene = self.scene()
+        place = len(self.frames)
+        scene = BundleScene(
+            np.concatenate([scene.R, R[None]]),
+            np.concatenate([scene.p, p[None]]),
+            scene.host[at],
+            self.points.values[at],
+            self.cameras,
+        )
+        n = len(common)
+        seen = Sightings(np.arange(n), np.full(n, place), np.zeros(n, np.intp), rays[of])
+        for sigma in np.array([16, 8, 4, 2, 1, 1, 1]) * self.sigma:
+            found = linearize(scene, seen)
+            w = np.where(found.is_in_front, _cauchy(found.residuals, float(sigma)), 0)
+            H = np.einsum("n,nai,naj->ij", w, found.by_view, found.by_view)
+            g = np.einsum("n,nai,na->i", w, found.by_view, found.residuals)
+            twists = np.zeros((place + 1, 6))
+            twists[place] = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g)
+            scene = scene.moved(twists, np.zeros((n, 3)))
+        found = linearize(scene, seen)
+        off = np.linalg.norm(found.residuals, axis=1)
+        used = found.is_in_front & (off < _OUTLIER * self.sigma * 1.5)
+        J = found.by_view[used]
+        H = np.einsum("nai,naj->ij", J, J) / self.sigma**2
+        covariance = np.linalg.pinv(H, hermitian=True)
+        residual = float(np.median(off)) / 1.1774
+        R, p = scene.R[place], scene.p[place]
+        return Located(R, p, covariance, int(used.sum()), n, residual)
+
+    # the oldest
+
+    def slide(self) -> Keyframe | None:
+        """Eliminate the oldest keyframe if there are too many; it."""
+        if len(self.frames) <= self.length:
+            return None
+        oldest, newest = self.frames[0], self.newest
+        scene, sightings = self.scene(), self.sightings()
+        last = len(self.frames) - 1
+        hosted = scene.host == 0
+        part = sightings.chosen(hosted[sightings.point] & (sightings.view != last))
+        ids = self.points.ids[hosted]
+        number = np.cumsum(hosted) - 1
+        part = part._replace(point=number[part.point])
+        few = BundleScene(scene.R, scene.p, scene.host[hosted], scene.points[hosted], self.cameras)
+        kept = [one for one in self.distances if oldest.key not in one[:2]]
+        self.distances = [one for one in self.distances if oldest.key in one[:2]]
+        system = self._system(few, part)
+        self.distances = kept
+        H, g, _ = system.reduced(0.0)
+        self._reduce(H, g)
+        self._rehost(oldest, newest, ids)
+        self.frames.pop(0)
+        return oldest
+
+    def _reduce(self, H: Floats, g: Floats) -> None:
+        """Eliminate the first keyframe from normal equations, which become the prior."""
+        own = H[:6, :6] + 1e-12 * np.trace(H[:6, :6]) * np.eye(6)
+        gain = np.linalg.solve(own, H[:6, 6:]).T
+        rest = H[6:, 6:] - gain @ H[:6, 6:]
+        left = self.frames[1:]
+        self.prior = PosePrior(
+            [one.key for one in left],
+            np.array([one.R for one in left]),
+            np.array([one.p for one in left]),
+            (rest + rest.T) / 2,
+            g[6:] - gain @ g[:6],
+        )
+
+    def _rehost(self, oldest: Keyframe, newest: Keyframe, ids: Ids) -> None:
+        """Continue points of the oldest keyframe from the newest one, if that sees them."""
+        mine = np.isin(self.points.ids, ids)
+        old, self.points = self.points.chosen(mine), self.points.chosen(~mine)
+        for one in self.frames[1:-1]:
+            one.rays[:, np.isin(one.ids, ids)] = np.nan
+        common, a, b = np.intersect1d(old.ids, newest.ids, return_indices=True)
+        R, p = newest.R.T @ oldest.R, newest.R.T @ (oldest.p - newest.p)
+        uv, rho = old.values[a, :2], old.values[a, 2]
+        far = uv @ R[:, :2].T + R[:, 2] + rho[:, None] * p
+        rays = newest.rays[0, b]
+        good = (far[:, 2] > _FAR) & np.isfinite(rays[:, 0])
+        values = np.column_stack([rays, rho / np.where(good, far[:, 2], 1)])[good]
+        n = len(values)
+        self.points = self.points.joined(MapPoints(common[good], np.full(n, newest.key), values))
+
+    # units and origin
+
+    def scale(self, factor: float) -> None:
+        """Multiply all lengths."""
+        for one in self.frames:
+            one.p = one.p * factor
+        self.points.values[:, 2] /= factor
+        self.distances = [
+            one._replace(length=one.length * factor, sigma=one.sigma * factor)
+            for one in self.distances
+        ]
+        if self.prior is not None:
+            by = np.tile(np.repeat([1 / factor, 1.0], 3), len(self.prior.keys))
+            self.prior.p = self.prior.p * factor
+            self.prior.H = by[:, None] * self.prior.H * by
+            self.prior.g = by * self.prior.g
+
+    def shift(self, by: Floats) -> None:
+        """Move the origin of the map, so that all positions change by (3,)."""
+        for one in self.frames:
+            one.p = one.p + by
+        if self.prior is not None:
+            back = np.kron(np.eye(len(self.prior.keys)), se3.adjoint(np.eye(3), -by))
+            self.prior.p = self.prior.p + by
+            self.prior.H = back.T @ self.prior.H @ back
+            self.prior.g = back.T @ self.prior.g
+
+
+def _cauchy(residuals: Floats, sigma: float) -> Floats:
+    """(N,) weights by which outliers hardly count."""
+    squares = (residuals**2).sum(axis=1) / sigma**2
+    found: Floats = 1 / (1 + squares / HUBER**2) / sigma**2
+    return found

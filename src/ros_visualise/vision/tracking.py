@@ -1,0 +1,147 @@
+"""Corners that are followed from image to image.
+
+Corners are the best ones of the cells of a grid, so that they cover the image. They are followed by
+pyramidal optical flow, there and back: what does not return to where it began is dropped.
+
+Source: J. Shi, C. Tomasi, Good features to track, CVPR 1994; J.-Y. Bouguet, Pyramidal
+implementation of the Lucas Kanade feature tracker, 2000; Z. Kalal et al., Forward-backward error:
+automatic detection of tracking failures, ICPR 2010.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats, Pixels
+
+Ids = npt.NDArray[np.int64]
+
+_PATCH = 21  # pixels
+_LEVELS = 4
+_RETURN_PX = 0.7  # from where a corner began
+_MARGIN = 8  # pixels at the border of the image without corners
+_LEAST_CORNER = 2e-5  # least eigenvalue of a corner, of gray levels from 0 to 1
+_RELATIVE = 0.01  # of the eigenvalue of good corners of this image
+_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.03)
+
+
+class FollowedCorners(NamedTuple):
+    """Corners in an image: their numbers (N,), in order, and pixels (N, 2).
+
+    ``before_uv`` (N, 2) is where they were in the image before; NaN of new ones.
+    """
+
+    ids: Ids
+    pixels_uv: Floats
+    before_uv: Floats
+
+    def chosen(self, kept: npt.NDArray[Any]) -> FollowedCorners:
+        """Some of them, by a mask or by their places."""
+        return FollowedCorners(self.ids[kept], self.pixels_uv[kept], self.before_uv[kept])
+
+
+class CornerTracker:
+    """Follows corners through the images of a camera.
+
+    Args:
+        count: number of corners wanted.
+
+    Attributes:
+        corners: in the last image.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._next = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all corners: the next image is the first."""
+        self._gray: Pixels | None = None
+        self.corners = FollowedCorners(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)))
+
+    def follow(self, gray: Pixels) -> FollowedCorners:
+        """The corners of the image before that are found in this one (H, W), uint8."""
+        before, self._gray = self._gray, gray
+        if before is None or before.shape != gray.shape or not len(self.corners.ids):
+            self.corners = self.corners.chosen(np.zeros(len(self.corners.ids), bool))
+            return self.corners
+        pixels, found = flow(before, gray, self.corners.pixels_uv)
+        ids, before_uv = self.corners.ids, self.corners.pixels_uv
+        self.corners = FollowedCorners(ids, pixels, before_uv).chosen(found)
+        return self.corners
+
+    def drop(self, ids: Ids) -> None:
+        """Follow these corners no longer."""
+        self.corners = self.corners.chosen(~np.isin(self.corners.ids, ids))
+
+    def refill(self) -> FollowedCorners:
+        """Look for new corners where there are none; all corners then."""
+        if self._gray is None:
+            return self.corners
+        new = _best_of_cells(self._gray, self.corners.pixels_uv, self.count)
+        ids = np.arange(self._next, self._next + len(new))
+        self._next += len(new)
+        nowhere = np.full_like(new, np.nan)
+        several = zip(self.corners, (ids, new, nowhere), strict=True)
+        self.corners = FollowedCorners(*(np.concatenate(pair) for pair in several))
+        return self.corners
+
+
+def flow(
+    before: Pixels,
+    gray: Pixels,
+    pixels_uv: Floats,
+    guess_uv: Floats | None = None,
+    levels: int = _LEVELS,
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Pixels (N, 2) of an image in the next one, and which were found (N,).
+
+    ``guess_uv``: where they may be; ``levels`` of the pyramid beyond the image itself.
+    """
+    start = pixels_uv.astype(np.float32).reshape(-1, 1, 2)
+    options: dict[str, Any] = {"winSize": (_PATCH, _PATCH), "maxLevel": levels, "criteria": _STOP}
+    flags = 0 if guess_uv is None else cv2.OPTFLOW_USE_INITIAL_FLOW
+    guess = None if guess_uv is None else guess_uv.astype(np.float32).reshape(-1, 1, 2)
+    pursue: Any = cv2.calcOpticalFlowPyrLK
+    there, is_there, _ = pursue(before, gray, start, guess, flags=flags, **options)
+    again = {"flags": cv2.OPTFLOW_USE_INITIAL_FLOW, **options}
+    back, is_back, _ = pursue(gray, before, there, start.copy(), **again)
+    found = (is_there & is_back)[:, 0].astype(bool)
+    found &= np.hypot(*(back - start)[:, 0].T) < _RETURN_PX
+    pixels: Floats = there[:, 0].astype(np.float64)
+    height, width = gray.shape
+    found &= (pixels >= _MARGIN).all(axis=1)
+    found &= (pixels < [width - _MARGIN, height - _MARGIN]).all(axis=1)
+    return pixels, found
+
+
+def _best_of_cells(gray: Pixels, taken_uv: Floats, count: int) -> Floats:
+    """(N, 2) the best corner of each cell of a grid without one."""
+    height, width = gray.shape
+    side = max(int(np.sqrt(height * width / count)), 2 * _MARGIN)
+    rows, columns = height // side, width // side
+    if not rows or not columns:
+        return np.zeros((0, 2))
+    strength = cv2.cornerMinEigenVal(gray, 3)
+    strength[:_MARGIN], strength[-_MARGIN:] = 0, 0
+    strength[:, :_MARGIN], strength[:, -_MARGIN:] = 0, 0
+    for x, y in taken_uv.astype(int):
+        strength[max(y - _MARGIN, 0) : y + _MARGIN, max(x - _MARGIN, 0) : x + _MARGIN] = 0
+    top, left = (height - rows * side) // 2, (width - columns * side) // 2
+    cells = strength[top : top + rows * side, left : left + columns * side]
+    cells = cells.reshape(rows, side, columns, side).swapaxes(1, 2).reshape(-1, side * side)
+    place, at = np.divmod(cells.argmax(axis=1), side), np.divmod(np.arange(len(cells)), columns)
+    best = cells.max(axis=1)
+    occupied = np.zeros((rows, columns), bool)
+    at_taken = ((taken_uv - [left, top]) / side).astype(int).clip(0, [columns - 1, rows - 1])
+    occupied[at_taken[:, 1], at_taken[:, 0]] = True
+    least = max(_LEAST_CORNER, _RELATIVE * float(np.quantile(best, 0.9)))
+    chosen = (best > least) & ~occupied.ravel()
+    found = np.stack([left + at[1] * side + place[1], top + at[0] * side + place[0]], axis=1)
+    best_uv: Floats = found[chosen].astype(np.float64)
+    return best_uv

@@ -1,0 +1,75 @@
+"""`ros-visualise odometry`: files that other programs read, and what it refuses."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.commands import main
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command; its exit status, output and errors."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+
+    def run(*arguments):
+        status = main(["odometry", *map(str, arguments)])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+def test_a_drive_has_the_length_and_the_end_of_the_truth(recordings, run, tmp_path):
+    drive, out = recordings / "kitti_vo" / "sequence_1", tmp_path / "way"
+    named = [f"--out={out}.tum", f"--out={out}.kitti", f"--covariances={out}.txt"]
+    options = ["--height", 1.65, "--frames", 14, "--plot", f"{out}.svg", "--json"]
+    status, said, _ = run(drive, *options, *named)
+    report = json.loads(said)
+    truth = np.loadtxt(drive / "poses.txt")[:14].reshape(-1, 3, 4)
+    poses = np.loadtxt(f"{out}.kitti").reshape(-1, 3, 4)
+    way = np.linalg.norm(truth[-1, :, 3])
+    assert (status, report["in_metres"], report["poses"]) == (0, True, 14)
+    assert np.linalg.norm(poses[-1, :, 3] - truth[-1, :, 3]) < 0.03 * way
+    assert np.loadtxt(f"{out}.tum").shape == (14, 8)
+    covariances = np.loadtxt(f"{out}.txt")[:, 1:].reshape(-1, 6, 6)
+    assert np.linalg.eigvalsh(covariances[-1]).min() > 0
+    assert np.sqrt(np.trace(covariances[-1, :3, :3])) < 0.1 * way
+
+
+def test_a_stereo_pair_gives_metres(recordings, run):
+    status, said, _ = run(recordings / "kitti" / "drive0009_f000-004", "--json")
+    report = json.loads(said)
+    assert (status, report["in_metres"]) == (0, True)
+    assert report["length"] == pytest.approx(4.489, rel=0.02)  # of its odometry
+
+
+def test_images_of_a_camera_at_rest_are_refused(run, tmp_path):
+    noise = np.random.default_rng(0)
+    picture = cv2.resize(noise.integers(0, 255, (30, 40), np.uint8), (320, 240))
+    for number in range(4):
+        grains = noise.normal(0, 2, picture.shape)
+        seen = np.clip(picture + grains, 0, 255).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / f"{number}.png"), seen)
+    status, _, said = run(tmp_path)
+    assert status == 2
+    assert "no trajectory in 4 images: waiting for motion" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--out", "way.csv"], "give a name that ends in .tum or .kitti"),
+        (["--plot", "way.csv"], "give a name that ends in"),
+        (["--corners", 3], "give at least 50"),
+        (["--scale", "/odom"], "pictures have no topics"),
+    ],
+)
+def test_wrong_usage_is_one_line(run, tmp_path, words, why):
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((60, 80), np.uint8))
+    status, said, told = run(tmp_path, *words)
+    assert (status, said) == (2, "")
+    assert why in told
+    assert told.count("\n") == 1
