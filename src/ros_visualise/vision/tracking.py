@@ -80,7 +80,7 @@ class CornerTracker:
         self.corners = self.corners.chosen(~np.isin(self.corners.ids, ids))
 
     def refill(self) -> FollowedCorners:
-        """Look for new corners where there are none; all corners then."""
+        """Add new corners in empty cells; all corners then."""
         if self._gray is None:
             return self.corners
         new = _best_of_cells(self._gray, self.corners.pixels_uv, self.count)
