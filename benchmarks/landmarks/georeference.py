@@ -1,6 +1,6 @@
 """Consistency of detections that `georeference` places on the Earth.
 
-    python benchmarks/landmarks/georeference.py [--flights 250] [--scale 2]
+    python benchmarks/landmarks/georeference.py [--flights 250] [--scale 2] [--photos DIR]
 
 Flights are computed: a drone flies over rolling ground and looks at things that lie on it. The
 errors are not those of the node, which takes all of them to be independent and normal: they last
@@ -8,6 +8,9 @@ for a flight (a gimbal that is mounted askew, a declination that is not set, a b
 barometer that drifts), depend on the heading (a compass beside motors) and on time (images that are
 late, at 8 m/s), and come from a lens with distortion, another focal length and another centre than
 its data sheet says. Pixels are projected here, without code of the package.
+
+With `--photos DIR` the same features in overlapping pictures of a drone are placed by the pose of
+each picture, from its EXIF and XMP data, and the places compared.
 
 NEES of two dimensions is 2 where covariances are honest; below, they are too large. What matters is
 the share outside of the 95% ellipse: 5% is honest.
@@ -19,7 +22,10 @@ import argparse
 import logging
 from collections import Counter
 from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ros_visualise.data import (
@@ -32,9 +38,17 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.geometry import se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
+from ros_visualise.landmarks.georeferencing.ground import (
+    LevelSurface,
+    ViewErrors,
+    ground_points,
+)
 from ros_visualise.nodes.georeference import Georeference, GeoreferenceParams
+from ros_visualise.sources.logs.stills import read_still, still_series
+from ros_visualise.sources.pictures import picture_files, read_picture
 
 SIZE = (4000, 3000)
 FOCAL_PX = 2773.0  # by the data sheet
@@ -162,6 +176,67 @@ def look(flight: Flight, R: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, 
     return None
 
 
+def compare(folder: Path) -> None:
+    """Distances of the places of the same features, by pairs of pictures."""
+    files = picture_files(folder)
+    series = {one.topic: one for one in still_series(files)}
+    poses = []
+    for number in range(len(files)):
+        (one,) = series["tf"].make(number).transforms
+        poses.append(se3.from_pose(one.translation_xyz, one.quat_xyzw))
+    features = [_features(file) for file in files]
+    errors = ViewErrors(np.radians(1), np.radians(3), 1, 1, 0.05, 9 * np.eye(2))
+    off, nees = [], []
+    for a, b in combinations(range(len(files)), 2):
+        if np.linalg.norm(poses[a][:2, 3] - poses[b][:2, 3]) > 60:
+            continue
+        pairs = _matches(features[a], features[b])
+        if len(pairs[0]) < 15:
+            continue
+        seen = [
+            ground_points(
+                pixels,
+                np.tile(np.eye(2), (len(pixels), 1, 1)),
+                read_still(files[n]).lens,
+                poses[n],
+                errors,
+                LevelSurface(),
+            )
+            for n, pixels in zip((a, b), pairs, strict=True)
+        ]
+        apart = (seen[0].positions_xyz - seen[1].positions_xyz)[:, :2]
+        both = (seen[0].covariances_m2 + seen[1].covariances_m2)[:, :2, :2]
+        off.append(np.median(np.linalg.norm(apart, axis=1)))
+        nees.append(np.einsum("ni,nij,nj->n", apart, np.linalg.inv(both), apart).mean())
+        print(f"{files[a].name} {files[b].name}: {off[-1]:.1f} m, NEES {nees[-1]:.2f}")
+    print(
+        f"{len(off)} pairs: {np.median(off):.1f} m in the median, {np.max(off):.1f} m in the worst"
+        f" one; NEES {np.mean(nees):.2f}"
+    )
+
+
+def _features(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    gray = cv2.cvtColor(read_picture(file).pixels, cv2.COLOR_BGR2GRAY)
+    small = cv2.resize(gray, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    points, words = cv2.SIFT_create(1500).detectAndCompute(small, None)
+    return np.array([one.pt for one in points]) * 4 + 1.5, words
+
+
+def _matches(
+    first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, 2) of the same features, which a plane explains."""
+    several = cv2.BFMatcher().knnMatch(first[1], second[1], k=2)
+    clear = [a for a, b in several if a.distance < 0.7 * b.distance]
+    if len(clear) < 20:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    a = first[0][[one.queryIdx for one in clear]]
+    b = second[0][[one.trainIdx for one in clear]]
+    _, mask = cv2.findHomography(a, b, cv2.RANSAC, 12)
+    fits = mask.ravel() > 0
+    return a[fits], b[fits]
+
+
 def report(found: list[Placed], name: str) -> None:
     """A row of the table."""
     if not found:
@@ -180,8 +255,12 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=250)
     parser.add_argument("--scale", type=float, default=1, help="of all errors of a flight")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--photos", type=Path)
     options = parser.parse_args()
     logging.disable()
+    if options.photos:
+        compare(options.photos)
+        return
     rejected: Counter[str] = Counter()
     found = [
         one
