@@ -61,6 +61,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
         ["way.tum", "way.png"],
     ),
     "calibrate": ("calibrate {data}/calib/opencv --size 9x6 --output cam.yaml", ["cam.yaml"]),
+    "tags": ("tags tags.pdf --ids 0,1 --size 0.05", ["tags.pdf"]),
     "batch": (
         "batch {data}/bags/evo_tf_example.bag --out out",
         ["out", "out/*", "out/tasks/*", "out/tasks/*/*"],
