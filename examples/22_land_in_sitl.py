@@ -8,6 +8,7 @@ python examples/22_land_in_sitl.py --address udp://:14540 --wait 1
 
 import argparse
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,11 +16,10 @@ from ros_visualise.data import Header, PoseWithCovarianceStamped
 from ros_visualise.links import commands
 from ros_visualise.links.vehicle import Vehicle
 
-STILL, NOWHERE = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
-HEIGHT_M, LONGEST_S = 5.0, 120
+STILL, NOWHERE, HEIGHT_M, LONGEST_S = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 5.0, 120
 
 
-def ticks(seconds, what=""):
+def ticks(seconds: float, what: str = "") -> Iterator[int]:
     """Numbers of twentieths of a second, as they pass."""
     for tick in range(round(20 * seconds)):
         yield tick
@@ -27,11 +27,11 @@ def ticks(seconds, what=""):
     assert not what, f"no {what} in {seconds} s"
 
 
-def land(vehicle):
+def land(vehicle: Vehicle) -> float:
     """Take off, land on the target, and return how far off it is, metres."""
     own, target = vehicle.telemetry, vehicle.telemetry.position_xyz + np.array([3.0, 2.0, 0.0])
     for tick in ticks(LONGEST_S, "take-off"):
-        if own.position_xyz[2] > target[2] + 0.9 * HEIGHT_M:
+        if np.asarray(own.position_xyz)[2] > target[2] + 0.9 * HEIGHT_M:
             break
         if tick % 100 == 0 and not vehicle.armed:  # it may not be ready yet
             vehicle.order("take-off", lambda a: commands.take_off(a, own, HEIGHT_M))
@@ -44,7 +44,7 @@ def land(vehicle):
             vehicle.order("landing", lambda a: commands.land(a, on_target=True))
         if tick > 20 and not vehicle.armed:
             break
-    return np.hypot(*(own.position_xyz - target)[:2])
+    return float(np.hypot(*(own.position_xyz - target)[:2]))
 
 
 parser = argparse.ArgumentParser()

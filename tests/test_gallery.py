@@ -20,7 +20,7 @@ DRIVE += " --set husky.camera=false --set husky.lidar=false --record drive.bag"
 CHEAP = ("info", "convert", "trajectory", "calibrate", "plugins")
 """Commands of answers that take less than a second."""
 
-OTHERS = ("damaged.", "imu.bag", "other.tum", "2011_", "/dev/", "--output")
+OTHERS = ("damaged.", "imu.bag", "other.tum", "2011_", "/dev/", "--output", "/camera/", "/tracks")
 """Words of commands that take files which the reader here lacks."""
 
 SHOWS_A_PAGE = "21_own_page"  # until Ctrl-C: tests/test_examples.py
