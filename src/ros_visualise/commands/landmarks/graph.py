@@ -80,7 +80,10 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, lis
     if options.offset:
         raise UsageError(f"--offset {options.offset[0]}: requires --beside FILE")
     if options.geo is not None and options.input not in ROBOTS.names():
-        open_source(Path(options.input)).close()  # says first if it cannot be read
+        with closing(open_source(Path(options.input))) as readable:  # says first if it is not
+            if NavSatFix not in {one.type.data_class for one in readable.topics.values()}:
+                for note in readable.loss.notes:
+                    print_status(f"ros-visualise: {options.input}: {note}")
     source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
     if options.scenario and not is_robot:

@@ -91,7 +91,7 @@ def save_places(path: Path, log: PlaceLog, report: RunReport, overwrite: bool) -
     figures = report.nodes[GEOREFERENCE]
     rejected: Mapping[str, int] = figures.own["rejected"]
     why = [f"{count} {reason}" for reason, count in rejected.items()]
-    why += [f"{n} images dropped ({one})" for one, n in figures.dropped.items() if n]
+    why += [f"{counted(n, 'image')} dropped ({one})" for one, n in figures.dropped.items() if n]
     places, tracks = log.found()
     if not places:
         reasons = "; ".join(why) or "no landmarks were detected"
