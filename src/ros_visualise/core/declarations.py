@@ -55,7 +55,7 @@ class NodeType:
             (see `ros_visualise.graph.place`).
         splittable: True if parts of a recording give the results of the whole, after a while.
         optional: inputs that may be missing: those for which the step has a default.
-        live: True if ``tick`` brings messages from outside: in any graph it is called 50 times a
+        live: True if ``tick`` brings messages from outside: in any graph it is called 200 times a
             second, each time until it answers with none.
     """
 

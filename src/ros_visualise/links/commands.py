@@ -44,7 +44,10 @@ def permit(allowed: bool) -> None:
 def check_permission() -> None:
     """Raise UsageError unless vehicles may be commanded."""
     if not _is_permitted:
-        raise UsageError("vehicles are not commanded from here; to allow it, use --allow-control")
+        raise UsageError(
+            "vehicles are not commanded from here; to allow it, use --allow-control"
+            " (ROS: allow_control:=true)"
+        )
 
 
 def take_off(autopilot: int, own: Telemetry, height_m: float) -> list[Step]:

@@ -16,7 +16,7 @@ from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import CallbackListener, Listener, Topic
 
-_TICK_S, _LIVE_TICK_S = 0.1, 0.02
+_TICK_S, _LIVE_TICK_S = 0.1, 0.005
 _MOST_TICKS = 200
 
 
