@@ -26,7 +26,7 @@ QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,
 	messages vision sources sinks plotting nodes lessons package)
 
 # Tests of ROS and of pages wait for other processes half of their time: two more than 2 cores.
-PARALLEL := -n 4 --dist loadfile
+PARALLEL := -n 4 --dist loadfile --no-loadscope-reorder
 
 # Collected once beside mypy, which compiles them for the processes that run them.
 SELECTED = $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))

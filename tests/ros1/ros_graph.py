@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 import xmlrpc.client
 from pathlib import Path
 from typing import Any
 
+from forked import Forked
 from ports import free_port as free_port
 from waiting import PATIENCE_S as PATIENCE_S
 from waiting import wait_for as wait_for
@@ -34,9 +36,10 @@ class Master:
         wait_for(self.answers, "roscore")
 
     def run(self, *command: str, **options: Any) -> subprocess.Popen[str]:
-        """A process in this environment, with its output as text."""
+        """A process in this environment, with its output as text; forked if it is ours."""
         options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, **options}
-        return subprocess.Popen(command, env=self.environment, text=True, **options)
+        kind = Forked if command[:2] == (sys.executable, "-c") else subprocess.Popen
+        return kind(list(command), env=self.environment, text=True, **options)
 
     def call(self, *command: str, timeout_s: float = PATIENCE_S) -> str:
         """The output of a command that ends by itself."""

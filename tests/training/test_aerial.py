@@ -106,7 +106,7 @@ def test_it_finds_nothing_on_plain_ground(network):
 
 def test_tiles_find_more_in_4k_pictures(network, opengl):
     found = dict.fromkeys((0, 640), 0)
-    for picture, seen, _ in render_world((4000, 0), 4, (3840, 2160)):
+    for picture, seen, _ in render_world((4000, 0), 2, (3840, 2160)):
         for side in found:
             some = detect_in_tiles(network, picture, "RGB", SelectionRules(min_score=0.4), side)
             for one in (each for each in seen if each.share > 0.5):
