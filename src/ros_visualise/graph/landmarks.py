@@ -224,7 +224,7 @@ def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
     Raises:
         UsageError: nothing says where the camera is.
     """
-    fixes = [topic for topic in graph.topics_of(NavSatFix) if topic != _ORIGIN]
+    fixes = [topic for topic in graph.topics_of(NavSatFix) if not topic.endswith(_ORIGIN)]
     for missing, there in {"fixes": fixes, "tf": has_frames(graph)}.items():
         if not there:
             raise UsageError(
@@ -232,8 +232,9 @@ def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
                 " pictures of drones, a film with KLV, or a log beside it"
             )
     taken = {"fix": fixes[0], **inputs}
-    known = {"map_origin": _ORIGIN, "lens": LENS}
-    taken |= {port: topic for port, topic in known.items() if topic in graph.topics}
+    for port, name in {"map_origin": _ORIGIN, "lens": LENS}.items():
+        found = [topic for topic in graph.topics if topic.endswith(name)]  # below a source's name
+        taken |= {port: found[0]} if found else {}
     return place(find_node(GEOREFERENCE), taken)
 
 

@@ -125,7 +125,7 @@ def recorded_pictures(path: Path) -> SeriesRecording:
     series = Series(_TOPIC, Image, stamps_ns, image, slow=True)
     said = [replace(one, topic=f"/{one.topic}") for one in still_series(pictures.files)]
     size = sum(file.stat().st_size for file in pictures.files)
-    return SeriesRecording(path, "pictures", size, [series, *said])
+    return SeriesRecording(path, "pictures", size, [*said, series])
 
 
 def picture_files(path: Path) -> list[Path]:

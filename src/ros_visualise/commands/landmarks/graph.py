@@ -122,7 +122,7 @@ def _recorded(recording: Recording, options: LandmarksOptions) -> tuple[SourceNo
     beside = [
         name
         for name, kind in kinds.items()
-        if (kind in wanted or (options.geo and name == LENS))
+        if (kind in wanted or (options.geo and name.endswith(LENS)))
         and name not in made
         and not recording.topics[name].unreadable
     ]
