@@ -47,7 +47,7 @@ from ros_visualise.sinks.mot_file import MotRecorder
 WIDTH, HEIGHT, FOCAL = 1280, 720, 900.0
 K = np.array([[FOCAL, 0, WIDTH / 2 - 0.5], [0, FOCAL, HEIGHT / 2 - 0.5], [0, 0, 1.0]])
 HALF = 90.0  # metres, of the roads' length
-BRIDGES = ((-30.0, 9.0), (32.0, 9.0))  # middle along x and half width
+BRIDGES = ((-54.0, 9.0), (52.0, 9.0))  # middle along x and half width
 LANES = (-5.2, -1.75, 1.75, 5.2)
 
 
@@ -65,6 +65,7 @@ class Body:
     across: bool = False  # a road along y
     walks: bool = False
     missed: bool = False
+    viewed_s: float = -10.0
 
     @property
     def center(self) -> np.ndarray:
@@ -98,7 +99,7 @@ class Traffic:
                 lanes.setdefault((one.across, one.lane), []).append(one)
         for (across, _), several in lanes.items():
             several.sort(key=lambda one: -one.along)
-            stop = now_s % 24 > 12 if across else now_s % 24 < 10
+            stop = now_s % 16 > 8 if across else now_s % 16 < 7
             ahead = None
             for one in several:
                 gap = 1e3 if ahead is None else ahead.along - ahead.size[0] / 2 - one.along
@@ -139,9 +140,13 @@ class Traffic:
         self._put(Body(0, size, lane, heading, along, speed, speed, walks=True))
 
     def _put(self, one: Body) -> None:
+        self.name(one)
+        self.bodies.append(one)
+
+    def name(self, one: Body) -> None:
+        """Give it a new id."""
         self._next += 1
         one.id = self._next
-        self.bodies.append(one)
 
 
 @dataclass
@@ -182,15 +187,16 @@ def _look(
 class Seen(NamedTuple):
     """A true object in an image: its box left, top, right, bottom, and its uncovered share."""
 
+    id: int
     body: Body
     box: np.ndarray
     shown: float
 
 
-def look(bodies: list[Body], T: np.ndarray) -> list[Seen]:
-    """The objects that an image shows."""
+def look(traffic: Traffic, T: np.ndarray, now_s: float) -> list[Seen]:
+    """The objects that an image shows; who was out of view for a second has a new id."""
     found: list[tuple[float, Body, np.ndarray]] = []
-    for one in bodies:
+    for one in traffic.bodies:
         local = (one.corners() - T[:3, 3]) @ T[:3, :3]
         if local[:, 2].min() < 1:
             continue
@@ -200,6 +206,9 @@ def look(bodies: list[Body], T: np.ndarray) -> list[Seen]:
         box = np.clip(whole, 0, [WIDTH - 1, HEIGHT - 1, WIDTH - 1, HEIGHT - 1])
         if _area(box) > 0.4 * _area(whole) and _area(box) > 40:
             found.append((float(local[:, 2].mean()), one, box))
+            if now_s - one.viewed_s > 1:
+                traffic.name(one)
+            one.viewed_s = now_s
     found.sort(key=lambda one: one[0])
     seen = []
     for at, (_, body, box) in enumerate(found):
@@ -209,7 +218,7 @@ def look(bodies: list[Body], T: np.ndarray) -> list[Seen]:
         )
         shown = 0.0 if below else max(0.0, 1 - covered)
         if shown > 0.25:
-            seen.append(Seen(body, box, shown))
+            seen.append(Seen(body.id, body, box, shown))
     return seen
 
 
@@ -246,7 +255,7 @@ class Detector:
             for at, (other, its) in enumerate(kept):
                 common = _common(box, other)
                 share = common / (_area(box) + _area(other) - common)
-                if share > 0.3 and self._rng.random() < 0.5:
+                if share > 0.45 and self._rng.random() < 0.6:
                     both = np.r_[np.minimum(box[:2], other[:2]), np.maximum(box[2:], other[2:])]
                     kept[at] = both, max(score, its)
                     break
@@ -291,7 +300,7 @@ def drive(seed: int, seconds: float, rate: float, still: bool, drawn: bool) -> I
         told = T.copy()
         told[:3, :3] = T[:3, :3] @ cv2.Rodrigues(bias)[0]
         told[:3, 3] += rng.normal(0, 0.05, 3)
-        seen = look(traffic.bodies, T)
+        seen = look(traffic, T, now)
         gray = np.zeros((0, 0), np.uint8) if ground is None else _draw(ground, T, traffic.bodies)
         yield Frame(round(now * 1e9), seen, detector.find(seen), T, told, gray)
 
@@ -422,7 +431,7 @@ def track_by_truth(frames: list[Frame], path: Path) -> None:
                                 np.minimum(box[:2], one.box[:2]), np.maximum(box[2:], one.box[2:])
                             ]
                         ),
-                        one.body.id,
+                        one.id,
                     )
                     for one in frame.seen
                 ]
@@ -442,7 +451,7 @@ def write_truth(frames: list[Frame], path: Path) -> None:
             left, top, right, bottom = one.box
             size = f"{right - left:.2f},{bottom - top:.2f}"
             rows.append(
-                f"{number},{one.body.id},{left + 1:.2f},{top + 1:.2f},{size},1,1,{one.shown:.2f}"
+                f"{number},{one.id},{left + 1:.2f},{top + 1:.2f},{size},1,1,{one.shown:.2f}"
             )
     path.write_text("\n".join(rows) + "\n")
 

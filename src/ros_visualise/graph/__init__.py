@@ -231,8 +231,9 @@ class Graph:
 
         Its inputs are the given topics; the first other input of that type takes the main output
         of ``after``; the others take topics of their own name, the only one of their type, or what
-        ``after`` takes. An input that may be missing stays open where no topic is of its type. The
-        main output is the first of a type that the node takes, preferably one with a subscriber.
+        ``after`` takes. An input that may be missing stays open where no topic fits, or another
+        input has one of its type. The main output is of the first type that the node takes,
+        preferably one with a subscriber.
         If the node has this one input, and an output of that type that is not on demand, the
         subscribers of the main output subscribe to that instead.
 
@@ -313,9 +314,12 @@ class Graph:
             raise UsageError(
                 f"{added.name}: {before.name} publishes nothing; choose another @AFTER"
             )
-        fitting = [(name, made) for name, made in there if made.type in added.stepped.values()]
+        kinds = list(added.stepped.values())
+        fitting = [(name, made) for name, made in there if made.type in kinds]
+        fitting.sort(key=lambda one: kinds.index(one[1].type))
         heard = {topic for node in self.nodes for topic in node.inputs.values()}
-        return [*((name, made) for name, made in fitting if name in heard), *fitting, *there][0]
+        first = [one for one in fitting if one[1].type is fitting[0][1].type]
+        return [*((name, made) for name, made in first if name in heard), *fitting, *there][0]
 
     def _inputs_of(
         self,
@@ -331,15 +335,17 @@ class Graph:
         found = dict(topics)
         free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
         found |= {port: main for port in free[:1]}
+        open_ports = [port for port in added.stepped if port not in found]
+        found |= {p: f"/{p}" for p in open_ports if f"/{p}" in self.topics_of(added.inputs[p])}
         for port, kind in added.inputs.items():
             fitting = self.topics_of(kind)
-            named = [topic for topic in fitting if topic == f"/{port}"] or fitting
-            if len(named) > 1:
-                named = [topic for topic in before.inputs.values() if topic in named]
-            if port in added.optional and not fitting and port not in found:
+            free = [topic for topic in fitting if topic not in found.values()]
+            near = [topic for topic in before.inputs.values() if topic in free]
+            if port in added.stepped and port not in found and 1 in (len(free), len(near)):
+                found[port] = free[0] if len(free) == 1 else near[0]
+            has_one = kind in (added.inputs[one] for one in found)
+            if port in added.optional and port not in found and (has_one or not free):
                 continue
-            if port in added.stepped and port not in found and len(named) == 1:
-                found[port] = named[0]
             if (port in added.stepped or port in found) and found.get(port) not in fitting:
                 hint = f"add ,{port}=TOPIC to its name, with TOPIC one of {', '.join(fitting)}"
                 raise UsageError(

@@ -92,6 +92,11 @@ class ViewingOptions:
     urdf: Path | None = option(
         None, "URDF file of the robot to draw, instead of /robot_description", metavar="FILE"
     )
+    tiles: str = option(
+        "",
+        "tiles of the page's map, from an address or an MBTiles file",
+        metavar="URL|FILE.mbtiles",
+    )
     allow_control: bool = option(
         False,
         "let the page publish any messages (read-only never), and command vehicles of --mavlink",

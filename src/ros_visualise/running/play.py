@@ -81,6 +81,7 @@ def view_options(
         chooser=chooser,
         token=options.token,
         urdf=options.urdf,
+        tiles=options.tiles,
         control=options.allow_control,
     )
 

@@ -127,7 +127,7 @@ class _SynchronizedInputs:
         self._synchronizer = synchronizer(
             node.type.sync, [port for port in node.inputs if port in node.type.stepped]
         )
-        self._is_large = any(kind.waiting == 1 for kind in node.type.stepped.values())
+        self._large = {port for port, kind in node.type.stepped.items() if kind.waiting == 1}
         self._lost: Counter[str] = Counter()
         self._held: deque[_HeldSet] = deque()
         self._last = Packet(0, None, 0)
@@ -170,8 +170,8 @@ class _SynchronizedInputs:
             steps += self._put(packet, at_once=True)
             packet = inbox.take(0)
         steps += self._release(at_once=True)
-        sets = [step for step in steps if step.packets]
-        for step in sets[:-1] if self._is_large else ():
+        large = [step for step in steps if any(one.port in self._large for one in step.packets)]
+        for step in large[:-1]:
             self._lost["queue"] += len(step.packets)
             steps.remove(step)
         return steps

@@ -61,6 +61,7 @@ class ViewOptions:
         chooser: the files that can be opened from the page; None: none.
         token: the page opens by addresses with a token only.
         urdf: a file that describes the robot to draw.
+        tiles: address or MBTiles file of the map's tiles; empty: none.
         control: browsers may publish any messages.
 
     Raises:
@@ -79,6 +80,7 @@ class ViewOptions:
     chooser: FileChooser | None = None
     token: bool = True
     urdf: Path | None = None
+    tiles: str = ""
     control: bool = False
 
     def __post_init__(self) -> None:

@@ -14,6 +14,7 @@ from ros_visualise.core.printing import print_status
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import Value, ViewOptions
 from ros_visualise.ui.live.files import FilesHub
+from ros_visualise.ui.live.map import MapHub
 from ros_visualise.ui.live.marks import Marks
 from ros_visualise.ui.live.nodes import NodesHub
 from ros_visualise.ui.live.notes import NotesHub
@@ -33,6 +34,7 @@ from ros_visualise.ui.server.answers import Answer, BrowserQuery, Refusal, as_js
 from ros_visualise.ui.server.files import PageFiles
 from ros_visualise.ui.server.host import page_loop
 from ros_visualise.ui.server.pool import Pool
+from ros_visualise.ui.server.tiles import open_tiles
 from ros_visualise.ui.shell.workspace import LAYOUT, read_layout
 
 log = logging.getLogger(__name__)
@@ -50,8 +52,8 @@ class Page:
 
     Raises:
         OpenError: the port is in use, the address is not one of this machine, or the robot's
-            description cannot be read.
-        UsageError: as `access_rules`.
+            description or the map's tiles cannot be read.
+        UsageError: as `access_rules` and `open_tiles`.
     """
 
     stays = True
@@ -62,6 +64,7 @@ class Page:
         if rules.addresses and not options.token:
             log.warning("no token: anyone who can reach %s can use the page", host)
         urdf = "" if options.urdf is None else read_urdf(options.urdf)
+        template, tiles = open_tiles(options.tiles)
         self._files = PageFiles(options.record_dir, options.chooser)
         self._notices, loop = Notices(), page_loop()
         robot = RobotHub(loop, self._notices.say)
@@ -81,9 +84,9 @@ class Page:
             options.flag,
             self._answer,
             self._files.receive,
-            more=[robot, self._nodes, files, publish, self._notes],
+            more=[robot, self._nodes, files, publish, self._notes, MapHub(template)],
         )
-        self._server.space.urdf = urdf
+        self._server.space.urdf, self._server.tiles = urdf, tiles
         self._server.space.apply(by_name(options.arrangement))
         self._nodes.restored = self._restore_scene
         self._server.offered.wanted = read_layout(str(options.arrangement.get(LAYOUT, "")))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 
 from ros_visualise.runtime.base import Runtime
@@ -29,6 +30,7 @@ from ros_visualise.ui.server.gate import (
     send_answer,
 )
 from ros_visualise.ui.server.host import PageHost, page_loop
+from ros_visualise.ui.server.tiles import TILES, TileFile
 from ros_visualise.ui.server.uploads import UPLOAD, Pieces
 from ros_visualise.ui.shell import Shell
 from ros_visualise.ui.shell.application import NICEGUI, application
@@ -59,6 +61,7 @@ class PageServer:
         shell: what surrounds them.
         clock: that of the timeline.
         offered: what browsers know of the graph.
+        tiles: those of the map, if they are of a file.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -93,6 +96,7 @@ class PageServer:
         ]
         own += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
         self._hubs = {hub.path: hub for hub in (*own, *more)}
+        self.tiles: TileFile | None = None
         self._rewinder: Rewinder | None = None
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
@@ -114,6 +118,8 @@ class PageServer:
             hub.close()
         if self._rewinder is not None:
             self._rewinder.close()
+        if self.tiles is not None:
+            self.tiles.close()
         self.host.close()
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -131,6 +137,10 @@ class PageServer:
                 return
         if scope["type"] == "websocket" and path in self._hubs:
             await self._hubs[path].serve(scope, receive, send)
+        elif path.startswith(TILES) and self.tiles is not None:
+            tile = await asyncio.to_thread(self.tiles.answer, path.removeprefix(TILES))
+            visit.hold(len(tile.body))
+            await send_answer(scope, send, tile)
         elif path.startswith(PARTS):
             await send_answer(scope, send, part(path.removeprefix(PARTS)))
         elif path == "/" or path.startswith(NICEGUI):

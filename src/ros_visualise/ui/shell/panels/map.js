@@ -1,4 +1,5 @@
-// Tracks of NavSatFix topics on Leaflet's map: over a grid in metres, or over tiles if the user names their server.
+// Tracks of NavSatFix topics, and what topics in GeoJSON place, on Leaflet's map: over a grid in metres, or over tiles if
+// the user names their server.
 import { leaflet as L } from "nicegui-leaflet";
 
 const COLORS = ["#4dabf7", "#ff922b", "#51cf66", "#cc5de8", "#fcc419"];
@@ -6,6 +7,7 @@ const COLUMNS = 4096;
 const PAUSE_MS = 150;
 const METRES = 111320; // of a degree of latitude
 const LINES = 80;
+const IMAGE = /^data:image\/(png|jpeg|webp);base64,[\w+/=]*$/;
 
 // A number as 1, 2 or 5 times a power of 10, not below what is given.
 function round(value) {
@@ -19,16 +21,16 @@ export default {
       <div ref="map" class="rv-map-canvas" role="application" aria-label="Map"></div>
       <div class="rv-tools">
         <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole track" @click="fit" />
-        <span v-for="(topic, i) in topics" :key="topic" :style="{ color: color(i) }">● {{ topic }}</span>
+        <span v-for="(topic, i) in [...topics, ...placed]" :key="topic" :style="{ color: color(i) }">● {{ topic }}</span>
         <input v-model.lazy="tiles" type="url" aria-label="Address of tiles" title="Address of map tiles with {z}, {x} and {y}; they are fetched from there"
           placeholder="Tiles: https://…/{z}/{x}/{y}.png" @change="lay">
       </div>
-      <p v-if="!topics.length" class="rv-map-note">No topics with satellite positions (NavSatFix)</p>
+      <p v-if="!topics.length && !placed.length" class="rv-map-note">No topics with satellite positions (NavSatFix) or GeoJSON</p>
       <p v-if="reason" class="rv-map-note">{{ reason }}</p>
     </div>`,
   props: { state: Object, readOnly: Boolean, resourcePath: String },
   data() {
-    return { topics: [], tiles: this.state.tiles ?? "", reason: "" };
+    return { topics: [], placed: [], tiles: this.state.tiles ?? "", reason: "" };
   },
   async mounted() {
     await new Promise((done) => {
@@ -41,7 +43,9 @@ export default {
     this.map = L.map(this.$refs.map, { attributionControl: false, zoomSnap: 0.25, maxZoom: 24 });
     L.control.scale({ imperial: false }).addTo(this.map);
     this.grid = L.layerGroup().addTo(this.map);
+    this.map.createPane("pictures").style.zIndex = 300; // over tiles, below lines
     this.tracks = L.layerGroup().addTo(this.map);
+    this.features = new Map();
     const [lat, lng, zoom] = this.state.view ?? [0, 0, 2];
     this.map.setView([lat, lng], zoom);
     this.isMoved = !!this.state.view;
@@ -51,6 +55,7 @@ export default {
     this.sized = new ResizeObserver(() => this.map.invalidateSize());
     this.sized.observe(this.$refs.map);
     this.live = rv.live("/live/plots", { open: this.ask, message: this.take });
+    this.geo = rv.live("/live/map", { message: this.takeFeatures });
     rv.offered.addEventListener("change", this.ask);
     rv.clock.addEventListener("change", this.place);
     rv.cursor.addEventListener("move", this.place);
@@ -61,6 +66,7 @@ export default {
     this.isGone = true;
     this.sized?.disconnect();
     this.live?.close();
+    this.geo?.close();
     rv.offered.removeEventListener("change", this.ask);
     rv.clock.removeEventListener("change", this.place);
     rv.cursor.removeEventListener("move", this.place);
@@ -91,6 +97,46 @@ export default {
       this.lines.set(header.view, line);
       if (!this.isMoved) this.fit();
     },
+    // Draw what a topic places; a polygon with a picture is that picture.
+    takeFeatures({ topic, geojson, tiles }) {
+      if (tiles !== undefined) {
+        this.served = tiles.startsWith("/") ? rv.root + tiles : tiles;
+        return this.lay();
+      }
+      const isNew = !this.features.get(topic);
+      this.features.get(topic)?.remove();
+      this.features.delete(topic);
+      if (geojson) this.features.set(topic, this.drawn(topic, geojson));
+      this.placed = [...this.features.keys()];
+      if (isNew && geojson && !this.isMoved) this.fit();
+      if (isNew) this.drawGrid();
+    },
+    drawn(topic, geojson) {
+      const group = L.featureGroup().addTo(this.map);
+      const known = [...this.topics, ...this.placed];
+      const color = this.color(known.includes(topic) ? known.indexOf(topic) : known.length);
+      try {
+        L.geoJSON(geojson, {
+          filter: ({ properties }) => !properties?.image,
+          style: { color, weight: 2, fillOpacity: 0.1 },
+          pointToLayer: (_, place) => L.circleMarker(place, { radius: 5, color, fillColor: color, fillOpacity: 0.8 }),
+          onEachFeature: ({ properties }, layer) => {
+            const name = document.createElement("span");
+            name.textContent = properties?.name ?? "";
+            if (name.textContent) layer.bindTooltip(name);
+          },
+        }).addTo(group);
+        for (const feature of geojson.features ?? []) {
+          if (!IMAGE.test(feature.properties?.image ?? "")) continue;
+          const bounds = L.geoJSON(feature).getBounds();
+          L.imageOverlay(feature.properties.image, bounds, { pane: "pictures" }).addTo(group);
+        }
+        this.reason = "";
+      } catch (error) {
+        this.reason = `${topic}: no GeoJSON that can be drawn`;
+      }
+      return group;
+    },
     // Ask where the robots are at the cursor, else at the time of playback.
     place() {
       if (this.placing || !this.topics.length) return;
@@ -118,7 +164,7 @@ export default {
     },
     fit() {
       const bounds = L.latLngBounds([]);
-      for (const line of this.lines?.values() ?? []) bounds.extend(line.getBounds());
+      for (const line of [...(this.lines?.values() ?? []), ...this.features.values()]) bounds.extend(line.getBounds());
       if (bounds.isValid()) this.map.fitBounds(bounds.pad(0.1), { maxZoom: 21, animate: false });
     },
     keep() {
@@ -127,15 +173,15 @@ export default {
     },
     lay() {
       this.tile?.remove();
-      const isAddress = /^https?:\/\/.*\{z\}/.test(this.tiles);
-      this.tile = isAddress ? L.tileLayer(this.tiles, { maxZoom: 24, maxNativeZoom: 19 }).addTo(this.map) : null;
+      const address = this.tiles || this.served || "";
+      this.tile = address.includes("{z}") && (this.served === address || /^https?:\/\//.test(address)) ? L.tileLayer(address, { maxZoom: 24, maxNativeZoom: 19 }).addTo(this.map) : null;
       if ((this.state.tiles ?? "") !== this.tiles) rv.keep(this.$el, { tiles: this.tiles });
       this.drawGrid();
     },
     // Lines in metres east and north of the middle of the first track.
     drawGrid() {
       this.grid.clearLayers();
-      const first = this.lines?.values().next().value?.getBounds();
+      const first = [...(this.lines?.values() ?? []), ...this.features.values()].map((line) => line.getBounds()).find((one) => one.isValid());
       if (this.tile || !first?.isValid()) return;
       const middle = first.getCenter();
       const east = METRES * Math.cos((middle.lat * Math.PI) / 180);
