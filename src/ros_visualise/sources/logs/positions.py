@@ -51,6 +51,7 @@ _COLUMNS = {
 """Column -> its names, the preferred ones first, in small letters and digits alone."""
 _UNITS = {"feet": 0.3048, "ft": 0.3048, "millisecond": 1e-3, "milliseconds": 1e-3, "ms": 1e-3}
 _UNITS |= {"us": 1e-6, "ns": 1e-9, "rad": 180 / math.pi, "radians": 180 / math.pi}
+_FRACTION = re.compile(r"\.(\d{1,6})\d*")  # of seconds; before Python 3.11 of six digits alone
 _EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Least number of a date in ns, us and ms since 1970 -> its unit."""
 
@@ -192,8 +193,9 @@ def _seconds(text: str, unit: float) -> float:
     if math.isfinite(number):
         fitting = (scale for least, scale in _EPOCHS if number >= least)
         return number * next(fitting, unit)
+    whole = _FRACTION.sub(lambda found: f".{found[1]:0<6}", text.strip().replace("Z", "+00:00"))
     try:
-        date = datetime.fromisoformat(text.strip().replace("Z", "+00:00"))
+        date = datetime.fromisoformat(whole)
     except ValueError:
         return math.nan
     return (date if date.tzinfo else date.replace(tzinfo=timezone.utc)).timestamp()
