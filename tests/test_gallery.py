@@ -17,7 +17,7 @@ LONGEST = 60
 
 DRIVE = "sim husky --world playpen --mission square --duration 10 --view none --rate 0"
 DRIVE += " --set husky.camera=false --set husky.lidar=false --record drive.bag"
-CHEAP = ("info", "convert", "trajectory", "calibrate", "plugins")
+CHEAP = ("info", "convert", "trajectory", "calibrate", "tags", "plugins")
 """Commands of answers that take less than a second."""
 
 OTHERS = ("damaged.", "imu.bag", "other.tum", "2011_", "/dev/", "--output", "/camera/", "/tracks")
