@@ -150,6 +150,16 @@ def test_without_a_target_it_searches_and_then_lands_where_it_is(ends):
     }
 
 
+def test_it_is_disarmed_when_the_simulation_starts_over(ends):
+    flyer, station = risen(*ends)
+    flyer.node.reset()
+    flyer.at[:], flyer.velocity[:] = 0, 0
+    flyer.fly(1)
+    assert flyer.modes[-1] == "hold, disarmed"
+    assert flyer.at[2] < 0.05
+    risen(flyer, station)
+
+
 def test_what_cannot_be_is_denied(ends):
     flyer, station = ends
     station.hush()

@@ -87,17 +87,22 @@ class Px4Vehicle:
         self.system = system
         self._at_work = threading.RLock()
         self._sender = self._dialect.MAVLink(None, system, _COMPONENT)
-        self._own = OwnTelemetry()
         self._parameters = dict(PARAMETERS)
-        self._modes = Px4Modes(self._parameters, self.say)
         self._periods_s = {name: 1 / rate for name, rate in RATES.items()}
-        self._due_s = dict.fromkeys(RATES, 0.0)
         self._measured_ns = self._beat_ns = 0
         self._said: set[str] = set()
+        self.restart()
         self._lines: list[MavlinkLine] = []
         for address in addresses:
             self._lines.append(line_at(address))
             self._lines[-1].join(self)
+
+    def restart(self) -> None:
+        """Begin as if it were switched on: disarmed, where it is."""
+        with self._at_work:
+            self._own = OwnTelemetry()
+            self._modes = Px4Modes(self._parameters, self.say)
+            self._due_s = dict.fromkeys(RATES, 0.0)
 
     def close(self) -> None:
         """Leave all links."""

@@ -46,6 +46,10 @@ class MavlinkVehicle:
         self._vehicle = Px4Vehicle(params.address.split(), params.system)
         self._mode = ""
 
+    def reset(self) -> None:
+        """Start over: the robot is back at its start."""
+        self._vehicle.restart()
+
     def step(
         self,
         params: MavlinkVehicleParams,
