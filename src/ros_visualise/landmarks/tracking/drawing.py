@@ -135,8 +135,9 @@ def _write(
     image: Pixels, text: str, corner_uv: Floats, color: tuple[float, ...], thick: int
 ) -> None:
     left, top = corner_uv.clip(0, [image.shape[1] - 20, image.shape[0] - 4]).tolist()
-    place = (round(left), round(max(top - 4, 12)))
-    for shade, width in (((0, 0, 0), 3 * thick), (color, thick)):
+    place = round(left), round(max(top - 4, 12))
+    for shade, shift in (((0, 0, 0), thick), (color, 0)):
+        at = place[0] + shift, place[1] + shift
         cv2.putText(
-            image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * thick, shade, width, cv2.LINE_AA
+            image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * thick, shade, thick, cv2.LINE_AA
         )
