@@ -146,7 +146,7 @@ def test_two_vehicles_on_one_port(heard, fakes):
 
 
 def test_a_forged_vehicle_is_ignored_until_the_own_one_is_lost(heard, fakes, monkeypatch, caplog):
-    monkeypatch.setattr(vehicle, "_LOST_S", 0.7)
+    monkeypatch.setattr(vehicle, "_LOST_S", 2.0)
     port = free_port()
     link, own = heard(f"udp://:{port}"), fakes(port)
     link.wait_for("odom")
