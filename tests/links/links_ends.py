@@ -58,7 +58,7 @@ class FakeVehicle:
         return [one for one in list(self.heard) if one.get_type() == kind]
 
     def send(self, message):
-        with suppress(ConnectionRefusedError):  # nobody listens there yet
+        with suppress(ConnectionError):  # nobody listens there, or no longer
             self._line.send(message.pack(self._mav))
 
     def close(self):
@@ -90,7 +90,7 @@ class FakeVehicle:
     def _listen(self):
         try:
             data = self._line.recv(65536)
-        except (TimeoutError, ConnectionRefusedError):
+        except (TimeoutError, ConnectionError):
             return
         for one in self._mav.parse_buffer(data) or []:
             self.heard.append(one)
