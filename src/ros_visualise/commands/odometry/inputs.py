@@ -12,6 +12,7 @@ import numpy as np
 
 from ros_visualise.commands.odometry import OdometryOptions
 from ros_visualise.core.errors import DamagedMessage, NoTransform, OpenError, UsageError
+from ros_visualise.core.regular_files import read_text
 from ros_visualise.data import CameraInfo, Floats, Image, NavSatFix, Pixels
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import Locator
@@ -247,7 +248,7 @@ def _read_calibration(name: str, size: tuple[int, int]) -> CameraInfo:
 def _read_rows(path: Path, size: tuple[int, int]) -> CameraInfo:
     """The first camera of KITTI's calib.txt, also without names."""
     try:
-        text = path.read_text()
+        text = read_text(path)
         row = np.array(text.splitlines()[0].rpartition(":")[2].split(), np.float64)
         P = row.reshape(3, 4)
     except (OSError, ValueError, IndexError):
