@@ -83,7 +83,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
 
 
 COMMAND = Command(
-    "find the trajectory of a camera by what it sees",
+    "estimate the trajectory of a camera from its images (visual odometry)",
     OdometryOptions,
     "ros_visualise.commands.odometry.work:find_trajectory",
 )
