@@ -11,6 +11,15 @@ import pytest
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
 
+_OFF = [
+    *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup"),  # of each tab: as much work as a page of ours
+    # as Playwright has them, whose list this one replaces
+    *("AvoidCorsURLLoaderRestartOnRedirect", "AvoidUnnecessaryBeforeUnloadCheckSync"),
+    *("DestroyProfileOnBrowserClose", "HttpsFirstBalancedModeAutoEnable", "HttpsUpgrades"),
+    *("LensOverlay", "MediaRouter", "NetworkTimeServiceQuerying", "OptimizationHints"),
+    *("PaintHolding", "PreconnectToSearch", "ThirdPartyStoragePartitioning"),
+]
+"""Features of the browser that no page needs."""
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -20,8 +29,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
-    "--disable-extensions",
-    "--renderer-process-limit=1",  # all tabs have one process, which is started once
+    f"--disable-features={','.join(_OFF)}",
     "--host-resolver-rules=MAP evil.example 127.0.0.1",
 ]
 
