@@ -139,6 +139,11 @@ class Normal(NamedTuple):
     W: Floats
     cost: float
 
+    def divided(self, by: float) -> Normal:
+        """The same of a cost divided by a number."""
+        H, g, V, v, W, cost = self
+        return Normal(H / by, g / by, V / by, v / by, W / by, cost / by)
+
     def reduced(self, damping: float) -> tuple[Floats, Floats, Floats]:
         """H and g of the views alone, and the (P, 3, 3) inverses of what was eliminated."""
         V = self.V * (1 + damping * _EYE) + 1e-9 * _EYE

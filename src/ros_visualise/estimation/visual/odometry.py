@@ -91,6 +91,7 @@ class VisualOdometry:
     Attributes:
         reason: why the last image has no pose; empty if it has one.
         counts: numbers of images, keyframes and losses.
+        motion_covariance: (6, 6) of the twist from the image before to the last, in its axes.
         done: poses that change no more, in order of their stamps; to be cleared by who takes them.
     """
 
@@ -119,6 +120,7 @@ class VisualOdometry:
         self._last = VisualPose(0, np.eye(3), np.zeros(3), np.eye(6) * _SURELY, False)
         self._is_begun = False
         self._here, self._step = _NOWHERE, _NOWHERE
+        self.motion_covariance = np.eye(6)
         self._residuals: deque[float] = deque(maxlen=1000)
         self._speed = 0.0
         self._key = self._failures = self._before_ns = self._seen_ns = 0
@@ -288,6 +290,8 @@ class VisualOdometry:
         if found is None or found.used < max(_LEAST_USED, _AGREED * found.seen):
             return self._miss(stretch, image, found)
         self._step = _product(_inverse(self._here), (found.R, found.p))
+        back = se3.adjoint(*_inverse((found.R, found.p)))
+        self.motion_covariance = 2 * back @ found.covariance @ back.T
         self._here = found.R, found.p
         if self._is_new_view(stretch, image, found):
             window.add(self._keyframe(image, found.R, found.p))

@@ -31,6 +31,10 @@ from ros_visualise.estimation.visual.bundle import (
 from ros_visualise.geometry import se3
 from ros_visualise.vision.tracking import Ids
 
+ALIKE = 9.0
+"""Sightings that are as good as an independent one: those of a corner err alike, as its patch is
+dragged along. Measured by the errors of flights in simulation.
+"""
 _OUTLIER = 3.5  # standard deviations
 _STEPS = 6
 _CONVERGED = 1e-3  # of the cost
@@ -224,7 +228,7 @@ class KeyframeWindow:
                 break
 
     def _system(self, scene: BundleScene, sightings: Sightings) -> Normal:
-        found = normal(scene, sightings, self.sigma)
+        found = normal(scene, sightings, self.sigma).divided(ALIKE)
         H, g, cost = found.H, found.g, found.cost
         place = {one.key: n for n, one in enumerate(self.frames)}
         if self.prior is not None:
@@ -337,7 +341,7 @@ class KeyframeWindow:
         used = found.is_in_front & (off < _OUTLIER * self.sigma * 1.5)
         J = found.by_view[used]
         H = np.einsum("nai,naj->ij", J, J) / self.sigma**2
-        covariance = np.linalg.pinv(H, hermitian=True)
+        covariance = ALIKE * np.linalg.pinv(H, hermitian=True)
         residual = float(np.median(off)) / 1.1774
         R, p = scene.R[place], scene.p[place]
         return Located(R, p, covariance, int(used.sum()), n, residual)

@@ -1,0 +1,290 @@
+"""The node that finds the motion of a camera by what it sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ros_visualise.core.errors import NoTransform
+from ros_visualise.core.params import param
+from ros_visualise.data import (
+    CameraInfo,
+    Deferred,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Floats,
+    Header,
+    Image,
+    Level,
+    NavSatFix,
+    Odometry,
+    Pixels,
+    PointCloud,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
+from ros_visualise.estimation.visual.stretch import VisualPose
+from ros_visualise.geometry import se3
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.located import Locator
+from ros_visualise.landmarks.once_log import OnceLog
+from ros_visualise.nodes import node
+from ros_visualise.vision import color
+from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.threads import fit_threads
+from ros_visualise.vision.tracking import FollowedCorners
+
+_FRAME = "visual_odom"
+_POINT = np.dtype([(axis, np.float32) for axis in "xyz"])
+_R_BASE_CAMERA = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # looking ahead (REP 103)
+_ODOMETRY_M, _FIX_M = 0.02, 2.0  # standard deviations of positions
+_UNKNOWN = 1e6  # variance of a velocity while lost
+_SCALE = 0.03  # of a velocity, as a fraction
+_FOLLOWED, _NEW, _LOST = (80, 220, 80), (220, 160, 60), (60, 60, 240)  # BGR
+
+
+@dataclass(frozen=True)
+class CameraMotionParams:
+    """Parameters of `VisualOdometryNode`."""
+
+    height: float = param(
+        0.0,
+        "height of the camera over the ground, metres, which gives the scale; 0: unknown",
+        min=0,
+        max=1000,
+        slider=(0, 10),
+        restart=True,
+    )
+    scale_by: str = param(
+        "", "what else gives the scale: reference or fix; empty: nothing", restart=True
+    )
+    base_frame: str = param(
+        "base_link", "frame whose motion is published; its transform to the camera is needed"
+    )
+    camera_turn: float = param(
+        0.5,
+        "error of the camera's attitude on the robot, degrees (standard deviation)",
+        min=0,
+        max=10,
+    )
+    corners: int = param(
+        250, "number of corners to follow", min=50, max=2000, slider=(50, 1000), restart=True
+    )
+    readout: float = param(
+        0.0,
+        "time from the first to the last row of a rolling shutter, seconds",
+        min=0,
+        max=0.2,
+        restart=True,
+    )
+
+
+@node(
+    "visual_odometry",
+    params=CameraMotionParams,
+    inputs={"image": Image, "reference": Odometry, "fix": NavSatFix},
+    outputs={
+        "odometry": Odometry,
+        "tf": Transforms,
+        "points": PointCloud,
+        "debug_image": Image,
+        "diagnostics": DiagnosticArray,
+    },
+    topics={
+        "odometry": "/visual_odometry/odom",
+        "tf": "/visual_odometry/tf",
+        "points": "/visual_odometry/points",
+        "debug_image": "/visual_odometry/debug_image",
+        "diagnostics": "/visual_odometry/diagnostics",
+    },
+    on_demand=("debug_image",),
+    calibrated=True,
+    frames=True,
+    splittable=False,
+)
+class VisualOdometryNode:
+    """Publishes the motion of a camera, in metres, with its covariance.
+
+    The scale comes from the height over the ground, an odometry or fixes; while it is unknown, no
+    odometry is published. While the camera is lost, its last pose is, with a growing covariance.
+    """
+
+    def __init__(self, params: CameraMotionParams) -> None:
+        self._params = params
+        self._remarks = OnceLog("visual_odometry")
+        self.reset()
+
+    def reset(self) -> None:
+        """Start over: time jumped."""
+        self._odometry: VisualOdometry | None = None
+        self._locator = Locator()
+        self._T_odom_first = np.eye(4)
+        self._last: tuple[int, Floats] | None = None
+        self._keyframes = 0
+        self._is_placed = True
+
+    def step(
+        self,
+        params: CameraMotionParams,
+        image: Image | None = None,
+        reference: Odometry | None = None,
+        fix: NavSatFix | None = None,
+        *,
+        frames: FrameTree,
+    ) -> dict[str, Any] | None:
+        """The motion up to an image."""
+        if params != self._params:
+            self._params = params
+            self.reset()
+        for name, message in (("reference", reference), ("fix", fix)):
+            if message is not None and params.scale_by == name and self._odometry:
+                self._measure(self._odometry, message)
+        return self._see(image, frames) if image is not None else None
+
+    def report(self) -> dict[str, Any]:
+        """Numbers of images, keyframes and losses."""
+        return {} if self._odometry is None else dict(self._odometry.counts)
+
+    def _measure(self, odometry: VisualOdometry, message: Odometry | NavSatFix) -> None:
+        pose = self._locator.locate(message)
+        if pose is not None:
+            sigma = _FIX_M if isinstance(message, NavSatFix) else _ODOMETRY_M
+            odometry.measured(message.header.stamp_ns, pose[:3], sigma)
+
+    def _see(self, image: Image, frames: FrameTree) -> dict[str, Any]:
+        color.refuse_measurements(image.encoding)
+        fit_threads(image.pixels)
+        pixels = color.demosaiced(image.pixels, image.encoding)
+        order = color.order_of(image.encoding)
+        gray = to_8_bit(color.to_gray(pixels, order))
+        header, info = image.header, image.camera_info
+        if info is None:
+            self._remarks.say("no odometry: the camera is not calibrated")
+            return {}
+        T_base_camera = self._mounting(header, frames)
+        if self._odometry is None:
+            self._T_odom_first = T_base_camera
+            self._odometry = self._begin(info, T_base_camera)
+        pose = self._odometry.step(header.stamp_ns, gray)
+        self._odometry.done.clear()
+        reason = self._odometry.reason
+        if reason:
+            self._remarks.say(reason)
+        corners = self._odometry.corners
+        shown = Deferred(
+            (*gray.shape, 3), np.uint8, lambda: _draw(color.to_bgr(pixels, order), corners, reason)
+        )
+        answer = {
+            "debug_image": replace(image, data=shown, encoding="bgr8"),
+            "diagnostics": self._diagnostics(self._odometry, pose, header),
+        }
+        if pose is not None and pose.in_metres:
+            answer |= self._answer(self._odometry, pose, T_base_camera)
+            if self._odometry.counts["keyframes"] != self._keyframes:
+                self._keyframes = self._odometry.counts["keyframes"]
+                answer["points"] = self._points(self._odometry, header, self._T_odom_first)
+        return answer
+
+    def _mounting(self, header: Header, frames: FrameTree) -> Floats:
+        """T_base_camera at an image: a gimbal turns the camera."""
+        try:
+            return frames.lookup(self._params.base_frame, header.frame_id, header.stamp_ns)
+        except NoTransform as error:
+            if self._odometry is not None and self._is_placed:
+                raise
+            self._is_placed = False
+            self._remarks.say(f"taking the camera as looking ahead: {error}")
+            return se3.from_parts(_R_BASE_CAMERA, np.zeros(3))
+
+    def _begin(self, info: CameraInfo, T_base_camera: Floats) -> VisualOdometry:
+        p = self._params
+        down = T_base_camera[:3, :3].T @ [0.0, 0, -1]
+        settings = VisualSettings(
+            corners=p.corners,
+            height=p.height,
+            down=(float(down[0]), float(down[1]), float(down[2])),
+            readout_s=p.readout,
+            has_positions=bool(p.scale_by),
+        )
+        return VisualOdometry([info], None, settings)
+
+    def _answer(
+        self, odometry: VisualOdometry, pose: VisualPose, T_base_camera: Floats
+    ) -> dict[str, Any]:
+        first = self._T_odom_first
+        T = first @ se3.from_parts(pose.R, pose.p) @ se3.inverse(T_base_camera)
+        ahead = se3.adjoint(first[:3, :3], first[:3, 3])
+        covariance = ahead @ pose.covariance @ ahead.T + self._by_mounting(T)
+        change = se3.about_itself(T[:3, 3])
+        covariance = change @ covariance @ change.T
+        linear, angular, of_twist = self._twist(odometry, pose, T, T_base_camera)
+        position, quat = se3.to_pose(T)
+        at, base = Header(pose.stamp_ns, _FRAME), self._params.base_frame
+        message = Odometry(position, quat, linear, angular, covariance, of_twist, base, at)
+        moved = TransformStamped(base, position, quat, at)
+        return {"odometry": message, "tf": Transforms((moved,))}
+
+    def _by_mounting(self, T: Floats) -> Floats:
+        """(6, 6) covariance of the twist of a pose by the camera's attitude on the robot.
+
+        Seen by a camera that is turned by e, a motion is turned: E T E^-1.
+        """
+        turn = np.zeros((6, 3))
+        turn[3:] = np.eye(3)
+        turn -= se3.adjoint(T[:3, :3], T[:3, 3])[:, 3:]
+        covariance: Floats = np.deg2rad(self._params.camera_turn) ** 2 * turn @ turn.T
+        return covariance
+
+    def _twist(
+        self, odometry: VisualOdometry, pose: VisualPose, T: Floats, T_base_camera: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Velocities in the base's axes since the last image, and their covariance (6, 6)."""
+        last, self._last = self._last, None if pose.is_lost else (pose.stamp_ns, T)
+        seconds = (pose.stamp_ns - last[0]) / 1e9 if last else 0.0
+        if pose.is_lost or last is None or seconds <= 0:
+            return np.zeros(3), np.zeros(3), np.eye(6) * _UNKNOWN
+        motion = se3.inverse(last[1]) @ T
+        linear = motion[:3, 3] / seconds
+        angular = se3.rotation_vector(motion[:3, :3]) / seconds
+        ahead = se3.adjoint(T_base_camera[:3, :3], T_base_camera[:3, 3])
+        covariance = ahead @ odometry.motion_covariance @ ahead.T / seconds**2
+        covariance[:3, :3] += _SCALE**2 * np.outer(linear, linear)
+        return linear, angular, covariance
+
+    @staticmethod
+    def _points(odometry: VisualOdometry, header: Header, T_odom_first: Floats) -> PointCloud:
+        points = se3.apply(T_odom_first, odometry.points())
+        cloud = np.empty(len(points), _POINT)
+        for axis, column in zip("xyz", points.T, strict=True):
+            cloud[axis] = column
+        return PointCloud(cloud, header=Header(header.stamp_ns, _FRAME))
+
+    @staticmethod
+    def _diagnostics(odometry: VisualOdometry, pose: VisualPose | None, header: Header) -> Any:
+        message = odometry.reason
+        if not message and pose is not None and not pose.in_metres:
+            message = "scale unknown: publishing no odometry"
+        values = {name: str(count) for name, count in odometry.counts.items()}
+        values["corners"] = str(len(odometry.corners.ids))
+        level = Level.WARN if message else Level.OK
+        status = DiagnosticStatus("visual_odometry", level, message or "located", values)
+        return DiagnosticArray((status,), Header(header.stamp_ns))
+
+
+def _draw(bgr: Pixels, corners: FollowedCorners, reason: str) -> Pixels:
+    """The image with the ways of its corners since the one before, and why there is no pose."""
+    image: Pixels = bgr.copy()
+    new = np.isnan(corners.before_uv[:, 0])
+    before = np.where(new[:, None], corners.pixels_uv, corners.before_uv)
+    for start, end, is_new in zip(before, corners.pixels_uv, new, strict=True):
+        shade = _NEW if is_new else _FOLLOWED
+        a, b = (tuple(map(round, one.tolist())) for one in (start, end))
+        cv2.line(image, a, b, shade, 1, cv2.LINE_AA)
+        cv2.circle(image, b, 2, shade, -1, cv2.LINE_AA)
+    if reason:
+        cv2.putText(image, reason, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _LOST, 1, cv2.LINE_AA)
+    return image
