@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from documents import PACKAGE
 
-_ADDRESS = "ADDRESS"
+_CLONE = "git clone ADDRESS "
 _OF_THE_TESTS = re.compile("PIP_CONSTRAINT|PYTHON|VIRTUAL_ENV|CMAKE_|ROS|DISPLAY|WAYLAND_")
 _SUDO = """#!/bin/sh
 # What `sudo apt install ...` would do: tests/debian-packages.txt has been installed already.
@@ -36,9 +36,6 @@ class Newcomer:
             "HOME": str(home),
             "PATH": f"{home}/bin:/usr/bin:/bin",
             "PIP_NO_COMPILE": "1",  # Python compiles what is imported, a small part of it
-            "GIT_CONFIG_COUNT": "1",
-            "GIT_CONFIG_KEY_0": f"url.file://{home}/repository.insteadOf",
-            "GIT_CONFIG_VALUE_0": _ADDRESS,
         }
         sudo = home / "bin" / "sudo"
         sudo.parent.mkdir()
@@ -56,6 +53,7 @@ class Newcomer:
 
     def start(self, script: str, folder: str = "") -> subprocess.Popen[str]:
         """Commands that run until `stop`."""
+        script = script.replace(_CLONE, f"git clone file://{self.home}/repository ")
         return subprocess.Popen(
             ["bash", "-e", "-c", script],
             cwd=self.home / folder,
