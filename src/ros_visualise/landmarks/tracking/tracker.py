@@ -17,6 +17,7 @@ from ros_visualise.landmarks.tracking.association import Indices, assign, overla
 from ros_visualise.landmarks.tracking.tracks import Numbers, Tracks
 
 _GATE = 2.0  # standard deviations of a prediction by which boxes are enlarged,
+_TOLERANT = 1.5  # of ratios of sides
 _REPEATED_NS = 33_000_000
 _LARGEST = 0.75  # at most this share of the box
 
@@ -122,9 +123,15 @@ class ByteTracker:
         self.tracks.predict(elapsed_ns / 1e9, rules.acceleration)
 
     def _costs(self, rows: Indices, boxes: Floats) -> Floats:
+        """One minus the overlap, which counts less where a side differs by more than a third."""
         known = self.tracks.boxes[rows]
-        margins = _GATE * np.sqrt(self.tracks.variances[rows, :2])
-        return 1 - overlap(known, boxes, np.minimum(margins, _LARGEST * known[:, 2:]))
+        margins = np.minimum(
+            _GATE * np.sqrt(self.tracks.variances[rows, :2]), _LARGEST * known[:, 2:]
+        )
+        ratios = known[:, None, 2:] / boxes[None, :, 2:]
+        alike = np.minimum(_TOLERANT * np.minimum(ratios, 1 / ratios).min(axis=2), 1)
+        costs: Floats = 1 - alike * overlap(known, boxes, margins)
+        return costs
 
     def _confirm(self, rules: TrackingRules) -> None:
         """Give ids to tracks that were detected often enough."""
