@@ -182,7 +182,7 @@ def test_missing_packages_are_named_before_they_are_installed(system: System) ->
     status, lines = system.test(ABSENT="xvfb chromium")
     assert status == 0
     assert lines[:2] == ["installing with apt-get: chromium xvfb", "unpacking"]
-    assert lines[-1] == "tests: -n 4 --dist loadfile"
+    assert lines[-1] == "tests: -n 4 --dist loadfile --no-loadscope-reorder"
     [call] = system.called
     assert call.endswith("chromium xvfb")
     assert system.test(ABSENT="xvfb chromium")[1][-1] == lines[-1]
@@ -211,7 +211,7 @@ def test_quick_tests_install_no_packages(system: System) -> None:
     system.add_recorded("apt-get", "exit 1")
     status, lines = system.test("QUICK=1")
     assert status == 0
-    assert lines[-1].startswith("tests: -n 4 --dist loadfile tests/")
+    assert lines[-1].startswith("tests: -n 4 --dist loadfile --no-loadscope-reorder tests/")
     assert not system.called
     assert system.test("QUICK=1", "TESTS=tests/core/test_rate.py")[1][-1].endswith(
         " tests/core/test_rate.py"
