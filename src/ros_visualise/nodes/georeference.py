@@ -35,7 +35,13 @@ from ros_visualise.landmarks.georeferencing.ground import (
     ground_points,
     measured_point,
 )
-from ros_visualise.landmarks.georeferencing.origin import MapOrigin, OriginFinder
+from ros_visualise.landmarks.georeferencing.origin import (
+    BODY,
+    MAP,
+    MapOrigin,
+    OriginFinder,
+    map_frame,
+)
 from ros_visualise.landmarks.georeferencing.terrain import TerrainSurface, check_terrain
 from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.once_log import OnceLog
@@ -45,7 +51,6 @@ from ros_visualise.sinks.geography import GeoPlace, to_geojson
 from ros_visualise.vision.lens_table import find_lens
 from ros_visualise.vision.reshape import resized
 
-_MAP, _ODOM, _BASE = "map", "odom", "base_link"  # REP 105
 _OUTPUTS = {"positions": Detections3D, "geojson": Text, "map_origin": NavSatFix}
 _LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 _CALIBRATED = 0.003  # error of a calibrated focal length, as a fraction
@@ -57,7 +62,7 @@ _BOX, _PIXEL = 0.1, 1.0  # deviations of a point, as a fraction of its box, and 
 class GeoreferenceParams:
     """Parameters of `Georeference`."""
 
-    fixed_frame: str = param(_MAP, "frame with x east, y north, z up; odom if frame map is missing")
+    fixed_frame: str = param(MAP, "frame with x east, y north, z up; odom if frame map is missing")
     camera_pitch: float = param(
         90.0,
         "angle below the horizon of a camera that is fixed to base_link, degrees, used if its frame"
@@ -191,7 +196,6 @@ class Georeference:
 
     def reset(self) -> None:
         """Forget fixes: time jumped."""
-        self._given: MapOrigin | None = None
         self._finder = OriginFinder()
         self._place_m2: Floats | None = None
         self._camera = ""
@@ -210,8 +214,8 @@ class Georeference:
         """The places of an image's detections; ``objects`` are those of a second detector."""
         self._lens = lens or self._lens
         if map_origin is not None:
-            self._given = MapOrigin.of(map_origin)
-        if fix is not None and fix.status >= 0:
+            self._finder.given = MapOrigin.of(map_origin)
+        if fix is not None:
             self._take_fix(fix, params, frames)
         found = objects if detections is None else detections
         if found is None:
@@ -224,30 +228,22 @@ class Georeference:
         return {"placed": self._placed, "rejected": dict(self._rejected)}
 
     def _take_fix(self, fix: NavSatFix, params: GeoreferenceParams, frames: FrameTree) -> None:
-        if fix.covariance.any():
+        if fix.status >= 0 and fix.covariance.any():
             self._place_m2 = fix.covariance[:2, :2]
-        if self._given is not None:
-            return
-        fixed, stamp_ns = _fixed_frame(params, frames), fix.header.stamp_ns
-        sigmas = np.array([params.position_sigma, params.position_sigma, 2 * params.position_sigma])
-        for frame in (fix.header.frame_id, _BASE, self._camera):
-            try:
-                T_fixed_antenna = frames.lookup(fixed, frame, stamp_ns)
-            except NoTransform:
-                continue
-            self._finder.add(fix, T_fixed_antenna[:3, 3], sigmas)
-            return
-        self._remarks.say(f"no frame {fix.header.frame_id} or {_BASE}: fixes are not used")
+        sigmas = np.array([1.0, 1.0, 2.0]) * params.position_sigma
+        fixed = map_frame(params.fixed_frame, frames)
+        if not self._finder.take(fix, fixed, (BODY, self._camera), frames, sigmas):
+            self._remarks.say(f"no frame {fix.header.frame_id} or {BODY}: fixes are not used")
 
     def _answer(
         self, found: Detections, params: GeoreferenceParams, frames: FrameTree
     ) -> dict[str, Any] | None:
         stamp_ns, several = found.header.stamp_ns, [d for d in found.detections if d.hypotheses]
-        origin = self._given or self._finder.origin
+        origin = self._finder.origin
         if origin is None:
             self._reject(len(several), "no position yet: give fixes, as on /fix")
             return None
-        fixed = _fixed_frame(params, frames)
+        fixed = map_frame(params.fixed_frame, frames)
         T_fixed_camera = self._camera_pose(fixed, stamp_ns, params, frames)
         info, lens_sigma = self._lens_of(found, params)
         errors = self._errors(params, origin, lens_sigma, frames, fixed, stamp_ns)
@@ -288,15 +284,15 @@ class Georeference:
         self, fixed: str, stamp_ns: int, params: GeoreferenceParams, frames: FrameTree
     ) -> Floats:
         known = frames.frames()
-        if self._camera in known or _BASE not in known:
+        if self._camera in known or BODY not in known:
             return frames.lookup(fixed, self._camera, stamp_ns)
         self._remarks.say(
-            f"no frame {self._camera}: taken as fixed to {_BASE}, {params.camera_pitch:g} degrees"
+            f"no frame {self._camera}: taken as fixed to {BODY}, {params.camera_pitch:g} degrees"
             " below the horizon (camera_pitch)"
         )
         T_base_camera = np.eye(4)
         T_base_camera[:3, :3] = R_body_camera(params.camera_pitch)
-        return frames.lookup(fixed, _BASE, stamp_ns) @ T_base_camera
+        return frames.lookup(fixed, BODY, stamp_ns) @ T_base_camera
 
     def _reject(self, count: int, why: str) -> None:
         if count:
@@ -380,11 +376,6 @@ def _name(one: Detection3D) -> str:
     """Its class, which is a tag's own, and the number of others."""
     is_own = not one.id or one.class_id == one.id or one.class_id.endswith(f"_{one.id}")
     return one.class_id if is_own else f"{one.class_id} #{one.id}"
-
-
-def _fixed_frame(params: GeoreferenceParams, frames: FrameTree) -> str:
-    fixed = params.fixed_frame
-    return _ODOM if fixed == _MAP and _MAP not in frames.frames() else fixed
 
 
 def _motion(frames: FrameTree, fixed: str, camera: str, stamp_ns: int) -> tuple[Floats, Floats]:

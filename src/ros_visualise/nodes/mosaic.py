@@ -14,13 +14,19 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ros_visualise.core.errors import NoTransform, ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import param
 from ros_visualise.data import CameraInfo, Floats, Image, NavSatFix, Pixels, Text
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.landmarks.georeferencing.mosaic import Mosaic, MosaicPicture, footprint
-from ros_visualise.landmarks.georeferencing.origin import MapOrigin, OriginFinder
+from ros_visualise.landmarks.georeferencing.origin import (
+    BODY,
+    MAP,
+    MapOrigin,
+    OriginFinder,
+    map_frame,
+)
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
@@ -32,7 +38,6 @@ from ros_visualise.vision.reshape import resized
 
 log = logging.getLogger(__name__)
 
-_MAP, _ODOM, _BODY = "map", "odom", "base_link"  # REP 105
 _SENT_PX, _SAVED_PX = 1 << 20, 64 << 20
 _SENT_NS = 2_000_000_000
 _SIGMAS = np.array([3.0, 3.0, 6.0])  # metres, of fixes without a covariance
@@ -75,7 +80,7 @@ class MosaicParams:
         min=1,
         max=89,
     )
-    fixed_frame: str = param(_MAP, "frame with x east, y north, z up; odom if frame map is missing")
+    fixed_frame: str = param(MAP, "frame with x east, y north, z up; odom if frame map is missing")
     ground_height: float = param(
         0.0,
         "height of the ground in the fixed frame, metres",
@@ -119,14 +124,13 @@ class Mosaicking:
         self._lens: CameraInfo | None = None
         self._laid = 0
         self._camera = ""
-        self._given: MapOrigin | None = None
         self._finder = OriginFinder()
         self._last: Floats | None = None  # footprint of the image that was laid last
         self._sent_ns = -_SENT_NS
 
     def reset(self) -> None:
         """Forget fixes: time jumped. The mosaic stays."""
-        self._given, self._finder = None, OriginFinder()
+        self._finder = OriginFinder()
         self._last, self._sent_ns = None, -_SENT_NS
 
     def step(
@@ -143,8 +147,8 @@ class Mosaicking:
         self._params = params
         self._lens = lens or self._lens
         if map_origin is not None:
-            self._given = MapOrigin.of(map_origin)
-        if fix is not None and fix.status >= 0:
+            self._finder.given = MapOrigin.of(map_origin)
+        if fix is not None:
             self._take_fix(fix, frames)
         return None if image is None else self._lay(image, frames)
 
@@ -160,7 +164,7 @@ class Mosaicking:
     @action("write the mosaic to the file save_to")
     def save_mosaic(self) -> None:
         """Write the mosaic as GeoTIFF; raises ParameterError without a name."""
-        path, origin = Path(self._params.save_to), self._origin
+        path, origin = Path(self._params.save_to), self._finder.origin
         if not self._params.save_to:
             raise ParameterError("give a file name by save_to, such as mosaic.tif")
         picture = self._mosaic.picture(_SAVED_PX)
@@ -172,14 +176,14 @@ class Mosaicking:
         log.info("mosaic of %d x %d pixels saved to %s", width, height, path.absolute())
 
     def _lay(self, image: Image, frames: FrameTree) -> dict[str, Any] | None:
-        origin, info = self._origin, self._calibration(image)
+        origin, info = self._finder.origin, self._calibration(image)
         self._camera = image.header.frame_id
         if origin is None or info is None:
             missing = "position: give fixes, as on /fix" if info else "lens: calibrate, or set lens"
             self._remarks.say(f"no {missing}")
             return None
         params, header = self._params, image.header
-        fixed = self._fixed_frame(frames)
+        fixed = map_frame(self._params.fixed_frame, frames)
         T = frames.lookup(fixed, header.frame_id, header.stamp_ns)
         size = image.width, image.height
         ground = footprint(info.K, size, T, params.ground_height, math.radians(params.min_angle))
@@ -216,24 +220,11 @@ class Mosaicking:
             info = resized(info, (info.width, info.height), size)
         return info
 
-    def _fixed_frame(self, frames: FrameTree) -> str:
-        fixed = self._params.fixed_frame
-        return _ODOM if fixed == _MAP and _MAP not in frames.frames() else fixed
-
-    @property
-    def _origin(self) -> MapOrigin | None:
-        return self._given or self._finder.origin
-
     def _take_fix(self, fix: NavSatFix, frames: FrameTree) -> None:
         """Estimate the origin by a fix."""
-        fixed = self._fixed_frame(frames)
-        for frame in (fix.header.frame_id, _BODY, self._camera):
-            try:
-                T_fixed_antenna = frames.lookup(fixed, frame, fix.header.stamp_ns)
-            except NoTransform:
-                continue
-            self._finder.add(fix, T_fixed_antenna[:3, 3], _SIGMAS)
-            return
+        fixed = map_frame(self._params.fixed_frame, frames)
+        if not self._finder.take(fix, fixed, (BODY, self._camera), frames, _SIGMAS):
+            self._remarks.say(f"no frame {fix.header.frame_id} or {BODY}: fixes are not used")
 
 
 def _without_distortion(image: Image, info: CameraInfo) -> Pixels:

@@ -238,7 +238,7 @@ def _open_extract(
     if kind == "tlog":
         from ros_visualise.sinks.tlog import TlogRecorder, mavlink_topics
 
-        return TlogRecorder(path, mavlink_topics(path, wanted), overwrite)
+        return TlogRecorder(path, mavlink_topics(path, wanted), overwrite, live=True)
     from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
     return Mp4Recorder(path, choose_topic(path, wanted, named), overwrite)

@@ -7,11 +7,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.core.errors import RecordingError, UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Detections
 from ros_visualise.messages.recorded import TopicType, content
-from ros_visualise.sinks import Recorder
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.appending import AppendingRecorder
 
 
 def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> str:
@@ -30,7 +29,7 @@ def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> st
     return found[-1]
 
 
-class MotRecorder(Recorder):
+class MotRecorder(AppendingRecorder):
     """A row for each detection: frame, id, left, top, width, height, score, -1, -1, -1.
 
     Frames are the messages of the topic, from 1. Pixels are numbered from 1. Things without an id
@@ -40,44 +39,11 @@ class MotRecorder(Recorder):
     """
 
     def __init__(self, path: Path, topic: str, overwrite: bool, live: bool) -> None:
-        self._topic = topic
-        self._file = TargetFile(path, overwrite, live)
-        self._frame = 0
+        super().__init__(path, [topic], overwrite, live)
         self._numbers: dict[str, int] = {}
-        self._closed = False
 
-    @property
-    def path(self) -> Path:
-        return self._file.path
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        return (self._topic,)
-
-    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
-        if topic != self._topic:
-            return
-        if self._closed:
-            raise RecordingError(f"{self.path}: the recording has ended")
-        rows = self._rows(content(message)).encode()
-        self._frame += 1
-        try:
-            self._file.require_room(len(rows))
-            self._file.write(rows)
-        except OSError as error:
-            self._closed = True
-            raise self._file.give_up(error, self._frame - 1) from None
-
-    def close(self, whole: bool = True) -> None:
-        if not self._closed:
-            self._closed = True
-            try:
-                self._file.close(whole)
-            except OSError as error:
-                raise self._file.give_up(error, self._frame) from None
-
-    def remove(self) -> None:
-        self._file.remove()
+    def _encoded(self, message: Any) -> bytes:
+        return self._rows(content(message)).encode()
 
     def _rows(self, found: Detections) -> str:
         rows = []
@@ -88,7 +54,7 @@ class MotRecorder(Recorder):
                 score = one.score if one.hypotheses else 1.0
                 box = f"{u - width / 2 + 1:.2f},{v - height / 2 + 1:.2f},{width:.2f},{height:.2f}"
                 id = self._number_of(one.id)
-                rows.append(f"{self._frame + 1},{id},{box},{score:.4g},-1,-1,-1\n")
+                rows.append(f"{self._written + 1},{id},{box},{score:.4g},-1,-1,-1\n")
         return "".join(rows)
 
     def _number_of(self, id: str) -> int:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Header, NavSatFix
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
 
+MAP = "map"
+BODY = "base_link"
+"""A robot's body; fixes are taken to be of its place where the antenna's frame is unknown."""
+_ODOM = "odom"
 _DIAGONAL = 2  # of what is known of the covariance
 _NO_GROUND_M2 = 1e6
 
@@ -49,18 +57,42 @@ class MapOrigin:
         return NavSatFix(latitude, longitude, altitude, self.covariance_m2, kind, header=header)
 
 
+def map_frame(wanted: str, frames: FrameTree) -> str:
+    """The frame with x east, y north, z up: ``odom`` where ``map`` is wanted and missing."""
+    return _ODOM if wanted == MAP and MAP not in frames.frames() else wanted
+
+
 class OriginFinder:
-    """Estimates an origin by fixes and the positions in the map at their times.
+    """The origin that a source gives, else an estimate by fixes and where they are in the map.
 
     Errors of fixes last for minutes: their mean is not taken to be better than a single one, and
     worse if they disagree with the map, as where it is turned away from north.
     """
 
     def __init__(self) -> None:
+        self.given: MapOrigin | None = None
         self._first: LocalPlane | None = None
         self._count = 0
         self._mean, self._squares = np.zeros(3), np.zeros(3)
         self._variance = np.zeros(3)
+
+    def take(
+        self,
+        fix: NavSatFix,
+        fixed: str,
+        bodies: Sequence[str],
+        frames: FrameTree,
+        sigmas_m: Floats,
+    ) -> bool:
+        """Add a fix, unless it has no position; False if none of the frames ``bodies`` is known."""
+        if fix.status < 0 or self.given is not None:
+            return True
+        for frame in (fix.header.frame_id, *bodies):
+            with suppress(NoTransform):
+                T_fixed_antenna = frames.lookup(fixed, frame, fix.header.stamp_ns)
+                self.add(fix, T_fixed_antenna[:3, 3], sigmas_m)
+                return True
+        return False
 
     def add(self, fix: NavSatFix, position_xyz: Floats, sigmas_m: Floats) -> None:
         """Add a fix.
@@ -83,7 +115,9 @@ class OriginFinder:
 
     @property
     def origin(self) -> MapOrigin | None:
-        """The estimate; None without fixes."""
+        """The given one, else the estimate; None without fixes."""
+        if self.given is not None:
+            return self.given
         if self._first is None:
             return None
         variance = np.maximum(self._variance, self._squares / self._count)

@@ -7,6 +7,7 @@ straight down).
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 import PIL.Image
 
+from ros_visualise.core import supervision
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.data import CameraInfo
 from ros_visualise.sources.camera_poses import (
@@ -29,6 +31,8 @@ from ros_visualise.sources.camera_poses import (
 )
 from ros_visualise.sources.series import Series
 from ros_visualise.vision.lens_table import lens_of_focal, lens_of_model
+
+log = logging.getLogger(__name__)
 
 NS_PER_PICTURE = 1_000_000_000
 _MODEL, _ORIENTATION, _EXIF, _GPS = 0x0110, 0x0112, 0x8769, 0x8825
@@ -105,7 +109,10 @@ def read_still(file: Path) -> Still:
             exif = picture.getexif()
             size, xmp = picture.size, _xmp(picture)
             own, gps = exif.get_ifd(_EXIF), exif.get_ifd(_GPS)
-    except Exception:
+    except OSError:  # reported when it is shown
+        return Still()
+    except supervision.ERRORS as error:
+        log.warning("%s: damaged metadata are not used: %s", file, error or type(error).__name__)
         return Still()
     is_turned = exif.get(_ORIENTATION, 1) not in (0, 1)
     model = str(exif.get(_MODEL, ""))
