@@ -8,12 +8,13 @@ from contextlib import suppress
 import cv2
 import numpy as np
 import pytest
-from scene_messages import cloud, image, tf, transform
+from scene_messages import K, cloud, image, tf, transform
 from scene_runtime import Told
 
-from ros_visualise.data import Header, Image, PointCloud, Transforms
+from ros_visualise.data import CameraInfo, Header, Image, PointCloud, Transforms
 from ros_visualise.ui.live import image_channel
 from ros_visualise.ui.live.images import ImageHub
+from ros_visualise.ui.live.space.hub import SpaceHub
 from ros_visualise.ui.server.gate import Visit
 
 DEPTH = np.array([[0.5, np.nan, 2.25], [0, 7, 1e-3]], np.float32)
@@ -79,13 +80,16 @@ def run_async(work, **kinds):
     """Run it on a thread of its own: browsers of other tests have an event loop on this one."""
 
     async def begin():
-        hub = ImageHub(asyncio.get_running_loop())
+        space = SpaceHub(asyncio.get_running_loop())
+        hub = ImageHub(asyncio.get_running_loop(), lambda: space.shown)
         told = Told(**(kinds or {"a": Image, "b": Image}))
-        hub.show(told)
+        for one in (space, hub):
+            one.show(told)
         try:
             await work(hub, told)
         finally:
             hub.close()
+            space.close()
             await asyncio.sleep(0)
 
     with ThreadPoolExecutor(1) as threads:
@@ -395,8 +399,9 @@ def test_points_of_a_cloud_are_drawn_where_the_camera_sees_them():
     spot = [[1.025, -0.475, 5.0]]
 
     async def work(hub, told):
-        told.say(tf_static=tf(transform("base", "camera", [0, 0, 0])))
-        told.say(points=cloud(spot, frame="camera"), image=image())
+        at = transform("base", "camera", [1, 0, 0]), transform("base", "lidar", [1, 0, 0])
+        told.say(tf_static=tf(*at), info=CameraInfo(120, 160, K, header=Header(0, "camera")))
+        told.say(points=cloud(spot, frame="lidar"), image=image(calibrated=False))
         browser = Browser(hub)
         browser.show("/image", size=160)
         await until(lambda: browser.pixels is not None)
@@ -416,7 +421,8 @@ def test_points_of_a_cloud_are_drawn_where_the_camera_sees_them():
         await until(lambda: told.asked["/points"] == 0)
         await browser.leave()
 
-    run_async(work, image=Image, points=PointCloud, tf_static=Transforms)
+    kinds = {"points": PointCloud, "tf_static": Transforms, "info": CameraInfo}
+    run_async(work, image=Image, **kinds)
 
 
 def test_what_ends_is_forgotten_and_another_graph_goes_on():

@@ -19,7 +19,7 @@ from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.live.difference import Difference
 from ros_visualise.ui.live.overlay import Overlay
-from ros_visualise.ui.live.surroundings import Surroundings
+from ros_visualise.ui.live.space.shown import ShownSpace
 from ros_visualise.ui.preview import preview, rgb_preview, stretched
 from ros_visualise.ui.shown import detections_of
 
@@ -77,13 +77,13 @@ class ImageChannel:
         self,
         view: ImageView,
         runtime: Runtime,
-        surroundings: Surroundings,
+        shown: ShownSpace,
         put: Callable[[Picture], None],
         rest: Callable[[], float],
     ) -> None:
         self.size, self.is_ready = 0, False
         self.changed = threading.Event()
-        self._view, self._runtime, self._surroundings = view, runtime, surroundings
+        self._view, self._runtime, self._scene = view, runtime, shown
         self._put, self._rest = put, rest
         self._number, self._drawn = 0, 0
         self._image: Image | None = None
@@ -106,7 +106,7 @@ class ImageChannel:
     def _run(self) -> None:
         view, runtime = self._view, self._runtime
         boxes = partial(detections_of, runtime.graph) if view.boxes else _no_boxes
-        self._overlay = Overlay(runtime, self._surroundings, view.cloud)
+        self._overlay = Overlay(runtime, self._scene, view.cloud)
         self._boxes = Boxes(runtime, boxes)
         try:
             if view.minus:

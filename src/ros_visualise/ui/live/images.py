@@ -16,7 +16,7 @@ from ros_visualise.ui.live.exchange import exchange
 from ros_visualise.ui.live.image_browser import ImageBrowser, Shown
 from ros_visualise.ui.live.image_channel import ImageChannel, ImageView, Picture
 from ros_visualise.ui.live.previews import Previews, shows_source
-from ros_visualise.ui.live.surroundings import Surroundings
+from ros_visualise.ui.live.space.shown import ShownSpace
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.pool import Pool
 from ros_visualise.ui.shown import detections_of, first_shown
@@ -29,16 +29,20 @@ _REST, _REST_UNTHROTTLED = 2.0, 8.0
 
 
 class ImageHub:
-    """The images of a graph; encoded and taken only while a browser shows them."""
+    """The images of a graph; encoded and taken only while a browser shows them.
+
+    Args:
+        space: returns the 3D view, for what is drawn over images.
+    """
 
     path = "/live/images"
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, space: ShownSpace) -> None:
         self.pool = Pool("image values", _THREADS)
         self._loop = loop
         self._runtime: Runtime | None = None
         self._graph: Graph | None = None
-        self._surroundings: Surroundings | None = None
+        self._space = space
         self._previews: Previews | None = None
         self._channels: dict[ImageView, _Channel] = {}
         self._browsers: set[ImageBrowser] = set()
@@ -52,8 +56,7 @@ class ImageHub:
 
     def show(self, runtime: Runtime | None) -> None:
         """Serve this graph from now on, or none; from any thread."""
-        surroundings = None if runtime is None else Surroundings(runtime)
-        self._loop.call_soon_threadsafe(self._follow, runtime, surroundings)
+        self._loop.call_soon_threadsafe(self._follow, runtime)
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send one browser the images that it shows, until it leaves.
@@ -99,13 +102,12 @@ class ImageHub:
     def start(self, view: ImageView, put: Callable[[Picture], None]) -> ImageChannel:
         """Make the images of a view; ``put`` is called on the page's loop."""
         assert self._runtime is not None
-        assert self._surroundings is not None
         runtime, loop = self._runtime, self._loop
 
         def deliver(picture: Picture) -> None:
             loop.call_soon_threadsafe(partial(put, picture))
 
-        return ImageChannel(view, runtime, self._surroundings, deliver, partial(_rest, runtime))
+        return ImageChannel(view, runtime, self._space, deliver, partial(_rest, runtime))
 
     def pick(self, topic: str, image: Image, across: float, down: float) -> None:
         """Choose a pixel for the node of a topic, by shares of the image's width and height."""
@@ -121,20 +123,16 @@ class ImageHub:
         if not self._browsers:
             return
         if self._runtime is not None and self._runtime.graph is not self._graph:
-            if self._surroundings is not None:
-                self._surroundings.follow(self._runtime.graph)
-            self._follow(self._runtime, self._surroundings)
+            self._follow(self._runtime)
         for browser in self._browsers:
             browser.follow()  # there may be room for a channel by now
         self._looking = self._loop.call_later(_LOOK_S, self._look)
 
-    def _follow(self, runtime: Runtime | None, surroundings: Surroundings | None) -> None:
-        if runtime is not self._runtime and self._surroundings is not None:
-            self._surroundings.close()
+    def _follow(self, runtime: Runtime | None) -> None:
         is_same = runtime is self._runtime
         if not is_same:
             self._make_previews(runtime)
-        self._runtime, self._surroundings = runtime, surroundings
+        self._runtime = runtime
         self._graph = None if runtime is None else runtime.graph
         if self._graph is not None:  # else the page ends, or shows another one in a moment
             self.topics = json.dumps({"topics": _offers(self._graph)})

@@ -11,7 +11,7 @@ from ros_visualise.geometry import se3
 from ros_visualise.geometry.thinning import evenly
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.live.surroundings import Surroundings
+from ros_visualise.ui.live.space.shown import ShownSpace
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.vision.measurements import turbo
 from ros_visualise.vision.projection import project
@@ -25,11 +25,12 @@ class Overlay:
     """The newest cloud of a topic, over images of a calibrated camera.
 
     Args:
+        shown: the 3D view, which knows frames and calibrations.
         topic: of the clouds; empty: none are drawn.
     """
 
-    def __init__(self, runtime: Runtime, surroundings: Surroundings, topic: str) -> None:
-        self._topic, self._surroundings = topic, surroundings
+    def __init__(self, runtime: Runtime, shown: ShownSpace, topic: str) -> None:
+        self._topic, self._shown = topic, shown
         self._feed = Feed(runtime)
         self._cloud: PointCloud | None = None
 
@@ -51,15 +52,18 @@ class Overlay:
 
     def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
         """The picture ``shown`` of an image, 8-bit RGB of any size, with the points over it."""
-        self._surroundings.refresh()
-        frame, frames = image.header.frame_id, self._surroundings.frames
+        space = self._shown()
+        if self._cloud is None or space is None:
+            return shown
+        space.drawing.take_frames()
+        scene, frame = space.scene, image.header.frame_id
         if image.camera_info is not None:
-            self._surroundings.calibrations[frame] = image.camera_info
-        info = choose_calibration(image, self._surroundings.calibrations.get(frame))
-        if self._cloud is None or info is None:
+            scene.calibrations[frame] = image.camera_info
+        info = choose_calibration(image, scene.calibrations.get(frame))
+        if info is None:
             return shown
         try:
-            T_camera_cloud = between(frames, image, self._cloud)
+            T_camera_cloud = between(scene.frames, image, self._cloud)
             return paint(shown, self._cloud, T_camera_cloud, info, is_rectified(topic, info))
         except (NoTransform, ValueError):
             return shown  # unknown as yet, or an unsupported distortion model

@@ -80,12 +80,12 @@ class PageServer:
     ) -> None:
         self._answer, self._receive = answer, receive
         listening = listen(host, port, flag)
-        self.images = ImageHub(page_loop())
+        self.space = SpaceHub(page_loop())
+        self.images = ImageHub(page_loop(), lambda: self.space.shown)
         self.topics = TopicsHub(page_loop())
         self.clock = PageClock()
         self.offered = OfferedHub(title)
         self.shell = Shell(self.offered)
-        self.space = SpaceHub(page_loop())
         own: list[Hub] = [
             self.space,
             self.offered,

@@ -23,7 +23,7 @@ from ros_visualise.ui.scene.drawings import by_message
 DRAWINGS: Mapping[type, type[Drawing]] = by_message()
 """Type of messages -> its drawing."""
 CAMERAS = (Image, CameraInfo)
-HELD = (Text, Transforms, JointState, Marker, MarkerArray, NavSatFix)
+HELD = (Text, JointState, Marker, MarkerArray, NavSatFix)
 """Messages that count later too: all are taken, even while no browser is connected."""
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from ros_visualise.core.errors import NoTransform
-from ros_visualise.data import CameraInfo, Floats, Image, JointState, Text, Transforms
+from ros_visualise.data import CameraInfo, Floats, JointState, Text, Transforms
 from ros_visualise.data.poses import is_static
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.live.space.tree import SpaceTree
@@ -43,7 +43,7 @@ class Scene:
         urdf: str = "",
     ) -> None:
         self.frames = Frames()
-        self.calibrations: dict[str, CameraInfo] = {}
+        self.calibrations: dict[str, CameraInfo] = {}  # by the frames of their cameras
         self._tree, self._clock, self._urdf = tree, clock, urdf
         self._topics = SceneTopics(tree)
         self._appearance = Appearance()
@@ -81,12 +81,20 @@ class Scene:
         with self._lock:
             self.time.see(message.header.stamp_ns)
             if isinstance(message, Transforms):
-                for what in self.frames.add(message, is_static(topic)):
-                    log.warning("%s: %s (further occurrences suppressed)", topic, what)
+                self.add_frames(topic, message)
             elif isinstance(message, JointState):
                 self.frames.joints.update(message.positions_by_name)
             else:
                 self._take(topic, message)
+
+    def add_frames(self, topic: str, message: Transforms | CameraInfo) -> None:
+        """Add transforms or a calibration, which does not wait while the scene is drawn."""
+        self.time.see(message.header.stamp_ns)
+        if isinstance(message, CameraInfo):
+            self.calibrations[message.header.frame_id] = message
+            return
+        for what in self.frames.add(message, is_static(topic)):
+            log.warning("%s: %s (further occurrences suppressed)", topic, what)
 
     def show_track(self, topic: str, places: Floats) -> None:
         """Draw the whole way of a topic of poses or fixes, faintly; see `whole_tracks`."""
@@ -196,11 +204,6 @@ class Scene:
 
     def _take(self, topic: str, message: Any) -> None:
         entry = self._topics.provide(topic, type(message))
-        info = message if isinstance(message, CameraInfo) else None
-        if isinstance(message, Image):
-            info = message.camera_info
-        if info is not None:
-            self.calibrations[message.header.frame_id] = info
         if entry.kind is not Text:
             self.frames.see(message.header.frame_id)
         if DRAWINGS[entry.kind].gathers:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Collection, Container, Mapping
 from typing import Any
 
-from ros_visualise.data import Image, Text
+from ros_visualise.data import CameraInfo, Image, PointCloud, Text, Transforms
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.topics import Subscription
@@ -49,6 +50,8 @@ class SceneThread(PeriodicThread):
         self._runtime, self._scene = runtime, scene
         scene.time.is_live = runtime.playback is None
         self._is_watched = is_watched
+        self._taking = threading.Lock()
+        self._frames: dict[str, Subscription] = {}
         self._held: dict[str, Subscription] = {}
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
@@ -59,19 +62,37 @@ class SceneThread(PeriodicThread):
         with self.at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
-            wanted = {topic for topic, kind in self._kinds.items() if kind in HELD}
-            for topic in self._held.keys() - wanted:
-                self._held.pop(topic).close()
-            for topic in wanted - self._held.keys():
-                self._held[topic] = self._runtime.subscribe(topic, _MOST_HELD)
+            self._subscribe(self._held, HELD)
+            with self._taking:
+                has_overlays = {Image, PointCloud} <= {*self._kinds.values()}
+                of_cameras = (CameraInfo,) if has_overlays else ()
+                self._subscribe(self._frames, (Transforms, *of_cameras))
             self._rest_but(self._kinds)
+
+    def take_frames(self) -> None:
+        """Take the transforms and calibrations that have come; from any thread."""
+        with self._taking:
+            for topic, subscription in self._frames.items():
+                while (message := subscription.take(0)) is not None:
+                    self._note_place(subscription.epoch)
+                    self._scene.add_frames(topic, message)
+
+    def _subscribe(self, held: dict[str, Subscription], kinds: Collection[type]) -> None:
+        wanted = {topic for topic, kind in self._kinds.items() if kind in kinds}
+        for topic in held.keys() - wanted:
+            held.pop(topic).close()
+        for topic in wanted - held.keys():
+            held[topic] = self._runtime.subscribe(topic, _MOST_HELD)
 
     def _finish(self) -> None:
         self._rest_but(())
-        for subscription in self._held.values():
-            subscription.close()
+        with self._taking:
+            for subscription in (*self._held.values(), *self._frames.values()):
+                subscription.close()
+            self._frames = {}
 
     def _do_round(self) -> None:
+        self.take_frames()
         for topic, subscription in self._held.items():
             while (message := subscription.take(0)) is not None:
                 self._show(topic, message, subscription.epoch)
@@ -79,7 +100,7 @@ class SceneThread(PeriodicThread):
             self._rest_but(())
             return
         for topic, kind in self._kinds.items():
-            if kind not in HELD:
+            if kind not in (*HELD, Transforms):
                 self._take(topic, kind)
         self._scene.refresh()
 
@@ -100,13 +121,17 @@ class SceneThread(PeriodicThread):
             self._show(topic, message, self._messages[topic].epoch)
 
     def _show(self, topic: str, message: Any, epoch: int) -> None:
-        """Draw a message; after a time jump or at a new lap, clear the scene first."""
+        with self._taking:
+            self._note_place(epoch)
+        self._scene.show(topic, message)
+
+    def _note_place(self, epoch: int) -> None:
+        """After a time jump or at a new lap, clear the scene."""
         playback = self._runtime.playback
         place = epoch, 0 if playback is None else playback.laps
         if place > self._place:
             self._place = place
             self._scene.forget()
-        self._scene.show(topic, message)
 
     def _rest(self, topic: str) -> None:
         """Unsubscribe until the topic is wanted again."""

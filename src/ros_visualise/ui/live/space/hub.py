@@ -35,6 +35,7 @@ class SpaceHub:
         path: of the WebSocket.
         tree: the nodes.
         urdf: a robot to draw in place of those that topics describe.
+        shown: the view of the present graph.
     """
 
     path = "/live/space"
@@ -45,14 +46,14 @@ class SpaceHub:
         self.urdf = ""
         self._loop = loop
         self._browsers: set[_SpaceBrowser] = set()
-        self._shown: ShownScene | None = None
+        self.shown: ShownScene | None = None
         self._state = ""
         self._wanted: Mapping[str, Value] = {}
 
     @property
     def scene(self) -> Scene | None:
         """The scene of the present graph."""
-        return None if self._shown is None else self._shown.scene
+        return None if self.shown is None else self.shown.scene
 
     @property
     def is_watched(self) -> bool:
@@ -61,33 +62,33 @@ class SpaceHub:
 
     def show(self, runtime: Runtime | None) -> None:
         """Draw the graph of this runtime from now on, or none; settings stay as they are."""
-        if self._shown is not None:
+        if self.shown is not None:
             self._wanted = self.arrangement
-            self._shown.close(_LEAVE_S)
-            self._shown = None
+            self.shown.close(_LEAVE_S)
+            self.shown = None
         self.tree.clear()
         if runtime is None:
             self._tell({})
             return
-        self._shown = ShownScene(
+        self.shown = ShownScene(
             runtime, self.tree, self.urdf, lambda: self.is_watched, self._say, self._tell
         )
         self.apply(self._wanted)
 
     def close(self) -> None:
         """End the threads."""
-        if self._shown is not None:
-            self._shown.close(_CLOSE_S)
-            self._shown = None
+        if self.shown is not None:
+            self.shown.close(_CLOSE_S)
+            self.shown = None
 
     @property
     def arrangement(self) -> dict[str, Value]:
         """The settings that were changed, and the view if it was moved."""
-        if self._shown is None:
+        if self.shown is None:
             return {}
-        moved = self._shown.scene.view.moved or self._shown.scene.view.first
+        moved = self.shown.scene.view.moved or self.shown.scene.view.first
         view = {} if moved is None else {"view": ",".join(f"{one:.2f}" for one in moved)}
-        return self._shown.controls.arrangement | view
+        return self.shown.controls.arrangement | view
 
     def apply(self, arrangement: Mapping[str, Value]) -> None:
         """Apply saved settings.
@@ -96,10 +97,10 @@ class SpaceHub:
             UsageError: the view is not six numbers.
         """
         self._wanted = arrangement
-        if self._shown is not None:
-            self._shown.controls.apply(arrangement)
+        if self.shown is not None:
+            self.shown.controls.apply(arrangement)
             if "view" in arrangement:
-                self._shown.scene.view.first = _view(str(arrangement["view"]).split(","))
+                self.shown.scene.view.first = _view(str(arrangement["view"]).split(","))
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves.
@@ -121,7 +122,7 @@ class SpaceHub:
 
     def ask(self, key: object, action: Callable[[ShownScene], object]) -> None:
         """Do something in the scene, on its thread."""
-        shown = self._shown
+        shown = self.shown
         if shown is not None:
             shown.worker.post(key, partial(action, shown))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from ros_visualise.ui.scene.tracks import whole_tracks
 from ros_visualise.ui.worker import PageWorker
 
 _PERIOD_S = 0.2
+
+ShownSpace: TypeAlias = "Callable[[], ShownScene | None]"
+"""Returns what is shown now, if anything is."""
 
 
 class ShownScene:
@@ -50,17 +53,17 @@ class ShownScene:
         self._runtime, self._is_watched, self._tell = runtime, is_watched, tell
         self._graph, self._closed = runtime.graph, False
         self.scene.appearance = Appearance(names=is_tree(topics_of(self._graph)))
-        self._drawing = SceneThread(runtime, self.scene, is_watched, self._unthrottled)
+        self.drawing = SceneThread(runtime, self.scene, is_watched, self._unthrottled)
         self._follow()
         self.worker.start()
-        self._drawing.start()
+        self.drawing.start()
         supervision.start("tracks", self._read_tracks)
 
     def close(self, timeout_s: float) -> None:
         """End the threads, each within the given time."""
         self._closed = True
         self.worker.close(timeout_s)
-        self._drawing.close(timeout_s)
+        self.drawing.close(timeout_s)
 
     def pick(self, ray: Ray, goal: str) -> tuple[Floats | None, str]:
         """The clicked point (3,) or None, and the frame in which it is.
@@ -101,7 +104,7 @@ class ShownScene:
 
     def _follow(self) -> None:
         self._graph = self._runtime.graph
-        self._drawing.follow(self._graph)
+        self.drawing.follow(self._graph)
         self.controls.follow(topics_of(self._graph))
 
     def _refresh(self) -> None:
