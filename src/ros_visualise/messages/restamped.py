@@ -1,4 +1,4 @@
-"""Messages with all their stamps moved by a time, as if they had been recorded earlier or later."""
+"""Messages as if they had been recorded earlier or later, or with other names of frames."""
 
 from __future__ import annotations
 
@@ -15,36 +15,39 @@ from ros_visualise.messages.recorded import Recorded
 
 T = TypeVar("T")
 Later = Callable[[int], int]
+Rename = Callable[[str], str]
 
 _NS = 1_000_000_000
 _END_S = 2**31  # of what stamps of ROS 2 hold
 _TIME = "builtin_interfaces/msg/Time"
 _STAMP = "stamp"
+_CHILD = "child_frame_id"
+_FRAMES = ("frame_id", _CHILD)
 _AT = 4  # of the stamp in messages that begin with a header: after the number, or the kind of CDR
 
 
-def restamped(message: T, by_ns: int) -> T:
-    """The message with its stamps later by so much.
+def restamped(message: T, by_ns: int, rename: Rename | None = None) -> T:
+    """The message with its stamps later by so much, and its frames renamed.
 
     Recorded ones stay bytes, and their stamps of zero, which mean none unless time itself begins at
     zero, as it does in simulations; those that cannot be decoded stay as they are.
     """
-    if not by_ns:
+    if not by_ns and rename is None:
         return message
-    move: Callable[[Any, int], Any] = _recorded if isinstance(message, Recorded) else _plain
-    moved: T = move(message, by_ns)
+    move = _recorded if isinstance(message, Recorded) else _plain
+    moved: T = move(message, by_ns, rename)
     return moved
 
 
-def _recorded(message: Recorded, by_ns: int) -> Recorded:
+def _recorded(message: Any, by_ns: int, rename: Rename | None) -> Any:
     data, definitions = message.data, message.definitions
     kinds = definitions.stamped(message.type_name)
     later = partial(_later, by_ns, message.stamp_ns < _NS)
-    if kinds == "first":
+    if kinds == "first" and rename is None:
         data = _patched(data, definitions.encoding == "ros1", later)
-    elif kinds == "inner":
+    elif kinds:
         with suppress(DamagedMessage):
-            data = definitions.write(message.type_name, _moved(message.message, later))
+            data = definitions.write(message.type_name, _moved(message.message, later, rename))
     return Recorded(
         message.type_name,
         data,
@@ -73,8 +76,8 @@ def _later(by_ns: int, is_zero_a_time: bool, stamp_ns: int) -> int:
     return min(max(stamp_ns + by_ns, 1), _END_S * _NS - 1) if is_time else 0
 
 
-def _moved(message: Any, later: Later) -> Any:
-    """A decoded message, whose stamps are changed in place."""
+def _moved(message: Any, later: Later, rename: Rename | None) -> Any:
+    """A decoded message, whose stamps and frames are changed in place."""
     for one in fields(message):
         value = getattr(message, one.name)
         kind = getattr(value, "__msgtype__", "")
@@ -83,26 +86,30 @@ def _moved(message: Any, later: Later) -> Any:
             sec, nanosec = divmod(stamp_ns, _NS)
             setattr(message, one.name, replace(value, sec=sec, nanosec=nanosec))
         elif kind:
-            _moved(value, later)
+            _moved(value, later, rename)
+        elif rename is not None and one.name in _FRAMES and isinstance(value, str):
+            setattr(message, one.name, rename(value))
         elif isinstance(value, list):
             for inner in value:
                 if is_dataclass(inner):
-                    _moved(inner, later)
+                    _moved(inner, later, rename)
     return message
 
 
-def _plain(message: Any, by_ns: int) -> Any:
+def _plain(message: Any, by_ns: int, rename: Rename | None) -> Any:
     """One of `ros_visualise.data`, or a part of one; markers are valid at all times."""
-    if isinstance(message, MarkerArray):
-        return message
+    by_ns = 0 if isinstance(message, MarkerArray) else by_ns
     if isinstance(message, Header):
-        return replace(message, stamp_ns=max(message.stamp_ns + by_ns, 0))
+        frame_id = message.frame_id if rename is None else rename(message.frame_id)
+        return replace(message, stamp_ns=max(message.stamp_ns + by_ns, 0), frame_id=frame_id)
     if isinstance(message, tuple):
-        return tuple(_plain(one, by_ns) for one in message)
+        return tuple(_plain(one, by_ns, rename) for one in message)
     if not is_dataclass(message) or isinstance(message, type):
         return message
     now = {one.name: getattr(message, one.name) for one in fields(message) if one.init}
-    later = {name: _plain(value, by_ns) for name, value in now.items()}
+    later = {name: _plain(value, by_ns, rename) for name, value in now.items()}
+    if rename is not None and isinstance(now.get(_CHILD), str):
+        later[_CHILD] = rename(now[_CHILD])
     if isinstance(message, Path):
         later["stamps_ns"] = message.stamps_ns + by_ns
     changed = {name: value for name, value in later.items() if value is not now[name]}

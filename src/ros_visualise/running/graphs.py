@@ -107,12 +107,13 @@ def recording(
 
 
 def _say_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> None:
-    for name, path, is_aligned in zip(joined.names, joined.paths, joined.is_aligned, strict=True):
+    parts = zip(joined.names, joined.paths, joined.is_aligned, joined.frames, strict=True)
+    for name, path, is_aligned, frames in parts:
         how = "placed by its stamps" if is_aligned else "starts with the others"
         by = f"moved by {moved[name]:g} s" if moved[name] else f"--offset {name}=SECONDS moves it"
         log.info("%s: %s; %s", path.name, how, by)
-        if topics := joined.skipped.get(name):
-            log.warning("%s: %s skipped: frames of another source", path.name, ", ".join(topics))
+        if frames is not None:
+            log.info("%s: frames renamed to %s/...: another source moves them too", path.name, name)
 
 
 def server(

@@ -13,10 +13,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
 
 from ros_visualise.commands import main
+from ros_visualise.data import Header, Transforms, TransformStamped
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.recorded import Recorded
+from ros_visualise.messages.recorded import Recorded, TopicType, content
 from ros_visualise.messages.restamped import restamped
 from ros_visualise.nodes.player import player
+from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_again, open_joined
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import joined as joined_module
@@ -26,6 +28,8 @@ ROS1 = Definitions("ros1").store
 T = ROS1.types
 S = 10**9
 START_NS = 1_600_000_000 * S
+BASE = Header(START_NS, "base")
+PLACE = np.zeros(3), np.array([0, 0, 0, 1.0])
 
 
 def header(stamp_ns, frame="base"):
@@ -151,13 +155,52 @@ def test_bytes_are_as_if_they_had_been_written_later(encoding):
     assert restamped(first, S).header.stamp_ns == S
 
 
-def test_transforms_are_those_of_the_first(tmp_path):
-    kinds = {"tf": "tf2_msgs/msg/TFMessage", "point": "geometry_msgs/msg/PointStamped"}
-    bags = [write_bag(tmp_path / f"{name}.bag", 0, **kinds) for name in "ab"]
+WITH_FRAMES = {"tf": "tf2_msgs/msg/TFMessage", "point": "geometry_msgs/msg/PointStamped"}
+
+
+def frames_in(joined):
+    found = {}
+    for topic, _, message in joined.read():
+        one = content(message) if topic == "/tf" else message
+        links = one.transforms if topic == "/tf" else [one]
+        for link in links:
+            names = link.header.frame_id, getattr(link, "child_frame_id", "")
+            found.setdefault(topic, set()).add(names)
+    return found
+
+
+@pytest.mark.parametrize("start_s", [0, 500])  # with the same stamps, and with moved ones
+def test_frames_that_two_runs_move_get_names_of_their_own_in_one_map(tmp_path, start_s):
+    starts = {"a": 0, "b": start_s, "c": 0}
+    bags = [write_bag(tmp_path / f"{n}.bag", at, **WITH_FRAMES) for n, at in starts.items()]
     with closing(open_joined(bags)) as joined:
-        assert list(joined.topics) == ["/a/point", "/b/point", "/tf"]
-        assert joined.skipped == {"b": ["/tf"]}
-        assert len(read(joined, topics=["/tf"])) == 3
+        assert list(joined.topics) == ["/a/point", "/b/point", "/c/point", "/tf"]
+        assert frames_in(joined) == {
+            "/tf": {("odom", "base"), ("odom", "b/base"), ("odom", "c/base")},
+            "/a/point": {("base", "")},
+            "/b/point": {("b/base", "")},
+            "/c/point": {("c/base", "")},
+        }
+        assert len(joined.stamps_ns()["/tf"]) == len(read(joined, topics=["/tf"])) == 9
+
+
+def test_frames_that_one_alone_moves_keep_their_names(tmp_path):
+    bags = [write_bag(tmp_path / "a.bag", 0, tf="tf2_msgs/msg/TFMessage")]
+    arm = Transforms((TransformStamped("arm", *PLACE, BASE),))
+    with open_recorder(str(tmp_path / "b.mcap"), {"/tf": TopicType(Transforms.type_name)}) as b:
+        b.write("/tf", arm, START_NS)
+    with closing(open_joined([*bags, tmp_path / "b.mcap"])) as joined:
+        assert frames_in(joined) == {"/tf": {("odom", "base"), ("base", "arm")}}
+
+
+def test_plain_messages_get_other_frames_too():
+    def rename(frame):
+        return f"b/{frame}"
+
+    moved = restamped(Transforms((TransformStamped("arm", *PLACE, BASE),)), S, rename)
+    assert moved.transforms[0].child_frame_id == "b/arm"
+    assert moved.header.frame_id == "b/base"
+    assert moved.header.stamp_ns == START_NS + S
 
 
 def test_one_that_fails_stops_no_other(bags, monkeypatch):

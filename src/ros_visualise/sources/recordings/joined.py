@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import logging
 import re
-from collections import Counter
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -18,6 +17,8 @@ import numpy.typing as npt
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.data import Transforms
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.messages.restamped import restamped
 from ros_visualise.sources.playback import PlayedSource, RecordedTime
 from ros_visualise.sources.recordings import (
@@ -29,21 +30,21 @@ from ros_visualise.sources.recordings import (
     Recording,
     TopicInfo,
 )
+from ros_visualise.sources.recordings.joined_frames import own_frames
 
 log = logging.getLogger(__name__)
 
 MAX_OFFSET_S = 1e9
 """Largest offset of a recording that is played with others."""
 _A_DATE_NS = 10**18  # in 2001; stamps before it count from the start of something
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 
 class JoinedRecording:
     """Recordings as one: messages in the order of their stamps, which are moved to one clock.
 
     Recordings that overlap keep their stamps, others begin together. Topics keep their names; those
-    of several recordings are below the name of theirs. Transforms are those of the first that has
-    any: others would move the same frames. One that fails ends by itself, which is a loss.
+    of several recordings are below the name of theirs, except transforms, which make one tree: see
+    `own_frames`. One that fails ends by itself, which is a loss.
 
     Args:
         parts: they are open, and closed with it.
@@ -53,7 +54,7 @@ class JoinedRecording:
     Attributes:
         names: of the parts, valid in names of topics and parameters.
         is_aligned: of each part, if it is aligned by its stamps.
-        skipped: names of parts -> their transforms, which are skipped.
+        frames: of each part, the new names of its frames, or None.
         spans_ns: of each part, the stamps of its first and its last message.
     """
 
@@ -64,7 +65,7 @@ class JoinedRecording:
         self.path = Path(", ".join(path.name for path in self.paths))
         self.format = ", ".join(dict.fromkeys(one.format for one in parts))
         self.size = sum(one.size for one in parts)
-        self.skipped: dict[str, list[str]] = {}
+        self.frames = own_frames(self.names, parts)
         self._places = self._place_topics()
         self._failures: list[str] = []
         placed = zip(parts, self._places, strict=True)
@@ -160,7 +161,8 @@ class JoinedRecording:
                 name = next(name for name, one in self._places[number].items() if one == own)
                 wanted = [topic for topic in topics if topic != name]
                 if name in topics:
-                    yield Entry(name, image_ns + by_ns, restamped(image, by_ns))
+                    renamed = restamped(image, by_ns, self.frames[number])
+                    yield Entry(name, image_ns + by_ns, renamed)
             yield from self._read(number, since_ns, stamp_ns + 1, wanted)
 
     def key_image(self, topic: str) -> KeyImage | None:
@@ -176,11 +178,12 @@ class JoinedRecording:
         return any(topic in at and start <= stamp_ns <= end for at, (start, end) in spans)
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        found: dict[str, npt.NDArray[np.int64]] = {}
+        found: dict[str, list[npt.NDArray[np.int64]]] = {}
         for one, places, by_ns in zip(self._parts, self._places, self._shifts_ns, strict=True):
             own_ns = one.stamps_ns()
-            found |= {name: own_ns[own] + by_ns for name, own in places.items()}
-        return found
+            for name, own in places.items():
+                found.setdefault(name, []).append(own_ns[own] + by_ns)
+        return {name: np.sort(np.concatenate(several)) for name, several in found.items()}
 
     def extras(self) -> Iterator[Extra]:
         return chain(*(one.extras() for one in self._parts))
@@ -191,25 +194,21 @@ class JoinedRecording:
 
     def _place_topics(self) -> list[dict[str, str]]:
         """Names of topics -> their own names in a part, for each part."""
-        counts: Counter[str] = Counter()
-        played = []
-        for name, one in zip(self.names, self._parts, strict=True):
-            moving = [topic for topic, info in one.topics.items() if info.type.name in _TRANSFORMS]
-            again = [topic for topic in moving if topic in counts]
-            if again:
-                self.skipped[name] = again
-            played.append([topic for topic in one.topics if topic not in again])
-            counts.update(played[-1])
+        kinds: dict[str, list[TopicType]] = {}
+        for one in self._parts:
+            for topic, info in one.topics.items():
+                kinds.setdefault(topic, []).append(info.type)
+        shared = {topic for topic, several in kinds.items() if _is_shared(several)}
         return [
-            {own if counts[own] == 1 else f"/{name}{own}": own for own in topics}
-            for name, topics in zip(self.names, played, strict=True)
+            {own if own in shared else f"/{name}{own}": own for own in one.topics}
+            for name, one in zip(self.names, self._parts, strict=True)
         ]
 
     def _read(
         self, number: int, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
     ) -> Generator[Entry, None, None]:
         """The messages of one part; if it fails, that is noted."""
-        part, by_ns = self._parts[number], self._shifts_ns[number]
+        part, by_ns, frames = self._parts[number], self._shifts_ns[number], self.frames[number]
         names = {own: name for name, own in self._places[number].items()}
         wanted = [own for own, name in names.items() if topics is None or name in topics]
         if not wanted:
@@ -218,7 +217,8 @@ class JoinedRecording:
         try:
             with closing(part.read(begin_ns, end_ns, wanted)) as entries:
                 for topic, stamp_ns, message in entries:
-                    yield Entry(names[topic], stamp_ns + by_ns, restamped(message, by_ns))
+                    moved = restamped(message, by_ns, frames)
+                    yield Entry(names[topic], stamp_ns + by_ns, moved)
         except supervision.ERRORS as error:
             if not isinstance(error, (RosVisualiseError, OSError)):
                 supervision.note(part.path.name, error)
@@ -226,6 +226,12 @@ class JoinedRecording:
             if note not in self._failures:
                 self._failures.append(note)
                 log.warning("%s", note)
+
+
+def _is_shared(kinds: Sequence[TopicType]) -> bool:
+    """True if messages of these types, of all recordings with a topic, may be on it together."""
+    is_one = len(kinds) == 1
+    return is_one or (kinds[0].data_class is Transforms and len({one.name for one in kinds}) == 1)
 
 
 def _key_image(find: KeyImage, by_ns: int, stamp_ns: int) -> tuple[int, Any] | None:
