@@ -16,7 +16,7 @@ LESSONS = Registry(
     holding(Lesson, "LESSON"),
     first=(
         *("image", "bayer", "color", "noise", "gradient", "canny", "threshold"),
-        *("camera", "sensors", "frames", "landmarks", "vision", "graph"),
+        *("camera", "sensors", "frames", "landmarks", "odometry", "vision", "graph"),
     ),
 )
 """All lessons, in teaching order."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -13,6 +13,7 @@ from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, show
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.reshape import resized
 
 NAME = "picture"
 
@@ -38,7 +39,12 @@ def picture_of(lesson: Lesson) -> Any:
         """The picture."""
         pixels = fit(colors_of(image), params.longest)
         height, width = pixels.shape[:2]
-        return show(image, pixels, lesson.intro, pixels, width=width, height=height)
+        shown = show(image, pixels, lesson.intro, pixels, width=width, height=height)
+        result, info = shown["image"], image.camera_info
+        if info is None or not isinstance(result, Image):
+            return shown
+        info = resized(info, (image.width, image.height), (width, height))
+        return {**shown, "image": replace(result, camera_info=info)}
 
     return picture
 
