@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import onnx
 import torch
+from batches import for_batches
 from integers import Images, to_integers, without_copies
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
@@ -155,8 +156,8 @@ def write_onnx(
     pictures: Iterable[Images],
     widen: float = 1.0,
 ) -> None:
-    """Write the file, for images of any size: the network, the choice of boxes, the refinement
-    head.
+    """Write the file, for images of any size, several at once: the network, the choice of boxes,
+    the refinement head.
 
     Args:
         about: more lines for its metadata.
@@ -186,7 +187,7 @@ def write_onnx(
             **{name: {1: "found"} for name in OUTPUTS},
         },
     )
-    model = _joined(to_integers(first, pictures), last)
+    model = for_batches(_joined(to_integers(first, pictures), last))
     lines = {"layout": LAYOUT, "version": VERSION, "license": "BSD-3-Clause"}
     lines |= {
         "names": str(dict(enumerate(classes))),

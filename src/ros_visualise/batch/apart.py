@@ -13,7 +13,7 @@ from functools import cache
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
@@ -25,6 +25,7 @@ _LOOK_S = 0.1
 _LONGEST_FOLDER = 70  # a socket's address in it has 32 more letters, and at most 107
 _OF_TERMINAL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = ("crash", "timeout", "memory")
+_sender: Connection | None = None
 
 
 class Limits(NamedTuple):
@@ -67,8 +68,8 @@ def apart(
     Raises:
         Stopped: ``stopped`` returned True.
     """
-    receiver, sender = _context().Pipe(duplex=False)
-    process = _context().Process(target=_call, args=(work, task, limits, sender))  # type: ignore[attr-defined]
+    receiver, sender = context().Pipe(duplex=False)
+    process = context().Process(target=_call, args=(work, task, limits, sender))  # type: ignore[attr-defined]
     with receiver:
         process.start()
         sender.close()
@@ -102,7 +103,7 @@ def _crashed(status: int | None) -> TaskFailure:
 
 
 @cache
-def _context() -> BaseContext:
+def context() -> BaseContext:
     """Processes that are forked from one that has imported everything and runs no threads."""
     # that of a Dask worker is a daemon, which may have no children: they end with it all the same
     multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
@@ -121,9 +122,11 @@ def _context() -> BaseContext:
 
 def _call(work: Callable[[Any], Any], task: Any, limits: Limits, sender: Connection) -> None:
     """Call the work in the new process, and send its result or its failure."""
+    global _sender
+    _sender = sender
     logging.getLogger("ros_visualise").addHandler(logging.NullHandler())
     logging.getLogger("ros_visualise").propagate = False  # the batch reports errors
-    supervision.start("parent", _end_with_parent)
+    supervision.start("parent", end_with_parent)
     set_max_memory(limits.memory)
     try:
         result = work(task)
@@ -135,7 +138,15 @@ def _call(work: Callable[[Any], Any], task: Any, limits: Limits, sender: Connect
     os._exit(0)  # nothing that is left may hinder the end
 
 
-def _end_with_parent() -> None:
+def give_up(failure: TaskFailure) -> NoReturn:
+    """End the work of this process with a failure, from any thread."""
+    assert _sender is not None
+    _sender.send(failure)
+    os._exit(0)
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it ends."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

@@ -13,6 +13,7 @@ from typing import Any
 
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.graph import IMAGE_NODES, Graph
+from ros_visualise.landmarks.networks.remote import is_served
 from ros_visualise.landmarks.networks.session import Provider, is_available
 from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.graphs import Selection, film, graph_of, parse_insertion, recording
@@ -88,7 +89,7 @@ class Work:
 
     def _on_device(self, graph: Graph) -> Graph:
         """The graph with its networks on the GPU, if asked for and where there is one."""
-        if self.device == Provider.CPU.value or not is_available(Provider(self.device)):
+        if not (is_served() or is_available(Provider(self.device))):
             return graph
         networks = [node.name for node in graph.nodes if hasattr(node.params, "provider")]
         return graph.configured({name: {"provider": self.device} for name in networks})

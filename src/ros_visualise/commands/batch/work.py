@@ -16,7 +16,8 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise.batch.apart import Limits, Stopped, TaskFailure
-from ros_visualise.batch.cluster import run_on_cluster
+from ros_visualise.batch.cluster import LOCAL, run_on_cluster
+from ros_visualise.batch.inference import network_servers, run_served
 from ros_visualise.batch.inputs import find_inputs
 from ros_visualise.batch.local import Outcome, run_here
 from ros_visualise.batch.plan import identify, plan, split, task_of
@@ -29,6 +30,7 @@ from ros_visualise.commands.batch import BatchOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import counted, print_json, print_result, print_status, sized
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
+from ros_visualise.landmarks.networks.session import Provider
 from ros_visualise.nodes import find_node
 from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.graphs import parse_insertion
@@ -58,7 +60,7 @@ def run(options: BatchOptions) -> int:
     with noticed() as request:
         planned = plan(inputs, identify(inputs, results, _workers(options)), work)
         if options.segment:
-            engine = partial(_map, options, request)
+            engine = partial(_map, options, work.device, request)
             planned = split(
                 planned,
                 work,
@@ -104,13 +106,19 @@ def _workers(options: BatchOptions) -> int:
 
 def _map(
     options: BatchOptions,
+    device: str,
     request: StopRequest,
     work: Callable[[Task], Any],
     tasks: Iterable[Task],
 ) -> Iterator[Outcome]:
     limits = Limits(options.timeout, options.max_memory)
     engine = partial(run_on_cluster, options.cluster) if options.cluster else run_here
-    return engine(work, tasks, limits, _workers(options), lambda: request.asked)
+    is_here = options.cluster in ("", LOCAL)  # tasks elsewhere open their networks themselves
+    device = device if is_here else Provider.CPU.value
+    with network_servers(device, options.max_memory, print_status) as servers:
+        if servers:
+            work = partial(run_served, work, servers)
+        yield from engine(work, tasks, limits, _workers(options), lambda: request.asked)
 
 
 def _execute(
@@ -125,7 +133,8 @@ def _execute(
     left = _left(results, planned)
     tasks = (task_of(one, work, results, options.overlap) for one in left.values())
     try:
-        failed = _run(results, left, _map(options, request, run_task, tasks), len(planned))
+        outcomes = _map(options, work.device, request, run_task, tasks) if left else iter(())
+        failed = _run(results, left, outcomes, len(planned))
     except Stopped:
         print_status("stopped; run the same command again to continue")
         return STOPPED

@@ -16,7 +16,8 @@ from ros_visualise.landmarks.networks.layouts import OutputLayout, Signature
 from ros_visualise.landmarks.networks.layouts.layout import MIN_SCORE_INPUT, SIZES_INPUT
 from ros_visualise.landmarks.networks.names import names_in
 from ros_visualise.landmarks.networks.preparation import CELL, Resizing, Size, fitting_size, prepare
-from ros_visualise.landmarks.networks.session import OnnxSession, Provider, TensorPort
+from ros_visualise.landmarks.networks.remote import open_session
+from ros_visualise.landmarks.networks.session import Provider, Session, TensorPort
 
 _TYPES: dict[str, np.dtype[Any]] = {
     "tensor(float)": np.dtype(np.float32),
@@ -48,7 +49,7 @@ class Network:
     def __init__(
         self, path: str, provider: Provider = Provider.CPU, threads: int = 1, longest: int = 0
     ) -> None:
-        self._session = OnnxSession(path, provider, threads)
+        self._session = open_session(path, provider, threads)
         self._image, self._dtype, self._fixed = _image_input(self._session)
         self.names = names_in(self._session.metadata)
         self._longest = longest or _side_in(self._session.metadata)
@@ -137,7 +138,7 @@ def _size_of(blob: Floats) -> Size:
     return blob.shape[3], blob.shape[2]
 
 
-def _image_input(session: OnnxSession) -> tuple[str, np.dtype[Any], tuple[int, int]]:
+def _image_input(session: Session) -> tuple[str, np.dtype[Any], tuple[int, int]]:
     """Name and type of the image input; its width and height, 0 if free."""
     others = [one for one in session.inputs if one.name != SIZES_INPUT]
     if len(others) == 1 and len(others[0].shape) == 4 and others[0].type in _TYPES:
@@ -168,7 +169,7 @@ def _numbers_in(text: str) -> list[int]:
     return [number for number in found if number <= _LARGEST_SIDE] or [0]
 
 
-def _not_understood(session: OnnxSession, outputs: Mapping[str, Any]) -> str:
+def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:
     inputs = _listed(session.inputs, [one.shape for one in session.inputs])
     came = _listed(session.outputs, [outputs[one.name].shape for one in session.outputs])
     task = session.metadata.get("task", "detect")

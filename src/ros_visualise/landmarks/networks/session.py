@@ -7,24 +7,34 @@ other files.
 from __future__ import annotations
 
 import importlib
+import io
 import mmap
 import re
 import sys
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from enum import Enum
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ros_visualise.core import limits
 from ros_visualise.core.errors import OpenError, RosVisualiseError, TooLarge
 from ros_visualise.core.regular_files import open_file
+from ros_visualise.landmarks.networks.gpus import gpus
 from ros_visualise.landmarks.networks.stopping import stoppable
 
 _INSTALL = f"{sys.executable} -m pip install onnxruntime"
 _FATAL = 4  # log level of onnxruntime: failures are raised too
 _NO_MEMORY = "is smaller than requested bytes"
 _LONGEST_WORD = 200
+_CUDA = {
+    "use_tf32": "0",  # 10 bits of the numbers, where results shall be those of the CPU
+    "cudnn_conv_algo_search": "HEURISTIC",  # a search would be made for each size of a batch
+}
+_GPU_HINT = (
+    "check nvidia-smi, install the libraries (pip install 'onnxruntime-gpu[cuda,cudnn]'), or set"
+    " provider=cpu"
+)
 _LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
 """Protobuf key and length of its value, in groups of seven bits, the lowest first."""
 
@@ -37,10 +47,14 @@ class Provider(Enum):
 
 
 def is_available(provider: Provider) -> bool:
-    """True if the installed onnxruntime supports this hardware."""
+    """True if this machine has the hardware, and the installed onnxruntime supports it."""
     with suppress(OpenError):
-        return _provider_name(provider) in _load_onnxruntime().get_available_providers()
+        return _is_supported(provider) and (provider is Provider.CPU or gpus() > 0)
     return False
+
+
+def _is_supported(provider: Provider) -> bool:
+    return _provider_name(provider) in _load_onnxruntime().get_available_providers()
 
 
 class TensorPort(NamedTuple):
@@ -51,6 +65,18 @@ class TensorPort(NamedTuple):
     shape: tuple[int | str | None, ...]
 
 
+class Session(Protocol):
+    """A loaded ONNX file, here or in another process; as `OnnxSession`."""
+
+    path: str
+    inputs: tuple[TensorPort, ...]
+    optional: tuple[TensorPort, ...]
+    outputs: tuple[TensorPort, ...]
+    metadata: dict[str, str]
+
+    def run(self, inputs: dict[str, Any], names: list[str]) -> list[Any]: ...
+
+
 class OnnxSession:
     """A loaded ONNX file.
 
@@ -58,6 +84,7 @@ class OnnxSession:
         path: the file.
         provider: hardware to run on.
         threads: number of threads per image.
+        gpu: number of the GPU, if the provider has several.
 
     Attributes:
         inputs: required inputs.
@@ -69,21 +96,30 @@ class OnnxSession:
         OpenError: no such file, not ONNX, too large, or onnxruntime is missing or cannot run it.
     """
 
-    def __init__(self, path: str, provider: Provider, threads: int) -> None:
+    def __init__(self, path: str, provider: Provider, threads: int, gpu: int = 0) -> None:
         self.path = path
         self._runtime = _load_onnxruntime()
         _check_file(path)
         options = self._options(threads)
-        providers = [self._find(provider)]
+        name = self._find(provider)
+        settings: dict[str, Any] = {}
+        if provider is Provider.CUDA:
+            settings = {"device_id": gpu, **_CUDA}
+            _load_cuda(self._runtime)
         try:
             with stoppable(partial(_cancel, options)):
-                self._session = self._runtime.InferenceSession(path, options, providers)
+                self._session = self._runtime.InferenceSession(
+                    path, options, [(name, settings)], enable_fallback=False
+                )
             self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
             self.inputs = tuple(map(_port, self._session.get_inputs()))
             self.optional = tuple(map(_port, self._session.get_overridable_initializers()))
             self.outputs = tuple(map(_port, self._session.get_outputs()))
         except _errors() as error:  # including names that are not valid text
-            raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
+            hint = _GPU_HINT if "CUDA failure" in str(error) else "give an ONNX file"
+            raise OpenError(f"{path}: {_short(error)}; {hint}") from None
+        if name not in self._session.get_providers():  # onnxruntime takes the CPU in its place
+            raise OpenError(f"provider={provider.value}: no usable GPU; {_GPU_HINT}")
 
     def run(self, inputs: dict[str, Any], names: list[str]) -> list[Any]:
         """The outputs of these names.
@@ -100,10 +136,10 @@ class OnnxSession:
         return outputs
 
     def _find(self, provider: Provider) -> str:
-        if not is_available(provider):
+        if not _is_supported(provider):
             raise OpenError(
                 f"provider={provider.value}: the installed onnxruntime does not support it;"
-                " pip install onnxruntime-gpu in its place, or set provider=cpu"
+                " pip install 'onnxruntime-gpu[cuda,cudnn]' in its place, or set provider=cpu"
             )
         return _provider_name(provider)
 
@@ -121,6 +157,13 @@ class OnnxSession:
 
 def _provider_name(provider: Provider) -> str:
     return f"{provider.value.upper()}ExecutionProvider"
+
+
+def _load_cuda(runtime: Any) -> None:
+    """Load NVIDIA's libraries from pip's packages, where these are installed."""
+    if hasattr(runtime, "preload_dlls"):  # from 1.21 on; it prints what is missing
+        with redirect_stdout(io.StringIO()):
+            runtime.preload_dlls()
 
 
 def _cancel(options: Any) -> None:

@@ -11,12 +11,16 @@ from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Outputs, Signature
 from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
+IMAGE_NUMBERS = "image_numbers"
+"""Output of networks that take several images: the number of the image of each object."""
+
 _SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
 """Output -> its shape after (1, objects)."""
 
 
 def _is_own(found: Signature) -> bool:
     shapes = {name: output.shape for name, output in found.outputs.items()}
+    shapes.pop(IMAGE_NUMBERS, None)
     count = shapes.get("scores", (1,))[-1]
     return shapes == {name: (1, count, *rest) for name, rest in _SIDES.items()}
 
