@@ -186,6 +186,26 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     field.press("Enter")
     wait_in(tab, lambda: runtime.playback.state.position_s == 0.5)
     tab.get_by_role("button", name="Search the page").click()
+    first = tab.locator(".rv-search [role=option]").first
+    for words, found in (
+        ("slow motion", "button Playback speed"),
+        ("treshold", "parameter filters/threshold"),
+        ("open another video", "panel Files"),
+        ("record a film", "panel Files"),
+        ("map", "panel Map"),
+        ("GPS", "panel Map"),
+        ("edges height", "field /edges:height"),
+    ):
+        field.fill(words)
+        wait_in(tab, lambda found=found: first.inner_text().replace("\n", " ") == found)
+    field.fill("loop")
+    field.press("Enter")
+    wait_in(tab, lambda: runtime.playback.state.loop)
+    tab.get_by_role("button", name="Search the page").click()
+    field.fill("edges height")
+    tab.get_by_role("option", name="field /edges:height").click()
+    tab.locator(".rv-curve", has_text="/edges:height").wait_for(timeout=60_000)
+    tab.get_by_role("button", name="Search the page").click()
     field.fill("<img src=x onerror=alert(1)>")
     tab.get_by_text("No results").wait_for()
 
@@ -195,4 +215,5 @@ def test_panels_are_found_without_imports_and_say_what_they_are():
     for panel in PANELS.all():
         assert panel.title
         assert panel.icon
+        assert panel.help
     assert isinstance(PANELS, registry.Registry)

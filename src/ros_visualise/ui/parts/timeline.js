@@ -54,14 +54,14 @@ export default {
           title="Show the present (End)" @mousedown.prevent @click="act({ live: 1 })" />
       </div>
       <div v-if="!state.live" class="rv-controls">
-        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< and >)"
+        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed, from slow motion to fast (< and >)"
           @change="act({ rate: Number($event.target.value) }); $event.target.blur()">
           <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
-          :aria-pressed="String(!!state.loop)" title="Start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+          :aria-pressed="String(!!state.loop)" title="Repeat: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
         <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
-          title="Set a mark (M); a right click on a mark renames or removes it" @mousedown.prevent @click="mark" />
+          title="Set a mark, a bookmark in time (M); a right click on a mark renames or removes it" @mousedown.prevent @click="mark" />
         <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
           :aria-pressed="String(!!rows.length)" title="Messages of each topic over time" @mousedown.prevent @click="toggleTicks" />
         <select v-if="(state.topics ?? []).length > 1" :value="state.topic" :disabled="readOnly" aria-label="Step by" class="rv-topic"

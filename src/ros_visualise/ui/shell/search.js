@@ -1,6 +1,11 @@
-// Search (Ctrl-K): panels, topics, parameters, actions and times; Enter opens the first.
+// Search (Ctrl-K): panels, buttons, topics, fields, parameters, actions, files, marks and times; Enter opens the first.
 const MOST = 12;
-const WORDS = { parameters: "parameter", actions: "action", topics: "topic", panels: "panel", time: "go to" };
+const MOST_TOPICS = 100; // whose fields are found
+const WORDS = { parameters: "parameter", actions: "action", topics: "topic", panels: "panel", fields: "field", files: "file", controls: "button", time: "go to" };
+const SKIPPED = new Set("a all an and another change do find for get go how i in into is it make me my of on other see show the to use want with".split(" "));
+const CONTROLS = "button[aria-label], select[aria-label], input[aria-label], .q-btn";
+const NOT_CONTROLS = ".rv-search *, .rv-kinds *, .rv-close, [role=tab], [data-name] *, .rv-fields *";
+const ELSEWHERE = 0.6; // worth of a word of what something does, beside one of its name
 
 // 1:02:03.4, 2:03 or 12.5 as seconds; NaN for other texts.
 function seconds(text) {
@@ -8,11 +13,49 @@ function seconds(text) {
   return text.split(":").reduce((sum, part) => sum * 60 + Number(part), 0);
 }
 
+const tokens = (text) => text.toLowerCase().match(/[\p{L}\d]+/gu) ?? [];
+const stem = (word) => word.match(/^.+?(?=(e?s|ing|ed|er)?$)/)[0];
+
+// True if one letter is missing, added, wrong, or swapped with its neighbour.
+function isTypo(a, b) {
+  if (a.length < 5 || Math.abs(a.length - b.length) > 1) return false;
+  let from = 0;
+  while (from < a.length && a[from] === b[from]) from++;
+  const rest = [a.slice(from), b.slice(from)];
+  return rest[0].slice(1) === rest[1].slice(1) || rest[0].slice(1) === rest[1] || rest[0] === rest[1].slice(1) ||
+    (rest[0].slice(2) === rest[1].slice(2) && rest[0][0] === rest[1][1] && rest[0][1] === rest[1][0]);
+}
+
+// How well a word fits one of these, 0 to 1.
+function fit(word, all) {
+  const one = (token) => {
+    if (token === word) return 1;
+    if (stem(token) === stem(word)) return 0.95;
+    if (token.startsWith(word)) return 0.8;
+    if (stem(token).length > 3 && word.startsWith(stem(token))) return 0.6;
+    if (word.length > 2 && token.includes(word)) return 0.4;
+    return isTypo(word, token) ? 0.3 : 0;
+  };
+  return Math.max(0, ...all.map(one));
+}
+
+// What a person may want, the best first: those that have most of the words, at least half, then those that fit best.
+function ranked(all, words) {
+  const scored = all.map((one, i) => {
+    const fits = words.map((word) => Math.max(fit(word, one.names), ELSEWHERE * fit(word, one.others)));
+    const whole = words.filter((word) => fit(word, one.names)).length / (one.names.length || 1);
+    const sum = fits.reduce((before, more) => before + more, 0);
+    return { one, i, count: fits.filter(Boolean).length, score: sum + 0.3 * whole };
+  });
+  const most = Math.max(words.length / 2, ...scored.map(({ count }) => count));
+  return scored.filter(({ count }) => count === most).sort((a, b) => b.score - a.score || a.i - b.i).map(({ one }) => one);
+}
+
 export default {
   template: `
     <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()" @hide="hidden">
       <q-card class="rv-search" role="search">
-        <input ref="field" v-model="words" type="search" placeholder="Panel, topic, parameter, action or time" aria-label="Search the page"
+        <input ref="field" v-model="words" type="search" placeholder="Panel, button, topic, field, parameter, file or time" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
         <div id="rv-found" role="listbox" aria-label="Results">
           <button v-for="(one, i) in found" :key="one.kind + one.name" role="option" :aria-selected="String(i === at)"
@@ -22,33 +65,35 @@ export default {
       </q-card>
     </q-dialog>`,
   props: { kinds: Object, readOnly: Boolean },
-  data: () => ({ isOpen: false, words: "", at: 0 }),
+  data: () => ({ isOpen: false, words: "", at: 0, fields: {}, files: [], controls: [] }),
   computed: {
     all() {
       if (!this.isOpen) return [];
       const { topics = [], parameters = [], actions = [] } = rv.offered.state;
-      const panels = Object.entries(this.kinds).map(([kind, { title }]) => ({ kind: "panels", name: title, panel: kind }));
       const found = [
-        ...panels,
-        ...topics.map(([name, type]) => ({ kind: "topics", name, help: type })),
+        ...Object.entries(this.kinds).map(([kind, { title, help }]) => ({ kind: "panels", name: title, help, panel: kind })),
+        ...this.controls,
         ...parameters.map(([node, name, help]) => ({ kind: "parameters", name: `${node}/${name}`, node, help })),
         ...(this.readOnly ? [] : actions.map(([node, action, help]) => ({ kind: "actions", name: `${node}/${action}`, node, help }))),
+        ...topics.map(([name, type]) => ({ kind: "topics", name, help: type })),
+        ...this.files.map((name) => ({ kind: "files", name })),
+        ...(rv.clock.state.marks ?? []).map(([to, name]) => ({ kind: "time", name, to })),
+        ...Object.entries(this.fields).flatMap(([topic, paths]) => paths.map((path) => ({ kind: "fields", name: `${topic}:${path}` }))),
       ];
-      return found.map((one) => ({ ...one, word: WORDS[one.kind], text: `${one.name} ${one.help ?? ""}`.toLowerCase() }));
+      return found.map((one) => ({ ...one, word: WORDS[one.kind], names: tokens(one.name), others: tokens(one.help ?? "") }));
     },
     found() {
       const words = this.words.toLowerCase().trim();
       const to = seconds(words);
       const time = Number.isNaN(to) || this.readOnly ? [] : [{ kind: "time", word: WORDS.time, name: words, to }];
-      const parts = words.split(/\s+/);
-      const fits = this.all.filter(({ text }) => parts.every((part) => text.includes(part)));
-      // Whole names, then parts of names, then what things do.
-      const rank = ({ name }) => (`/${name.toLowerCase()}`.endsWith(`/${words}`) ? 0 : name.toLowerCase().includes(words) ? 1 : 2);
-      return [...time, ...fits.sort((a, b) => rank(a) - rank(b))].slice(0, MOST);
+      const several = tokens(words);
+      const meant = several.filter((word) => !SKIPPED.has(word));
+      return words ? [...time, ...ranked(this.all, meant.length ? meant : several)].slice(0, MOST) : [];
     },
   },
   watch: {
     words() { this.at = 0; },
+    isOpen() { this.isOpen ? this.gather() : this.leave(); },
   },
   mounted() {
     this.pressed = (event) => {
@@ -63,8 +108,32 @@ export default {
   beforeUnmount() {
     document.removeEventListener("keydown", this.pressed);
     document.removeEventListener("rv-search", this.asked);
+    this.leave();
   },
   methods: {
+    // Look up what can be found: buttons that are seen, fields of topics, and files.
+    gather() {
+      const seen = [...document.querySelectorAll(CONTROLS)].filter((one) => one.offsetParent && !one.matches(NOT_CONTROLS));
+      const named = seen.map((element) => [element.getAttribute("aria-label") || element.innerText.trim(), element]);
+      this.controls = [...new Map(named)].map(([name, element]) => ({ kind: "controls", name, help: element.title, element }));
+      this.fields = {};
+      const topics = (rv.offered.state.topics ?? []).map(([topic]) => topic).slice(0, MOST_TOPICS);
+      const ask = () => topics.length && this.plots?.send({ fields: topics.shift() });
+      this.plots = rv.live("/live/plots", {
+        open: ask,
+        message: ({ fields, paths }) => {
+          if (!fields) return;
+          if (paths) this.fields[fields] = paths;
+          ask();
+        },
+      });
+      if (this.readOnly) return;
+      this.opening = rv.live("/live/files", { message: (messages) => messages.forEach(({ files }) => files && (this.files = files)) });
+    },
+    leave() {
+      this.plots?.close();
+      this.opening?.close();
+    },
     move(by) {
       this.at = Math.min(Math.max(this.at + by, 0), this.found.length - 1);
     },
@@ -73,7 +142,10 @@ export default {
       const kind = /Image$/.test(one.help) ? "image" : "messages";
       ({
         panels: () => rv.open(one.panel),
+        controls: () => (this.pressing = one.element),
         topics: () => rv.open(kind, { topic: one.name }),
+        fields: () => rv.open("plots", { panes: [{ curves: [one.name] }] }),
+        files: () => this.opening.send({ do: "open", name: one.name, add: false }),
         parameters: () => this.reveal(one.node, one.name),
         actions: () => this.reveal(one.node, one.name),
         time: () => rv.clock.seek(one.to),
@@ -88,7 +160,9 @@ export default {
     // The dialog has given the focus back by now.
     hidden() {
       if (this.sought) rv.nodes.reveal(...this.sought);
-      this.sought = null;
+      this.pressing?.focus();
+      if (this.pressing?.matches("button")) this.pressing.click();
+      this.sought = this.pressing = null;
     },
   },
 };

@@ -24,6 +24,7 @@ class Panel(Element):
 
     Attributes:
         title: on its tab, unless its state has a topic.
+        help: what it shows and does, for its button and the search.
         icon: on the button that opens it, by its name among Material Icons.
         side: where it opens: left, middle, right or bottom, with others of this side.
         many: several can be open at once.
@@ -31,6 +32,7 @@ class Panel(Element):
 
     title: ClassVar[str]
     icon: ClassVar[str]
+    help: ClassVar[str] = ""
     side: ClassVar[str] = "right"
     many: ClassVar[bool] = False
 
@@ -40,11 +42,10 @@ class Panel(Element):
 
 
 def kinds() -> dict[str, dict[str, object]]:
-    """Name -> title, icon, side and many, of all panels that can be opened."""
-    found = {name: PANELS.find(name) for name in PANELS.names()}
+    """Name -> title, icon, help, side and many, of all panels that can be opened."""
+    shown = ("title", "icon", "help", "side", "many")
     return {
-        name: {"title": kind.title, "icon": kind.icon, "side": kind.side, "many": kind.many}
-        for name, kind in found.items()
+        name: {one: getattr(PANELS.find(name), one) for one in shown} for name in PANELS.names()
     }
 
 

@@ -9,3 +9,4 @@ class Diagnostics(Panel, component="diagnostics.js"):
     """A line for each status, the worst first."""
 
     title, icon = "Diagnostics", "monitor_heart"
+    help = "Health of the nodes: errors and warnings"

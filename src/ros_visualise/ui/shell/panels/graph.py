@@ -12,6 +12,7 @@ class GraphPicture(Panel, component="picture.js"):
     """A picture of nodes as boxes, with the topics between them."""
 
     title, icon = "Graph", "schema"
+    help = "Diagram of nodes and the topics between them"
 
     def __init__(self, state: Mapping[str, Any], read_only: bool) -> None:
         super().__init__(state, read_only)

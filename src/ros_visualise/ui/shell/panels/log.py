@@ -9,3 +9,4 @@ class LogPanel(Panel, component="log.js"):
     """A line for each report, the newest last."""
 
     title, icon, side = "Log", "article", "bottom"
+    help = "Errors, warnings and other text output"

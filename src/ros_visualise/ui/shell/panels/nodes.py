@@ -9,3 +9,4 @@ class Nodes(Panel, component="nodes.js"):
     """A part for each node, or for those that ``nodes`` in its state names."""
 
     title, icon, side, many = "Nodes", "tune", "left", True
+    help = "Parameters of nodes: sliders, filters, presets, actions"

@@ -9,3 +9,4 @@ class NotesPanel(Panel, component="notes.js"):
     """Text or Markdown that is kept beside the recording."""
 
     title, icon = "Notes", "edit_note"
+    help = "Notes about the recording"

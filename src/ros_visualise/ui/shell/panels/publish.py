@@ -9,3 +9,4 @@ class PublishPanel(Panel, component="publish.js"):
     """A form with the fields of a type, whose message is published once or at a rate."""
 
     title, icon, side, many = "Publish", "send", "left", True
+    help = "Send messages on a topic"

@@ -9,3 +9,4 @@ class RobotPanel(Panel, component="robot.js"):
     """Buttons that move the robot while they, or their keys, are held."""
 
     title, icon, side = "Robot", "smart_toy", "left"
+    help = "Drive, fly or steer a robot; status and commands"

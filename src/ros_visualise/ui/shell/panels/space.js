@@ -22,8 +22,8 @@ export default {
       </div>
       <div class="rv-space-tools" role="toolbar" aria-label="3D view">
         <q-btn flat dense icon="home" aria-label="Reset view" title="Reset view (Home)" @click="goHome" />
-        <q-btn flat dense icon="vertical_align_bottom" aria-label="View from above" title="View from above (T)" @click="view?.fromAbove()" />
-        <select v-model="follow" aria-label="Follow" title="Keep this in view" @change="setFollow">
+        <q-btn flat dense icon="vertical_align_bottom" aria-label="View from above" title="Top view (T)" @click="view?.fromAbove()" />
+        <select v-model="follow" aria-label="Follow" title="Keep the robot or a frame in view" @change="setFollow">
           <option value="robot">Follow robot</option>
           <option value="${FOLLOW_NONE}">Follow nothing</option>
           <option v-for="frame in frames" :key="frame" :value="frame">Follow {{ frame }}</option>

@@ -9,3 +9,4 @@ class Statistics(Panel, component="statistics.js"):
     """Figures and histograms."""
 
     title, icon, many = "Statistics", "bar_chart", True
+    help = "Rates, frequencies, intervals and histograms"

@@ -9,3 +9,4 @@ class Topics(Panel, component="topics.js"):
     """A table with a line for each topic."""
 
     title, icon = "Topics", "list"
+    help = "Topics with rates in Hz, delays and drops"
