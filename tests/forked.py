@@ -24,29 +24,67 @@ from typing import Any
 
 _IMPORTED = (
     "ros_visualise.__main__",
+    "ros_visualise.commands",
     "ros_visualise.graph.pipelines",
+    "ros_visualise.messages.recorded",
+    "ros_visualise.nodes.streamer",
     "ros_visualise.running.executables.execution",
+    "ros_visualise.running.play",
     "ros_visualise.runtime.middleware",
     "xmlrpc.server",
 )
 """None of rospy, which looks at arguments and the environment when it is imported."""
-_OPTIONAL = ("catkin_pkg.packages", "genpy", "sensor_msgs.msg", "std_msgs.msg")
+_OPTIONAL = (
+    "ros_visualise.ui.page.server",
+    "catkin_pkg.packages",
+    "genpy",
+    "sensor_msgs.msg",
+    "std_msgs.msg",
+)
 _MOST_BYTES = 1 << 18
 
 
+_PROGRAM = """
+import runpy
+import sys
+
+del sys.modules["ros_visualise.__main__"]
+runpy.run_module("ros_visualise", run_name="__main__", alter_sys=True)
+"""
+
+
+def run(command: list[Any], **options: Any) -> subprocess.CompletedProcess[str]:
+    """As `subprocess.run` with text, whose outputs are taken."""
+    timeout = options.pop("timeout", None)
+    given = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    with Forked(list(map(str, command)), **given) as process:
+        try:
+            out, err = process.communicate(timeout=timeout)
+        except BaseException:
+            process.kill()
+            raise
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
 class Forked(subprocess.Popen):  # type: ignore[type-arg]
-    """As Popen, for ``[sys.executable, "-c", CODE, ...]``."""
+    """As Popen, for ``[sys.executable, "-c", CODE, ...]``, and with ``"-m", "ros_visualise"``."""
 
     def _execute_child(self, args: Any, executable: Any, *more: Any) -> None:
         _, _, _, cwd, env, _, _, _, p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite = more[
             :14
         ]
-        assert args[:2] == [sys.executable, "-c"]
+        python, option, code, *rest = args
+        assert python == sys.executable
+        assert option == "-c" or code == "ros_visualise"
+        code = code if option == "-c" else _PROGRAM
         ours, theirs = socket.socketpair()
         self._status = ours
-        request = {"code": args[2], "argv": ["-c", *args[3:]], "cwd": cwd, "env": dict(env)}
+        cwd, env = os.path.abspath(cwd or "."), dict(os.environ if env is None else env)
+        request = {"code": code, "argv": [option, *rest], "cwd": cwd, "env": env}
         with theirs, open(os.devnull) as nothing:
-            streams = [p2cread if p2cread >= 0 else nothing.fileno(), c2pwrite, errwrite]
+            given = p2cread, c2pwrite, errwrite
+            own = nothing.fileno(), 1, 2
+            streams = [own[n] if file < 0 else file for n, file in enumerate(given)]
             _send(_server(), request, [*streams, theirs.fileno()])
         ours.setblocking(True)  # whatever rospy has made the default
         self.pid = int.from_bytes(ours.recv(4), "little")
@@ -132,7 +170,7 @@ def _begin(request: dict[str, Any], files: list[int]) -> str:
     for number in range(3):
         os.dup2(files[number], number)
     os.closerange(3, 1024)
-    os.chdir(request["cwd"] or ".")
+    os.chdir(request["cwd"])
     os.environ.clear()
     os.environ.update(request["env"])
     sys.argv[:] = request["argv"]

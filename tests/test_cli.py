@@ -9,6 +9,7 @@ import sys
 import time
 
 import av
+import forked
 import numpy as np
 import pytest
 from waiting import bytes_in, wait_for
@@ -20,9 +21,7 @@ QUICK = ["--view", "none", "--rate", "0"]
 
 
 def run(*arguments, **options):
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60, **options
-    )
+    return forked.run([*COMMAND, *arguments], timeout=60, **options)
 
 
 def refused(*arguments):
@@ -321,7 +320,7 @@ def interrupt(process, limit_s=15.0):
 
 
 def start(*arguments):
-    return subprocess.Popen(
+    return forked.Forked(
         [*COMMAND, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

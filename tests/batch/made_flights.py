@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import duckdb
+import forked
 import numpy as np
 from made_videos import numbered, write_video
 
@@ -96,9 +97,7 @@ def command(*arguments: object) -> list[str]:
 
 def batch(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run ``batch`` in a process of its own."""
-    return subprocess.run(
-        command("batch", *arguments), capture_output=True, text=True, timeout=100, env=environment()
-    )
+    return forked.run(command("batch", *arguments), timeout=100, env=environment())
 
 
 def environment() -> dict[str, str]:

@@ -9,6 +9,7 @@ import subprocess
 import time
 from contextlib import closing
 
+import forked
 import pytest
 from made_flights import ask, batch, command, drive, environment, films, rows
 from made_videos import numbered, write_video
@@ -100,7 +101,7 @@ def test_killed_at_any_moment_and_begun_again_it_has_the_same_rows(once, tmp_pat
     out = tmp_path / "out"
     arguments = (once / "in", "--out", out, "--fields", "/odom.twist.*", "--workers", 2)
     for done in sorted(chance.sample(range(10), 3)):
-        driver = subprocess.Popen(
+        driver = forked.Forked(
             command("batch", *arguments),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

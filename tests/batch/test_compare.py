@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from xml.etree import ElementTree
 
+import forked
 import numpy as np
 import pytest
 from made_flights import FINDER, batch, command, drive
@@ -32,9 +33,7 @@ def results(tmp_path_factory):
 
 
 def compare(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command("compare", *arguments), capture_output=True, text=True, timeout=60
-    )
+    return forked.run(command("compare", *arguments), timeout=60)
 
 
 def test_the_same_work_has_no_changes(results):

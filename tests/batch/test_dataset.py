@@ -6,6 +6,7 @@ import subprocess
 import av
 import cv2
 import duckdb
+import forked
 import numpy as np
 import pytest
 from made_flights import FINDER, batch, camera_drive, command
@@ -15,9 +16,7 @@ from ruamel.yaml import YAML
 
 
 def dataset(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command("dataset", *arguments), capture_output=True, text=True, timeout=60
-    )
+    return forked.run(command("dataset", *arguments), timeout=60)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import duckdb
+import forked
 import pytest
 from made_flights import command
 
@@ -16,7 +17,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "reference" / "batch.md"
 
 
 def query(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command("query", *arguments), capture_output=True, text=True, timeout=60)
+    return forked.run(command("query", *arguments), timeout=60)
 
 
 def test_questions_of_the_documentation_are_answered(once):
@@ -75,7 +76,7 @@ def test_without_duckdb_it_is_one_line(once):
     run = "from ros_visualise.commands import main; sys.exit(main())"
     code = f"import sys; sys.modules['duckdb'] = None; {run}"
     given = [sys.executable, "-c", code, "query", str(once / "out")]
-    done = subprocess.run(given, capture_output=True, text=True)
+    done = forked.run(given)
     assert done.returncode == 2
     assert "DuckDB" in done.stderr
     assert len(done.stderr.splitlines()) == 1

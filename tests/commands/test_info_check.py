@@ -2,10 +2,10 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import numpy as np
 import pytest
 from made_mcaps import numbered as strings
@@ -19,7 +19,7 @@ from ros_visualise.sinks import open_recorder
 
 def info(path: Path, *options: str) -> tuple[int, dict]:
     command = [sys.executable, "-m", "ros_visualise", "info", str(path), "--json", *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = forked.run(command, timeout=60)
     return done.returncode, json.loads(done.stdout)
 
 
@@ -52,13 +52,13 @@ def test_a_changed_payload_outside_chunks_is_told(tmp_path: Path) -> None:
     play = [sys.executable, "-m", "ros_visualise", "bag", str(path), "--view", "none"]
     play += ["--rate", "0", "--record", str(tmp_path / "copy.mcap")]
     assert info(path, "--check")[0] == 0
-    assert subprocess.run([*play, "--overwrite"], capture_output=True, timeout=60).returncode == 0
+    assert forked.run([*play, "--overwrite"], timeout=60).returncode == 0
     data = bytearray(path.read_bytes())
     data[data.index(messages[7].data) + 12] ^= 1
     path.write_bytes(data)
     status, found = info(path, "--check")
     assert (status, found["lost"]["notes"]) == (1, ["checksum mismatch"])
-    played = subprocess.run([*play, "--overwrite"], capture_output=True, text=True, timeout=60)
+    played = forked.run([*play, "--overwrite"], timeout=60)
     assert played.returncode == 1
     assert played.stderr.count("checksum mismatch") == 1
 

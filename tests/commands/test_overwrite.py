@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import forked
 import pytest
 from rosbags.highlevel import AnyReader
 from waiting import bytes_in, wait_for
@@ -234,7 +235,7 @@ class TestFullDisk:
 
 def interrupt(target: Path, *arguments: object) -> tuple[int, str]:
     """Run a command, end it by Ctrl-C when it has begun to write; its status and what it said."""
-    with subprocess.Popen(
+    with forked.Forked(
         [*COMMAND, *map(str, arguments)], stderr=subprocess.PIPE, text=True
     ) as process:
         wait_for(lambda: bytes_in(target) > 10_000, "a message", process=process)
@@ -278,9 +279,7 @@ def test_a_run_without_messages_replaces_nothing(tmp_path: Path) -> None:
 def test_the_folder_is_removed_while_it_is_recorded(tmp_path: Path, name: str) -> None:
     (folder := tmp_path / "folder").mkdir()
     play = ["demo", "landscape", "--view", "none", "--record", folder / name]
-    with subprocess.Popen(
-        [*COMMAND, *map(str, play)], stderr=subprocess.PIPE, text=True
-    ) as process:
+    with forked.Forked([*COMMAND, *map(str, play)], stderr=subprocess.PIPE, text=True) as process:
         wait_for(lambda: bytes_in(folder) > 10_000, "a message", process=process)
         shutil.rmtree(folder)
         _, error = process.communicate(timeout=60)
@@ -293,7 +292,7 @@ def test_the_folder_is_removed_while_it_is_recorded(tmp_path: Path, name: str) -
 def test_a_converted_folder_is_removed(tmp_path: Path) -> None:
     source = record(tmp_path / "in.bag", 30_000)
     (folder := tmp_path / "folder").mkdir()
-    with subprocess.Popen(
+    with forked.Forked(
         [*COMMAND, "convert", str(source), str(folder / "r")], stderr=subprocess.PIPE, text=True
     ) as process:
         wait_for(lambda: bytes_in(folder) > 10_000, "a message", process=process)

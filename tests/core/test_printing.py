@@ -4,6 +4,7 @@ import logging
 import subprocess
 import sys
 
+import forked
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
@@ -20,9 +21,7 @@ SHOWN = r"\x1b]0;owned\x07\x1b[2J\x9b31m\r\n\u202egab\u2028"
 
 def run(*arguments):
     """Exit status, and both outputs, in which there is nothing that a terminal would obey."""
-    done = subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, timeout=60, cwd="/"
-    )
+    done = forked.run([*COMMAND, *arguments], timeout=60, cwd="/", text=False)
     text = (done.stdout + done.stderr).decode()
     assert text.replace("\n", "").isprintable(), ascii(text)
     return done.returncode, text

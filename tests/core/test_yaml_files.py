@@ -1,8 +1,8 @@
 """YAML files that are small and stand for much are refused in one line, and quickly."""
 
-import subprocess
 import sys
 
+import forked
 import pytest
 
 from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml
@@ -67,11 +67,8 @@ def test_a_part_may_be_named_again(load):
 def test_parameters_that_are_too_much_are_one_line(tmp_path, content):
     path = tmp_path / "mine.yaml"
     path.write_text(content)
-    done = subprocess.run(
-        [sys.executable, "-m", "ros_visualise", "demo", "landscape", "--params", str(path)],
-        capture_output=True,
-        text=True,
-        timeout=60,
+    done = forked.run(
+        [sys.executable, "-m", "ros_visualise", "demo", "landscape", "--params", path], timeout=60
     )
     assert done.returncode == 2
     [line] = done.stderr.splitlines()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from catkin_workspace import PACKAGE
 
-from ros_visualise.running.executables import command_of, names
+from ros_visualise.running.executables import command_of
 
 ADVICE = (
     f"this OpenCV was not built for NumPy {np.__version__}: {sys.executable} -m pip install"
@@ -42,7 +42,7 @@ def test_command_ends_with_it(mismatch, arguments):
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"ros-visualise: {ADVICE}\n")
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", ["streamer", "edge_detector"])
 def test_executable_ends_with_it(mismatch, name):
     done = run(mismatch, *command_of(name))
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {ADVICE}\n")

@@ -2,10 +2,10 @@
 
 import json
 import math
-import subprocess
 import sys
 from dataclasses import replace
 
+import forked
 import numpy as np
 import pytest
 from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR
@@ -121,9 +121,7 @@ def test_a_correction_does_not_jerk_it():
 def test_by_the_command_line_the_navigator_steers_the_mission():
     command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--navigate"]
     command += ["--view", "none", "--rate", "0", "--mission", "square", "--duration", "14"]
-    done = subprocess.run(
-        [*command, "--set", "quadrotor.control=estimate", "--json"], capture_output=True, text=True
-    )  # fmt: skip
+    done = forked.run([*command, "--set", "quadrotor.control=estimate", "--json"])
     report = json.loads(done.stdout)
     assert done.returncode == 0, done.stderr
     assert report["topics"]["/navigation/pose"]["messages"] > 300

@@ -1,9 +1,9 @@
 """Profiles: one word sets what makes a simulation unkind."""
 
 import json
-import subprocess
 import sys
 
+import forked
 import pytest
 
 from ros_visualise.core.params import specs, update
@@ -41,9 +41,7 @@ def test_hard_is_harder_than_realistic_which_is_harder_than_ideal():
 def test_the_command_line_takes_a_profile_and_changes_to_it():
     command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--world", "plane"]
     command += ["--profile", "hard", "--view", "none", "--rate", "0", "--duration", "4", "--json"]
-    done = subprocess.run(
-        [*command, "--set", "quadrotor.camera_dropped=0.8"], capture_output=True, check=True
-    )
+    done = forked.run([*command, "--set", "quadrotor.camera_dropped=0.8"])
     topics = json.loads(done.stdout)["topics"]
     assert 2 <= topics["/image_raw"]["messages"] < 20  # of 40
     assert topics["/imu/data"]["messages"] > 390

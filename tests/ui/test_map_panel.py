@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import cv2
+import forked
 import numpy as np
 from page_client import TOKEN, ClockClient, wait_in
 
@@ -57,7 +58,7 @@ def test_track_places_and_tiles_are_shown_and_a_click_goes_to_a_time(
     own.write_text(PLACES)
     shown = [sys.executable, "-m", "ros_visualise", str(film), "--port", str(port), "--no-open"]
     shown += ["--node", f"{own}:places", "--tiles", make_tiles(tmp_path / "world.mbtiles")]
-    with subprocess.Popen(shown, stderr=subprocess.PIPE, text=True) as process:
+    with forked.Forked(shown, stderr=subprocess.PIPE, text=True) as process:
         assert any("open http" in line for line in process.stderr)
         context = chromium.new_context(viewport={"width": 800, "height": 600})
         tab = context.new_page()

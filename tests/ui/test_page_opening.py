@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 
+import forked
 import pytest
 from made_videos import numbered, write_video
 from page_client import TOKEN, ClockClient, Live, get
@@ -49,7 +50,7 @@ def run(command, folder, port):
     """The command with its page, and a browser; ends with the report of the run."""
     options = ["--port", str(port), "--no-open", "--json", "--record-dir", str(folder)]
     options += ["--set", "filters.threshold=90", "--record", str(folder / "run.mcap")]
-    process = subprocess.Popen(
+    process = forked.Forked(
         [*command, "video", "one.mkv", *options],
         cwd=folder,
         text=True,

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from contextlib import closing
 
+import forked
 import pytest
 from hub_client import HubClient
 from made_videos import numbered, write_video
@@ -112,7 +113,7 @@ def run(tmp_path, port):
     write_run(tmp_path / "log.mcap", START_S)
     film = write_video(tmp_path / "film.mkv", numbered(50))
     command = [sys.executable, "-m", "ros_visualise", str(film), "--port", str(port), "--no-open"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+    with forked.Forked(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         assert any("open http" in line for line in process.stderr)
         yield process
         process.terminate()

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from contextlib import closing
 
+import forked
 import pytest
 from made_videos import numbered, write_video
 from page_client import TOKEN, VIEW_TOKEN, ClockClient, get
@@ -66,7 +67,7 @@ def recording(tmp_path, port):
     played = ["video", str(tmp_path / "one.mkv"), "--view", "none", "--rate", "0"]
     assert main([*played, "--record", f"{path}@/image_raw"]) == 0
     shown = ["bag", str(path), "--port", str(port), "--no-open"]
-    with subprocess.Popen(
+    with forked.Forked(
         [sys.executable, "-m", "ros_visualise", *shown], stderr=subprocess.PIPE, text=True
     ) as process:
         assert any("open http" in line for line in process.stderr)

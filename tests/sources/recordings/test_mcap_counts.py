@@ -1,11 +1,11 @@
 """What statistics, indexes and data of an MCAP file say is held against one another."""
 
 import struct
-import subprocess
 import sys
 import zlib
 from collections import Counter
 
+import forked
 import made_mcaps
 import pytest
 from made_mcaps import CompressionType, in_order, numbered, parts, write_mcap, written
@@ -249,6 +249,6 @@ def test_all_commands_agree(made, tmp_path):
         ["convert", path, tmp_path / "out.bag", "--profile", "ros1"],
     ):
         command = [sys.executable, "-m", "ros_visualise", *map(str, line)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+        done = forked.run(command, timeout=200)
         assert done.returncode == 1, done.stderr
         assert "its statistics count 60 messages" in done.stdout + done.stderr

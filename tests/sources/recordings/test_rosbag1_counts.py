@@ -2,10 +2,10 @@
 
 import json
 import struct
-import subprocess
 import sys
 from collections import Counter
 
+import forked
 import made_bags
 import pytest
 from made_bags import contents, drive, pieces, said
@@ -187,7 +187,7 @@ def test_all_commands_agree(recordings, tmp_path, line):
     if line[0] == "trajectory":
         options = []
     command = [sys.executable, "-m", "ros_visualise", line[0], str(path), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    done = forked.run(command, timeout=300)
     assert done.returncode == 1, done.stderr
     counts = "its index counts 16806 messages; found 15045"
     if "--json" in line:
