@@ -109,7 +109,9 @@ class _Server:
         with receiver:
             said = "its process ended"
             with suppress(EOFError):
-                said = receiver.recv() if receiver.poll(_START_S) else f"no answer in {_START_S:g} s"
+                said = (
+                    receiver.recv() if receiver.poll(_START_S) else f"no answer in {_START_S:g} s"
+                )
         if said:
             self._stop()
             raise OpenError(said)

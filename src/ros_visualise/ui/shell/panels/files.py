@@ -9,4 +9,7 @@ class Files(Panel, component="files.js"):
     """Opens and uploads files, records topics, and saves parameters and the layout."""
 
     title, icon, side = "Files", "folder_open", "left"
-    help = "Open, add and upload videos, recordings and other files; record, export and download; save the layout"
+    help = (
+        "Open, add and upload videos, recordings and other files; record, export and download;"
+        " save the layout"
+    )
