@@ -44,7 +44,7 @@ def network_servers(
     Args:
         device: as the option of this name.
         memory: as of `ros_visualise.batch.apart.Limits`, for each server.
-        say: called with why there is none.
+        say: called with the reason if no GPU can be used.
     """
     if device == Provider.CPU.value:
         yield ()
