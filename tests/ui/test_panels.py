@@ -210,6 +210,15 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     tab.get_by_text("No results").wait_for()
 
 
+def test_a_plot_opens_below_another_only_where_both_can_be_seen(browse):
+    tab = browse("?layout={~column~:[{~panel~:~topics~},{~panel~:~log~}],~at~:[0.75,0.25]}")
+    tab.get_by_role("button", name="Plot", exact=True).click()
+    chart = tab.locator(".rv-chart").first
+    chart.wait_for(timeout=60_000)
+    assert chart.bounding_box()["height"] > 60
+    assert tab.get_by_role("tab", name="Log").get_attribute("aria-selected") == "false"
+
+
 def test_panels_are_found_without_imports_and_say_what_they_are():
     assert "topics" in PANELS.names()
     for panel in PANELS.all():

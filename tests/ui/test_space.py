@@ -186,6 +186,7 @@ def test_too_much_is_reported_and_the_rest_is_drawn(browse, hub, runtime):
     line = "1 changes rejected: too much for the 3D view"
     client.read_until(lambda: line in client.state.get("notes", ()))
     assert any(line.startswith("/points: ") for line in client.state["notes"])
+    assert [line.partition(": ")[0] for line in client.state["missing"]] == ["/points"]
     client.read_until(lambda: client.nodes.get("/world/topics/odom/axes", {}).get("visible"))
 
 

@@ -3,6 +3,7 @@
 const EDGE = 6; // pixels between panels
 const HEAD = 28; // pixels of the line with the tabs
 const LEAST = 0.06; // of a row or column
+const SHORTEST = 160; // pixels of a panel that opens below another
 const NARROW = 700; // pixels, below which panels stand under each other
 const STEP = 0.03; // by which an arrow key moves an edge
 const KEPT_MS = 300;
@@ -297,9 +298,13 @@ export default {
       const alike = [...tabsOf(this.root)].find(({ panels }) => panels.some((one) => this.kinds[one.kind].side === this.kinds[kind].side));
       if (beside) this.put(place, beside, "centre");
       else if (!this.root) this.root = place;
-      else if (alike && this.kinds[kind].side) this.put(place, alike, this.kinds[kind].many ? "bottom" : "centre");
+      else if (alike && this.kinds[kind].side) this.put(place, alike, many && this.hasRoom(alike) ? "bottom" : "centre");
       else this.put(place, null, this.kinds[kind].side ?? "right");
       this.changed();
+    },
+    // True if another panel can stand below a place.
+    hasRoom(place) {
+      return this.isNarrow || (this.rects.find((one) => one.place === place)?.h ?? Infinity) >= 2 * SHORTEST;
     },
     press(kind) {
       const there = this.all().filter((panel) => panel.kind === kind);

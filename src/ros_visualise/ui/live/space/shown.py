@@ -15,7 +15,7 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.controls import SceneControls, notes
 from ros_visualise.ui.scene.drawing import Appearance
-from ros_visualise.ui.scene.kinds import is_tree
+from ros_visualise.ui.scene.kinds import CAMERAS, is_tree
 from ros_visualise.ui.scene.picking import Ray
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
@@ -119,7 +119,7 @@ class ShownScene:
         """State that browsers show beside the nodes."""
         scene = self.scene
         frames = scene.frames
-        has_transforms = bool(frames.tree.frames())
+        has_transforms, kinds = bool(frames.tree.frames()), topics_of(self._graph)
         lines = notes(frames.fixed, scene.topic_frames, scene.problems, has_transforms)
         if self._tree.refused:
             lines.append(f"{self._tree.refused} changes rejected: too much for the 3D view")
@@ -130,6 +130,11 @@ class ShownScene:
             "changed": self.controls.arrangement,
             "goals": self.goals,
             "notes": lines,
+            "missing": [
+                f"{topic}: {why}"
+                for topic, why in scene.problems.items()
+                if kinds.get(topic) not in CAMERAS  # they have panels of their own
+            ],
         }
 
     def _unthrottled(self) -> bool:

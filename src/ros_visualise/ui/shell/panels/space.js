@@ -38,6 +38,7 @@ export default {
           title="Topics and appearance" @click="isOpen = !isOpen" />
       </div>
       <p v-if="said" class="rv-space-said" role="status">{{ said }}</p>
+      <button v-if="missing.length && !isOpen" class="rv-space-missing" :title="reasons" @click="isOpen = true">Not shown: {{ notShown }}</button>
       <div v-if="isOpen" class="rv-space-settings" role="group" aria-label="Settings of the 3D view">
         <template v-for="one in shown.controls ?? []" :key="one.place">
           <h3 v-if="heads[one.place]">{{ one.group }}</h3>
@@ -67,6 +68,9 @@ export default {
   computed: {
     goals() { return this.readOnly ? [] : (this.shown.goals ?? []); },
     words() { return (this.shown.notes ?? []).join(". "); },
+    reasons() { return this.missing.join("\n"); },
+    missing() { return this.shown.missing ?? []; },
+    notShown() { return this.missing.length > 1 ? `${this.missing.length} topics` : this.missing[0].split(": ")[0]; },
     heads() {
       const found = {};
       let group = "";
