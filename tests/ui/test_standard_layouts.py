@@ -1,11 +1,15 @@
 """Standard layouts: what a person sees first of a film, a robot, a log of numbers, and nothing."""
 
-from contextlib import closing
+from contextlib import ExitStack, closing
+from pathlib import Path
 
 import pytest
 
+from ros_visualise.data import NavSatFix
 from ros_visualise.graph import Graph
 from ros_visualise.graph.pipelines import image_pipeline, recording_pipeline
+from ros_visualise.lessons.pipeline import lesson_pipeline
+from ros_visualise.lessons.topics import canny
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.ui.shell import layouts
 from ros_visualise.ui.shell.layouts import standard_layout
@@ -52,3 +56,12 @@ def test_images_share_the_room(count):
     assert len(panels(found)) == count
     columns = found.get("row", [found])
     assert len({len(panels(column)) for column in columns}) <= 2
+
+
+def test_a_lesson_about_images_has_no_3d_though_its_picture_has_a_position(recordings):
+    photo = str(recordings / "video/DJI_0020.JPG")
+    with ExitStack() as undo:
+        graph = lesson_pipeline(canny.LESSON, photo, Path(), at_end=False, undo=undo)
+    assert NavSatFix in {topic.type for topic in graph.topics.values()}
+    assert "space" not in panels(standard_layout(graph))
+    assert panels(standard_layout(graph)).count("image") == 6

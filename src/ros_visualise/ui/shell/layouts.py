@@ -7,8 +7,9 @@ from math import ceil, sqrt
 from typing import Any
 
 from ros_visualise.graph import Graph
+from ros_visualise.lessons.handout import NAME as LESSON
 from ros_visualise.ui.live.robot import velocity_topic
-from ros_visualise.ui.scene.kinds import is_track
+from ros_visualise.ui.scene.kinds import is_spatial, is_track
 from ros_visualise.ui.scene.thread import topics_of
 from ros_visualise.ui.shown import first_shown, robot_status
 
@@ -16,6 +17,7 @@ Place = dict[str, Any]
 """A panel, or a row, column or tabs of them; see `ros_visualise.ui.shell.workspace.read_layout`."""
 _MOST_IMAGES, _MOST_BESIDE = 6, 3
 _LEFT = 0.24
+_PICTURES = "pictures"  # the source
 
 
 def standard_layout(graph: Graph | None) -> Place:
@@ -27,7 +29,7 @@ def standard_layout(graph: Graph | None) -> Place:
     if graph is None or not graph.members:
         return _tabs(["files", "nodes", "topics"])
     kinds = {name: topic.type for name, topic in graph.topics.items()}
-    has_scene = bool(topics_of(graph))
+    has_scene = bool(topics_of(graph)) and not _is_about_images(graph)
     shown = images_to_show(graph)
     if has_scene and not shown and graph.source is not None and graph.source.type.recording:
         views = {"column": [{"panel": "space"}, {"panel": "plots"}], "at": [0.5, 0.5]}
@@ -46,12 +48,21 @@ def standard_layout(graph: Graph | None) -> Place:
     return {"row": [place for place, _ in parts], "at": at}
 
 
+def _is_about_images(graph: Graph) -> bool:
+    """True for lessons on a picture that draw nothing in 3D, though it may have a position."""
+    steps = {topic for node in graph.nodes for topic in node.outputs.values()}
+    is_lesson = any(node.name == LESSON for node in graph.nodes)
+    is_of_picture = graph.source is not None and graph.source.type.name == _PICTURES
+    draws = any(is_spatial(graph.topics[topic].type) for topic in steps)
+    return is_lesson and is_of_picture and not draws
+
+
 def _controls(graph: Graph) -> Place:
     """Parameters and files, below a robot that can be driven."""
     controls = _tabs(["nodes", "files"])
     if robot_status(graph)[0] is None and velocity_topic(graph) is None:
         return controls
-    return {"column": [{"panel": "robot"}, controls], "at": [0.42, 0.58]}
+    return {"column": [{"panel": "robot"}, controls], "at": [0.5, 0.5]}
 
 
 def images_to_show(graph: Graph) -> list[str]:

@@ -2,6 +2,13 @@
 // pixels; ECharts draws them. What is shown and how is in the page's address.
 import { defineAsyncComponent, markRaw } from "vue";
 
+const FIRST = { // numbers that people look at first, by the type of a topic
+  Odometry: ["pose.pose.position.x", "pose.pose.position.y"],
+  PoseStamped: ["pose.position.x", "pose.position.y"],
+  Imu: ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"],
+  NavSatFix: ["altitude"],
+  BatteryState: ["voltage"],
+};
 const PAUSE_MS = 50; // between requests for what is shown
 const VALUES_MS = 100; // and for values at the cursor
 const LASTS = [10, 30, 60, 300];
@@ -91,7 +98,8 @@ export default {
             <button :aria-label="'Remove ' + name" title="Remove" @click="remove(pane, name)">×</button>
           </span>
           <span v-if="pane.kind === 'xy'">against {{ pane.against }}</span>
-          <span v-else-if="!pane.curves.length">{{ hint }}</span>
+          <span v-else-if="!pane.curves.length">{{ hint }}
+            <button v-for="[topic, curves] in proposed" :key="topic" class="rv-link" :title="curves.join('  ')" @click="change(() => pane.curves.push(...curves))">{{ topic }}</button></span>
           <span class="rv-space"></span>
           <q-btn v-if="pane.curves.length > 1" flat dense size="sm" icon="format_line_spacing" :color="pane.own ? 'primary' : undefined" :aria-pressed="String(pane.own)"
             aria-label="Separate scales" title="A scale of its own for each curve" @click="change(() => (pane.own = !pane.own))" />
@@ -116,7 +124,11 @@ export default {
   },
   computed: {
     names() { return [...new Set(this.panes.flatMap(({ curves, against }) => (against ? [...curves, against] : curves)))]; },
-    hint() { return Object.keys(this.topics).length ? "Add curves with +, or drag fields here" : ""; },
+    hint() { return Object.keys(this.topics).length ? `Add curves with +, or drag fields here${this.proposed.length ? ", or begin with" : ""}` : ""; },
+    proposed() {
+      const found = Object.entries(this.topics).map(([topic, type]) => [topic, (FIRST[type.split("/").at(-1)] ?? []).map((path) => `${topic}:${path}`)]);
+      return found.filter(([, curves]) => curves.length).slice(0, 4);
+    },
   },
   created() {
     Object.assign(this, { elements: markRaw({}), charts: markRaw(new Map()), found: markRaw(new Map()), paneOf, asked: [], number: 0, csv: [], wanted: [] });
