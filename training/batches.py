@@ -4,6 +4,9 @@ What comes before the choice of boxes gets one more side; the boxes of all image
 refinement head together, and the output ``image_numbers`` says which image each object is in. An
 image gives the same numbers alone and among others.
 
+GPUs prepare anew for each number of boxes, and fail on none: the optional input ``rows`` (1,) pads
+them to its multiples. What is added has the score 0 and the image -1.
+
 python training/batches.py shipped.onnx aerial.onnx
 """
 
@@ -16,7 +19,7 @@ import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
-from ros_visualise.landmarks.networks.layouts.own import IMAGE_NUMBERS
+from ros_visualise.landmarks.networks.layouts.own import IMAGE_NUMBERS, ROWS
 
 _AXES = 3
 """The input of a Slice with its axes."""
@@ -90,22 +93,24 @@ def for_batches(model: onnx.ModelProto) -> onnx.ModelProto:
     made.CopyFrom(model)
     graph = _Graph(made)
     _widen_first(graph)
-    image, likely = _number_cells(graph)
+    chosen, valid = _pad_choice(graph)
+    image, likely = _number_cells(graph, chosen)
+    likely, is_real = _pad_likely(graph, likely, valid)
     second = graph.add(_after(graph, likely), "Gather", image, likely, axis=0)
     looks = [node for node in graph.nodes if node.op_type == "GridSample"]
     for number, of in ((slice(0, 2), image), (slice(2, 4), second)):
         slots, count = _slots(graph, of)
         for node in looks[number]:
             _sample(graph, node, slots, count)
-    _separate(graph, second)
-    graph.nodes.append(
-        helper.make_node("Unsqueeze", [second, graph.constant([0])], [IMAGE_NUMBERS])
-    )
+    _separate(graph, second, is_real)
+    _mark(graph, second, is_real)
     del made.graph.node[:]
     made.graph.node.extend(graph.nodes)
     made.graph.input[0].type.tensor_type.shape.dim[0].dim_param = "images"
     numbers = helper.make_tensor_value_info(IMAGE_NUMBERS, TensorProto.INT64, [1, "found"])
     made.graph.output.append(numbers)
+    made.graph.initializer.append(numpy_helper.from_array(np.int64([1]), ROWS))
+    made.graph.input.append(helper.make_tensor_value_info(ROWS, TensorProto.INT64, [1]))
     onnx.checker.check_model(made)
     return made
 
@@ -150,11 +155,69 @@ def _widen(graph: _Graph, node: NodeProto) -> None:
             one.i += 1
 
 
-def _number_cells(graph: _Graph) -> tuple[str, str]:
+def _padding(graph: _Graph, before: NodeProto, table: str) -> tuple[str, str]:
+    """Numbers of the rows that are to be added to a table, and which rows are then its own."""
+    rows, one = ROWS, graph.constant([1])
+    shape = graph.add(before, "Shape", table)
+    count = graph.add(before, "Slice", shape, graph.constant([0]), one, graph.constant([0]))
+    but_one = graph.add(before, "Sub", rows, one)
+    multiples = graph.add(before, "Div", graph.add(before, "Add", count, but_one), rows)
+    least = graph.add(before, "Min", but_one, one)  # an empty table is padded, too
+    wanted = graph.add(before, "Mul", graph.add(before, "Max", multiples, least), rows)
+    missing = graph.add(before, "Sub", wanted, count)
+    zero, step = graph.constant(0), graph.constant(1)
+    ends = [graph.add(before, "Squeeze", each) for each in (missing, wanted)]
+    new, every = (graph.add(before, "Range", zero, end, step) for end in ends)
+    return new, graph.add(before, "Greater", count, every)
+
+
+def _pad_choice(graph: _Graph) -> tuple[str, str]:
+    """Add rows to the chosen cells: the first cells, of all images in turn."""
+    before = _after(graph, "chosen")
+    new, valid = _padding(graph, before, "chosen")
+    shape = graph.add(before, "Shape", "images")
+    images = graph.add(before, "Gather", shape, graph.constant([0]), axis=0)
+    columns = [graph.add(before, "Mod", new, images)]
+    columns += [graph.add(before, "Mul", new, graph.constant([0]))] * 2
+    side = graph.constant([1])
+    added = [graph.add(before, "Unsqueeze", each, side) for each in columns]
+    table = graph.add(before, "Concat", *added, axis=1)
+    users = graph.takers("chosen")
+    chosen = graph.add(before, "Concat", "chosen", table, axis=0)
+    for node in users:
+        if not node.name.startswith("batch/"):
+            node.input[:] = [chosen if one == "chosen" else one for one in node.input]
+    return chosen, valid
+
+
+def _pad_likely(graph: _Graph, likely: str, valid: str) -> tuple[str, str]:
+    """Take no padded row for likely, and pad what is likely, by all rows in turn."""
+    found = graph.maker(likely)
+    while found.op_type != "NonZero":
+        found = graph.maker(found.input[0])
+    found.input[0] = graph.add(found, "And", found.input[0], valid)
+    before = _after(graph, likely)
+    new, is_real = _padding(graph, before, likely)
+    every = graph.add(before, "Max", graph.add(before, "Shape", valid), graph.constant([1]))
+    added = graph.add(before, "Mod", new, every)
+    padded = graph.add(before, "Concat", likely, added, axis=0)
+    graph.replace(likely, padded, but=(graph.maker(padded), *_shapes_of(graph, likely)))
+    return padded, is_real
+
+
+def _shapes_of(graph: _Graph, name: str) -> list[NodeProto]:
+    return [node for node in graph.takers(name) if node.name.startswith("batch/Shape")]
+
+
+def _number_cells(graph: _Graph, chosen: str) -> tuple[str, str]:
     """Count the cells of all images through; names of the images' numbers and of likely rows."""
-    cells = next(node for node in graph.takers("chosen") if int(graph.known[node.input[1]]) == 2)
+    cells = next(
+        node
+        for node in graph.takers(chosen)
+        if node.op_type == "Gather" and int(graph.known[node.input[1]]) == 2
+    )
     after = _after(graph, cells.output[0])
-    image = graph.add(after, "Gather", "chosen", graph.constant(0), axis=1)
+    image = graph.add(after, "Gather", chosen, graph.constant(0), axis=1)
     shape = graph.add(after, "Shape", "cell_boxes")
     count = graph.add(after, "Gather", shape, graph.constant(1), axis=0)
     first = graph.add(after, "Mul", image, count)
@@ -227,8 +290,8 @@ def _sample(graph: _Graph, node: NodeProto, slots: str, count: str) -> None:
     graph.replace(chain[-1].output[0], cut)
 
 
-def _separate(graph: _Graph, image: str) -> None:
-    """Let no object be a part of one in another image."""
+def _separate(graph: _Graph, image: str, is_real: str) -> None:
+    """Let no object be a part of one in another image, or of one that was added."""
     kinds = next(
         node
         for node in graph.nodes
@@ -236,8 +299,19 @@ def _separate(graph: _Graph, image: str) -> None:
     )
     after = _after(graph, kinds.output[0])
     same = _same(graph, after, image)
-    both = graph.add(after, "And", kinds.output[0], same)
+    both = graph.add(after, "And", kinds.output[0], graph.add(after, "And", same, is_real))
     graph.replace(kinds.output[0], both, but=(graph.maker(both),))
+
+
+def _mark(graph: _Graph, image: str, is_real: str) -> None:
+    """Give the numbers of the images; what was added has none, and no score."""
+    last = graph.maker("scores")
+    last.input[0] = graph.add(
+        last, "Mul", last.input[0], graph.add(last, "Cast", is_real, to=TensorProto.FLOAT)
+    )
+    number = graph.add(None, "Where", is_real, image, graph.constant([-1]))
+    added = [number, graph.constant([0])]
+    graph.nodes.append(helper.make_node("Unsqueeze", added, [IMAGE_NUMBERS]))
 
 
 def main() -> int:

@@ -1,5 +1,8 @@
 """A process that runs networks for others, the images of several in one batch.
 
+GPUs prepare anew for each size of a batch. So there a batch is filled up to the next power of two,
+and each size has a copy of the network that is ready for it.
+
 It has one thread, so that it answers to nothing while a network hangs: whoever started it sees that
 by a ``ping``, and ends it.
 """
@@ -54,11 +57,12 @@ class NetworkServer:
 
     def __init__(self, address: ServerAddress, provider: Provider, threads: int, gpu: int) -> None:
         self._how = provider, threads, gpu
+        self._fills = provider is Provider.CUDA
         with suppress(FileNotFoundError):
             os.unlink(address.path)
         self._listener = Listener(address.path, "AF_UNIX", authkey=address.key)
         self._clients: dict[Connection, _Client] = {}
-        self._sessions: dict[tuple[str, int, int], OnnxSession] = {}
+        self._sessions: dict[tuple[Any, ...], OnnxSession] = {}
         self._waiting: list[_Request] = []
 
     def serve(self) -> None:
@@ -109,14 +113,18 @@ class NetworkServer:
 
     def _open(self, client: _Client, path: str) -> Opened | OpenError:
         try:
-            status = os.stat(path) if os.path.isfile(path) else None
-            file = path, status.st_mtime_ns if status else 0, status.st_size if status else 0
-            if file not in self._sessions:
-                self._sessions[file] = OnnxSession(path, *self._how)
+            found = client.session = self._session(path)
         except OpenError as error:
             return error
-        found = client.session = self._sessions[file]
         return Opened(found.inputs, found.optional, found.outputs, dict(found.metadata))
+
+    def _session(self, path: str, *sizes: int) -> OnnxSession:
+        """A network, and copies of it for several sizes; it is opened anew if its file changed."""
+        status = os.stat(path) if os.path.isfile(path) else None
+        key = (path, status and (status.st_mtime_ns, status.st_size), *sizes)
+        if key not in self._sessions:
+            self._sessions[key] = OnnxSession(path, *self._how)
+        return self._sessions[key]
 
     def _answer(self) -> None:
         """Run what waits, batch by batch."""
@@ -130,9 +138,15 @@ class NetworkServer:
                 self._run(group[first : first + MOST_IMAGES])
 
     def _run(self, batch: list[_Request]) -> None:
+        session, names = batch[0].session, batch[0].names
         inputs = [one.inputs for one in batch]
-        answers = run_together(batch[0].session, inputs, batch[0].names)
-        for one, answer in zip(batch, answers, strict=True):
+        if self._fills and len(batch) > 1:
+            size = 1 << (len(batch) - 1).bit_length()
+            inputs += inputs[-1:] * (size - len(batch))
+            with suppress(OpenError):  # not enough memory for a copy
+                session = self._session(session.path, size)
+        answers = run_together(session, inputs, names)
+        for one, answer in zip(batch, answers, strict=False):
             try:
                 one.client.send(answer)
             except OSError:

@@ -17,10 +17,13 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from ros_visualise.core import limits
 from ros_visualise.core.errors import OpenError, RosVisualiseError, TooLarge
 from ros_visualise.core.regular_files import open_file
 from ros_visualise.landmarks.networks.gpus import gpus
+from ros_visualise.landmarks.networks.layouts.own import ROWS
 from ros_visualise.landmarks.networks.stopping import stoppable
 
 _INSTALL = f"{sys.executable} -m pip install onnxruntime"
@@ -31,6 +34,8 @@ _CUDA = {
     "use_tf32": "0",  # 10 bits of the numbers, where results shall be those of the CPU
     "cudnn_conv_algo_search": "HEURISTIC",  # a search would be made for each size of a batch
 }
+_ROWS, _ROWS_OF_IMAGE = 24, 8  # at least, and for each of several images: most have fewer objects
+_CUDA_FAILURE = re.compile(r"CUDA (?:failure|error)[^:]*: ([^;\n]{1,80})")
 _GPU_HINT = (
     "check nvidia-smi, install the libraries (pip install 'onnxruntime-gpu[cuda,cudnn]'), or set"
     " provider=cpu"
@@ -116,8 +121,11 @@ class OnnxSession:
             self.optional = tuple(map(_port, self._session.get_overridable_initializers()))
             self.outputs = tuple(map(_port, self._session.get_outputs()))
         except _errors() as error:  # including names that are not valid text
-            hint = _GPU_HINT if "CUDA failure" in str(error) else "give an ONNX file"
-            raise OpenError(f"{path}: {_short(error)}; {hint}") from None
+            if failure := _CUDA_FAILURE.search(str(error)):
+                raise OpenError(f"provider={provider.value}: {failure[1]}; {_GPU_HINT}") from None
+            raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
+        is_padded = any(one.name == ROWS for one in self.optional)
+        self._pads = is_padded and provider is Provider.CUDA
         if name not in self._session.get_providers():  # onnxruntime takes the CPU in its place
             raise OpenError(f"provider={provider.value}: no usable GPU; {_GPU_HINT}")
 
@@ -128,6 +136,10 @@ class OnnxSession:
             RosVisualiseError: the network fails on this input.
         """
         options = self._runtime.RunOptions()
+        if self._pads:
+            images = max(len(one) for one in inputs.values())
+            rows = max(_ROWS, _ROWS_OF_IMAGE * images)
+            inputs = {**inputs, ROWS: np.array([rows], np.int64)}
         try:
             with stoppable(partial(setattr, options, "terminate", True)):
                 outputs: list[Any] = self._session.run(names, inputs, options)

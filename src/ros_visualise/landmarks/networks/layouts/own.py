@@ -12,7 +12,10 @@ from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Output
 from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 IMAGE_NUMBERS = "image_numbers"
-"""Output of networks that take several images: the number of the image of each object."""
+"""Output of networks that take several images: the number of the image of each object, or -1."""
+
+ROWS = "rows"
+"""Optional input (1,): the objects are padded to a multiple of this number, for GPUs."""
 
 _SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
 """Output -> its shape after (1, objects)."""
@@ -27,6 +30,8 @@ def _is_own(found: Signature) -> bool:
 
 def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     good = outputs["scores"][0] >= min_score
+    if IMAGE_NUMBERS in outputs:
+        good &= outputs[IMAGE_NUMBERS][0] >= 0
     variances = outputs["point_variances"][0, good]
     return Candidates(
         outputs["boxes"][0, good],
