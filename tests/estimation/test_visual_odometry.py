@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from visual_flight import HEIGHT, Flight
 
-from ros_visualise.estimation.visual.bundle import BundleScene, Sightings, linearize, normal
+from ros_visualise.estimation.visual.bundle import BundleScene, linearize, normal
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import nees
@@ -103,17 +103,20 @@ def test_derivatives_of_sightings_are_those_of_differences():
     points = np.column_stack([noise.uniform(-0.5, 0.5, (6, 2)), noise.uniform(0.1, 0.5, 6)])
     cameras = np.stack([np.eye(4), se3.from_parts(np.eye(3), [0.5, 0, 0])])
     scene = BundleScene(R, p, noise.integers(0, 2, 6), points, cameras)
-    point, view, camera = (one.ravel() for one in np.indices((6, 3, 2)))
-    sightings = Sightings(point, view, camera, np.zeros((36, 2)))
+    rays = np.zeros((6, 6, 2))  # views and cameras, points
 
     def expected(x):
         moved = scene.moved(x[:18].reshape(3, 6), x[18:].reshape(6, 3))
-        return -linearize(moved, sightings).residuals.ravel()
+        return -linearize(moved, rays).residuals.ravel()
 
     step = 1e-6 * np.eye(36)
     J = np.column_stack([(expected(one) - expected(-one)) / 2e-6 for one in step])
-    found = normal(scene, sightings, 1.0)
+    found = normal(scene, rays, 1.0)
     weights = np.minimum(1, 2 / np.linalg.norm(expected(np.zeros(36)).reshape(-1, 2), axis=1))
     JJ = J.T @ (J * np.repeat(weights, 2)[:, None])
     assert np.allclose(found.H, JJ[:18, :18], atol=1e-4)
-    assert np.allclose(found.W.reshape(18, 18), JJ[:18, 18:], atol=1e-4)
+    assert np.allclose(found.W.swapaxes(0, 1).reshape(18, 18), JJ[:18, 18:], atol=1e-4)
+    of_points = JJ[18:, 18:].reshape(6, 3, 6, 3)[np.arange(6), :, np.arange(6)]
+    assert np.allclose(found.V, of_points, atol=1e-4)
+    right = J.T @ (-expected(np.zeros(36)) * np.repeat(weights, 2))
+    assert np.allclose(np.concatenate([found.g, found.v.ravel()]), right, atol=1e-4)

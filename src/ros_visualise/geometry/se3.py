@@ -103,6 +103,16 @@ def log(R: Floats, p: Floats) -> Floats:
     return np.concatenate([back @ p, turn])
 
 
+def logs(R: Floats, p: Floats) -> Floats:
+    """(N, 6) twists of rotations (N, 3, 3), by less than half a turn, and translations (N, 3)."""
+    turn = rotation_vectors(R)
+    angle = np.maximum(np.linalg.norm(turn, axis=1), _SMALL)[:, None, None]
+    across = cross(turn)
+    second = (1 - angle / (2 * np.tan(angle / 2))) / angle**2
+    back = _EYE - across / 2 + second * across @ across
+    return np.hstack([(back @ p[..., None])[..., 0], turn])
+
+
 def rotation_vector(R: Floats) -> Floats:
     """(3,) axis of a rotation (3, 3), as long as its angle in radians."""
     axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2

@@ -6,6 +6,9 @@ that points at any distance are alike. Errors of poses are twists of the map, as
 depends on the difference of their twists, and on nothing that depends on where they are. A right
 camera moves with the left one by the same twist.
 
+Sightings are an array of all views and points, NaN where a view does not see a point: few are, and
+all at once are faster than one by one.
+
 Source: B. Triggs et al., Bundle adjustment, a modern synthesis, 2000 (the elimination of points);
 J. Civera et al., Inverse depth parametrization for monocular SLAM, 2008; P. Huber, Robust
 statistics, 1981.
@@ -31,26 +34,6 @@ _NEAR = 1e-3  # least depth, in units of that of the host
 _EYE = np.eye(3)
 
 
-class Sightings(NamedTuple):
-    """Sightings of points in views.
-
-    Attributes:
-        point, view: (N,) indices.
-        camera: (N,) index of the camera: 0 left, 1 right.
-        rays: (N, 2) x and y of directions at z = 1.
-    """
-
-    point: Indices
-    view: Indices
-    camera: Indices
-    rays: Floats
-
-    def chosen(self, kept: Mask | Indices) -> Sightings:
-        """Some of them."""
-        point, view, camera, rays = self
-        return Sightings(point[kept], view[kept], camera[kept], rays[kept])
-
-
 @dataclass(frozen=True, eq=False)
 class BundleScene:
     """Views and points.
@@ -71,55 +54,89 @@ class BundleScene:
     def moved(self, twists: Floats, changes: Floats) -> BundleScene:
         """The same, moved by twists (F, 6) and changes of points (P, 3)."""
         R, p = se3.moved(twists, self.R, self.p)
-        U, _, Vt = np.linalg.svd(R)  # or else errors of rounding would double at each keyframe
         points = self.points + changes
         points[:, 2] = np.maximum(points[:, 2], 1e-6)
-        return replace(self, R=U @ Vt, p=p, points=points)
+        return replace(self, R=R, p=p, points=points)
+
+    def homogeneous(self) -> Floats:
+        """(P, 4) the points in the map: xyz times the inverse depth, and that."""
+        R, p = self.R[self.host], self.p[self.host]
+        u, v, rho = self.points.T[..., None]
+        return np.hstack([R[:, :, 0] * u + R[:, :, 1] * v + R[:, :, 2] + rho * p, rho])
+
+    def eyes(self) -> tuple[Floats, Floats]:
+        """(F C, 3, 3) and (F C, 3) T_map_camera of all cameras, those of a view side by side."""
+        R = self.R[:, None] @ self.cameras[:, :3, :3]
+        p = self.p[:, None] + (self.R[:, None] @ self.cameras[:, :3, 3:])[..., 0]
+        return R.reshape(-1, 3, 3), p.reshape(-1, 3)
 
 
 class Linearized(NamedTuple):
-    """Residuals (N, 2), which of them are valid, and their derivatives.
+    """Residuals (F C, P, 2), which of them are valid (F C, P), and their derivatives.
 
-    Those by the twist of the view (N, 2, 6) are those by the twist of the host, negative; those by
-    the point are (N, 2, 3).
+    Those by the twist of the view (F C, P, 2, 6) are those by the twist of the host, negative;
+    those by the point are (F C, P, 2, 3). All are zero where a residual is not valid.
     """
 
     residuals: Floats
-    is_in_front: Mask
+    is_valid: Mask
     by_view: Floats
     by_point: Floats
 
 
-def linearize(scene: BundleScene, sightings: Sightings) -> Linearized:
-    """Residuals, measured minus expected, and derivatives of the expected directions."""
-    point, view, camera, rays = sightings
-    host = scene.host[point]
-    T = scene.cameras[camera]
-    R_view = scene.R[view] @ T[:, :3, :3]
-    p_view = scene.p[view] + (scene.R[view] @ T[:, :3, 3:])[..., 0]
-    uv, rho = scene.points[point, :2], scene.points[point, 2:]
-    R_host, p_host = scene.R[host], scene.p[host]
-    direction = (R_host[:, :, :2] @ uv[..., None])[..., 0] + R_host[:, :, 2]
-    back = np.swapaxes(R_view, 1, 2)
-    seen = (back @ (direction + rho * (p_host - p_view))[..., None])[..., 0]
-    depth = np.where(seen[:, 2] > _NEAR, seen[:, 2], 1.0)[:, None]
-    expected = seen[:, :2] / depth
-    flat = back[:, :2] - expected[..., None] * back[:, 2:]
-    flat = flat / depth[..., None]  # (N, 2, 3) by a point of the map, times its inverse depth
-    by_view = np.empty((len(point), 2, 6))
-    by_view[..., :3] = -flat * rho[..., None]
-    by_view[..., 3:] = flat @ se3.cross(direction + rho * p_host)
-    by_point = np.empty((len(point), 2, 3))
-    by_point[..., :2] = flat @ R_host[:, :, :2]
-    by_point[..., 2] = (flat @ (p_host - p_view)[..., None])[..., 0]
-    return Linearized(rays - expected, seen[:, 2] > _NEAR, by_view, by_point)
+def project(points: Floats, R: Floats, p: Floats, rays: Floats) -> tuple[Floats, Floats, Mask]:
+    """Residuals (V, P, 2) of rays, measured minus expected; depths; which of them are valid.
+
+    Args:
+        points: (P, 4) homogeneous.
+        R, p: (V, 3, 3) and (V, 3).
+        rays: (V, P, 2), NaN where a point is not seen.
+
+    Returns:
+        Also depths (V, P) times the inverse depth at the host.
+    """
+    seen = points[:, :3] @ R - points[:, 3:] * (p[:, None] @ R)
+    depth = seen[..., 2]
+    is_valid = (depth > _NEAR) & np.isfinite(rays[..., 0])
+    depth = np.where(is_valid, depth, 1.0)
+    residuals = np.where(is_valid[..., None], rays - seen[..., :2] / depth[..., None], 0.0)
+    return residuals, depth, is_valid
 
 
-def weights(residuals: Floats, sigma: float) -> Floats:
-    """(N,) weights of residuals (N, 2) by Huber's rule, divided by the variance."""
-    off = np.linalg.norm(residuals, axis=1) / sigma
-    weights: Floats = np.minimum(1.0, HUBER / np.maximum(off, 1e-9)) / sigma**2
-    return weights
+def by_twist(points: Floats, R: Floats, expected: Floats, depth: Floats) -> Floats:
+    """(V, P, 2, 6) derivatives of the expected directions (V, P, 2) by twists of the views."""
+    rows = np.swapaxes(R, 1, 2)[:, None]
+    flat = (rows[:, :, :2] - expected[..., None] * rows[:, :, 2:]) / depth[..., None, None]
+    x, y, z = flat[..., 0], flat[..., 1], flat[..., 2]
+    px, py, pz, rho = points.T[..., None]
+    found = np.empty((*flat.shape[:3], 6))
+    np.multiply(flat, -rho[..., None], out=found[..., :3])
+    found[..., 3] = y * pz - z * py
+    found[..., 4] = z * px - x * pz
+    found[..., 5] = x * py - y * px
+    return found
+
+
+def linearize(scene: BundleScene, rays: Floats) -> Linearized:
+    """Residuals, measured minus expected, and derivatives of the expected directions.
+
+    ``rays`` (F C, P, 2): x and y of directions at z = 1 in the cameras of `BundleScene.eyes`.
+    """
+    R, p = scene.eyes()
+    points = scene.homogeneous()
+    residuals, depth, is_valid = project(points, R, p, rays)
+    expected = np.where(is_valid[..., None], rays - residuals, 0.0)
+    by_view = by_twist(points, R, expected, depth)
+    back = np.swapaxes(R, 1, 2)
+    axes = np.empty((len(R), len(scene.R), 3, 3))  # of each host in each view, and the way to it
+    axes[..., :2] = back[:, None] @ scene.R[:, :, :2]
+    axes[..., 2] = (back[:, None] @ (scene.p - p[:, None])[..., None])[..., 0]
+    axes = axes[:, scene.host]
+    by_point = axes[:, :, :2] - expected[..., None] * axes[:, :, 2:]
+    by_point /= depth[..., None, None]
+    invalid = ~is_valid
+    by_view[invalid], by_point[invalid] = 0, 0
+    return Linearized(residuals, is_valid, by_view, by_point)
 
 
 class Normal(NamedTuple):
@@ -128,7 +145,7 @@ class Normal(NamedTuple):
     Attributes:
         H, g: (6 F, 6 F) and (6 F,).
         V, v: (P, 3, 3) and (P, 3) of the points.
-        W: (6 F, P, 3) between both.
+        W: (P, 6 F, 3) between both.
         cost: half of the sum of squares.
     """
 
@@ -139,66 +156,58 @@ class Normal(NamedTuple):
     W: Floats
     cost: float
 
-    def divided(self, by: float) -> Normal:
-        """The same of a cost divided by a number."""
-        H, g, V, v, W, cost = self
-        return Normal(H / by, g / by, V / by, v / by, W / by, cost / by)
-
     def reduced(self, damping: float) -> tuple[Floats, Floats, Floats]:
         """H and g of the views alone, and the (P, 3, 3) inverses of what was eliminated."""
         V = self.V * (1 + damping * _EYE) + 1e-9 * _EYE
         inverse = np.asarray(np.linalg.inv(V), np.float64)
-        WV = np.einsum("apb,pbc->apc", self.W, inverse).reshape(len(self.H), -1)
-        H = self.H - WV @ self.W.reshape(len(self.H), -1).T
+        shape = len(self.H), 3 * len(V)
+        WV = (self.W @ inverse).swapaxes(0, 1).reshape(shape)
+        H = self.H - WV @ self.W.swapaxes(0, 1).reshape(shape).T
         return H, self.g - WV @ self.v.ravel(), inverse
 
     def points_of(self, x: Floats, inverse: Floats) -> Floats:
         """(P, 3) changes of points after the views were moved by x (6 F,)."""
-        left = self.v - np.einsum("a,apb->pb", x, self.W)
+        left = self.v - x @ self.W
         changes: Floats = (inverse @ left[..., None])[..., 0]
         return changes
 
 
-def normal(scene: BundleScene, sightings: Sightings, sigma: float) -> Normal:
-    """The normal equations of all sightings."""
-    found = linearize(scene, sightings)
-    ok = found.is_in_front
-    point, view = sightings.point[ok], sightings.view[ok]
-    r, A, B = found.residuals[ok], found.by_view[ok], found.by_point[ok]
-    w = weights(r, sigma)
-    squares = (r * r).sum(axis=1)
-    off = np.sqrt(squares) / sigma
-    cost = float(np.where(off < HUBER, off**2 / 2, HUBER * (off - HUBER / 2)).sum())
+def normal(scene: BundleScene, rays: Floats, sigma: float, alike: float = 1.0) -> Normal:
+    """The normal equations of all sightings, as `linearize` takes them.
+
+    Args:
+        sigma: standard deviation of directions.
+        alike: sightings that are as good as an independent one.
+    """
+    r, _, A, B = linearize(scene, rays)
+    off = np.sqrt((r * r).sum(axis=2)) / sigma
+    w = np.sqrt(np.minimum(1.0, HUBER / np.maximum(off, 1e-9)) / alike) / sigma
+    cost = np.where(off < HUBER, off**2 / 2, HUBER * (off - HUBER / 2)).sum() / alike
+    A, B, r = A * w[..., None, None], B * w[..., None, None], r * w[..., None]
     F, P = len(scene.R), len(scene.points)
-    host = scene.host[point]
-    wA, wB = A * w[:, None, None], B * w[:, None, None]
-    AA = np.swapaxes(wA, 1, 2) @ A
-    Ar = (np.swapaxes(wA, 1, 2) @ r[..., None])[..., 0]
-    AB = np.swapaxes(wA, 1, 2) @ B
-    H = np.zeros((F, F, 6, 6))
-    pairs = _sums(host * F + view, AA.reshape(-1, 36), F * F).reshape(F, F, 6, 6)
-    across = pairs + pairs.swapaxes(0, 1)
-    H -= across
+    H, g = _of_views(scene, np.concatenate([A, r[..., None]], axis=3))
+    by_points = np.swapaxes(B, 0, 1).reshape(P, 2 * len(B), 3)
+    V = np.swapaxes(by_points, 1, 2) @ by_points
+    v = (np.swapaxes(r, 0, 1).reshape(P, 1, 2 * len(B)) @ by_points)[:, 0]
+    AB = A[:, :, 0, :, None] * B[:, :, 0, None] + A[:, :, 1, :, None] * B[:, :, 1, None]
+    AB = AB.reshape(F, len(scene.cameras), P, 6, 3).sum(axis=1)
+    AB[scene.host, np.arange(P)] -= AB.sum(axis=0)
+    return Normal(H, g, V, v, AB.swapaxes(0, 1).reshape(P, 6 * F, 3), float(cost))
+
+
+def _of_views(scene: BundleScene, J: Floats) -> tuple[Floats, Floats]:
+    """H and g of derivatives by views, with residuals as the last column (F C, P, 2, 7)."""
+    F = len(scene.R)
+    pairs = np.zeros((F, F, 7, 7))  # of hosts and views
+    for host in np.unique(scene.host):
+        own = J[:, scene.host == host].reshape(len(J), -1, 7)
+        pairs[host] = (np.swapaxes(own, 1, 2) @ own).reshape(F, -1, 7, 7).sum(axis=1)
+    across = pairs[..., :6, :6] + pairs[..., :6, :6].swapaxes(0, 1)
+    H = -across
     every = np.arange(F)
     H[every, every] += across.sum(axis=1)
-    g = _sums(view, Ar, F) - _sums(host, Ar, F)
-    V = _sums(point, (np.swapaxes(wB, 1, 2) @ B).reshape(-1, 9), P).reshape(P, 3, 3)
-    v = _sums(point, (np.swapaxes(wB, 1, 2) @ r[..., None])[..., 0], P)
-    flat = AB.reshape(-1, 18)
-    W = _sums(point * F + view, flat, P * F) - _sums(point * F + host, flat, P * F)
-    W = W.reshape(P, F, 6, 3).transpose(1, 2, 0, 3).reshape(6 * F, P, 3)
-    return Normal(H.swapaxes(1, 2).reshape(6 * F, 6 * F), g.ravel(), V, v, W, cost)
-
-
-def _sums(group: Indices, values: Floats, count: int) -> Floats:
-    """(count, m) sums of rows (N, m) that are of the same group (N,)."""
-    sums = np.zeros((count, values.shape[1]))
-    order = np.argsort(group, kind="stable")
-    group = group[order]
-    starts = np.flatnonzero(np.diff(group, prepend=-1))
-    if len(group):
-        sums[group[starts]] = np.add.reduceat(values[order], starts, axis=0)
-    return sums
+    g = pairs[..., :6, 6].sum(axis=0) - pairs[..., :6, 6].sum(axis=1)
+    return H.swapaxes(1, 2).reshape(6 * F, 6 * F), g.ravel()
 
 
 def triangulated(R: Floats, p: Floats, rays_host: Floats, rays: Floats) -> tuple[Floats, Floats]:

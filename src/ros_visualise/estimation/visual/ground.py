@@ -164,8 +164,9 @@ def _fit(
     for _ in range(8):
         off = np.linalg.norm(b - A @ m, axis=1)
         w = 1 / (1 + (off / sigma) ** 2) ** 2 / sigma**2
-        H = np.einsum("n,nai,naj->ij", w, A, A) / _SHARED + prior
-        g = np.einsum("n,nai,na->i", w, A, b) / _SHARED + prior @ guess.m
+        weighted = (A * (w / _SHARED)[:, None, None]).reshape(-1, 3).T
+        H = weighted @ A.reshape(-1, 3) + prior
+        g = weighted @ b.ravel() + prior @ guess.m
         m = np.linalg.solve(H, g)
         used = np.linalg.norm(b - A @ m, axis=1) < _OFF_PX / focal
         if used.sum() < _LEAST:

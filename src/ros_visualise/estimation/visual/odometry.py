@@ -33,7 +33,7 @@ from ros_visualise.vision.picture import FROZEN, PictureJudge
 from ros_visualise.vision.rectification import Interpolation, model_of, rectify
 from ros_visualise.vision.tracking import CornerTracker, FollowedCorners, flow
 
-_NEW_VIEW, _NEAR = 0.03, 0.8  # parallax of a new keyframe, rad; its quantile: near corners show it
+_NEW_VIEW, _NEAR = 0.05, 0.8  # parallax of a new keyframe, rad; its quantile: near corners show it
 _FEWER = 0.7  # of a keyframe's points in view, below which another one is needed
 _LEAST_USED = 12  # points that locate an image
 _AGREED = 0.5  # of those in view
@@ -199,7 +199,7 @@ class VisualOdometry:
         common, a, b = np.intersect1d(first.corners.ids, image.corners.ids, return_indices=True)
         motions = first_motions(first.rays[a], image.rays[b], self._sigma)
         if isinstance(motions, str):
-            if len(common) < 0.5 * len(first.corners.ids):
+            if len(common) <= 0.5 * len(first.corners.ids):
                 return self._wait(image, motions)
             self._waiting.append(image._replace(gray=_NO_PIXELS))
             return self._coast(image.stamp_ns, motions)
@@ -371,7 +371,7 @@ class VisualOdometry:
             self._is_begun = self._last.stamp_ns > 0
         self._stretch, self._first = None, None
         self.counts["losses"] += 1
-        self._tracker.reset()
+        self._tracker.drop(self._tracker.corners.ids)
 
     def _coast(self, stamp_ns: int, reason: str) -> VisualPose | None:
         """The last pose, with what may have happened since; None before the first one."""

@@ -26,6 +26,7 @@ _GROUND = 0.025  # error of the height that the ground shows, as a fraction: its
 _NORMAL = 0.01  # rad, of the ground's normal from keyframe to keyframe: slopes, and pitching
 _GAIN = 0.3  # of what a keyframe shows of it, after the first one
 _UNSURE = 0.15  # rad, of the ground's normal at first
+_STEPS = 3, 2  # of finding the ground, before the scale is known, and then
 _LATER = 2  # keyframes after a view that shows the ground: its pose is better known by then
 _BASE = 0.2, 0.8  # heights, least and most distance of two views that show the ground
 _LOW = 0.08  # least slope of a ray to the ground, with other guesses of the height: see `_guesses`
@@ -143,7 +144,8 @@ class ScaleFinder:
             n = base.R.T @ normal
             spread = np.eye(3) * self._normal_sigma**2 + np.outer(n, n)
             guess = SeenGround(n / height, spread / height**2)
-            found = find_ground(base.gray, newest.gray, self._K, R, t, guess)
+            steps = _STEPS[stretch.in_metres]
+            found = find_ground(base.gray, newest.gray, self._K, R, t, guess, steps)
             if found is not None and (best is None or found.patches > best[0].patches):
                 best = found, base
         if best is None:

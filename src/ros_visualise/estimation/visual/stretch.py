@@ -62,7 +62,7 @@ class Stretch:
         """Note the newest keyframe's covariance, and move the origin to the oldest one."""
         newest = self.window.newest
         change = se3.adjoint(np.eye(3), -self.offset)
-        self.covariances[newest.key] = change @ self.window.covariance()[-6:, -6:] @ change.T
+        self.covariances[newest.key] = change @ self.window.covariance() @ change.T
         self.between.setdefault(newest.key, [])
         oldest = self.window.slide()
         if oldest is not None:

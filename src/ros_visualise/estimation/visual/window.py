@@ -23,9 +23,10 @@ from ros_visualise.estimation.visual.bundle import (
     BundleScene,
     Mask,
     Normal,
-    Sightings,
+    by_twist,
     linearize,
     normal,
+    project,
     triangulated,
 )
 from ros_visualise.geometry import se3
@@ -36,9 +37,10 @@ ALIKE = 9.0
 dragged along. Measured by the errors of flights in simulation.
 """
 _OUTLIER = 3.5  # standard deviations
-_STEPS = 6
-_CONVERGED = 1e-3  # of the cost
+_STEPS, _STEPS_AGAIN = 4, 2  # the second time, after outliers were dropped
+_CONVERGED = 1e-2  # of the cost
 _LEAST_POINTS = 8
+_LOCATING = (16.0, 4, 1, 1)  # standard deviations beyond which points hardly count, by step
 _START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
 _FAR = 1e-6
 
@@ -60,9 +62,10 @@ class Keyframe:
     gray: Pixels
 
     def see(self, ids: Ids, rays: Floats) -> None:
-        """Add corners, whose numbers are higher."""
-        self.ids = np.concatenate([self.ids, ids])
-        self.rays = np.concatenate([self.rays, rays], axis=1)
+        """Add corners."""
+        ids = np.concatenate([self.ids, ids])
+        order = np.argsort(ids)
+        self.ids, self.rays = ids[order], np.concatenate([self.rays, rays], axis=1)[:, order]
 
 
 class KeyframeDistance(NamedTuple):
@@ -89,7 +92,7 @@ class PosePrior:
         back = np.swapaxes(self.R, 1, 2)
         turn = R @ back
         shift = p - (turn @ self.p[..., None])[..., 0]
-        x = np.concatenate([se3.log(a, b) for a, b in zip(turn, shift, strict=True)])
+        x = se3.logs(turn, shift).ravel()
         return self.g - self.H @ x, float(x @ self.H @ x / 2 - self.g @ x)
 
 
@@ -190,10 +193,8 @@ class KeyframeWindow:
 
     def positions(self) -> Floats:
         """(N, 3) the points, in the map."""
-        scene = self.scene()
-        R, p = scene.R[scene.host], scene.p[scene.host]
-        rays = np.insert(self.points.values[:, :2], 2, 1.0, axis=1) / self.points.values[:, 2:]
-        found: Floats = (R @ rays[..., None])[..., 0] + p
+        points = self.scene().homogeneous()
+        found: Floats = points[:, :3] / points[:, 3:]
         return found
 
     # adjustment
@@ -207,56 +208,28 @@ class KeyframeWindow:
             R, p, np.searchsorted(keys, self.points.host), self.points.values, self.cameras
         )
 
-    def sightings(self) -> Sightings:
-        """All sightings of the points."""
-        several = []
+    def sightings(self) -> Floats:
+        """(F C, P, 2) directions in which all cameras see the points; NaN where they do not."""
+        seen = np.full((len(self.frames), len(self.cameras), len(self.points.ids), 2), np.nan)
         for place, one in enumerate(self.frames):
-            at = np.searchsorted(self.points.ids, one.ids)
-            known = np.isin(one.ids, self.points.ids)
-            for camera, rays in enumerate(one.rays):
-                kept = known & np.isfinite(rays[:, 0])
-                n = int(kept.sum())
-                several.append((at[kept], np.full(n, place), np.full(n, camera), rays[kept]))
-        return Sightings(*(np.concatenate(column) for column in zip(*several, strict=True)))
+            at = np.searchsorted(one.ids, self.points.ids).clip(0, len(one.ids) - 1)
+            known = one.ids[at] == self.points.ids
+            seen[place][:, known] = one.rays[:, at[known]]
+        return seen.reshape(-1, len(self.points.ids), 2)
 
     def adjust(self) -> None:
         """Fit poses and points to their sightings; drop outliers, whose ids are ``lost`` then."""
         self.lost = np.zeros(0, np.int64)
-        for _ in range(2):
-            self._minimise()
-            if not self._drop_outliers():
-                break
+        self._minimise(_STEPS)
+        if self._drop_outliers():
+            self._minimise(_STEPS_AGAIN)
+            self._drop_outliers()
 
-    def _system(self, scene: BundleScene, sightings: Sightings) -> Normal:
-        found = normal(scene, sightings, self.sigma).divided(ALIKE)
-        H, g, cost = found.H, found.g, found.cost
-        place = {one.key: n for n, one in enumerate(self.frames)}
-        if self.prior is not None:
-            at = [place[key] for key in self.prior.keys]
-            rows = (6 * np.array(at)[:, None] + np.arange(6)).ravel()
-            right, more = self.prior.at(scene.R[at], scene.p[at])
-            H[np.ix_(rows, rows)] += self.prior.H
-            g[rows] += right
-            cost += more
-        for first, second, length, sigma in self.distances:
-            a, b = place[first], place[second]
-            way = scene.p[b] - scene.p[a]
-            now = float(np.linalg.norm(way))
-            along = way / max(now, 1e-12)
-            J = np.zeros(len(g))
-            J[6 * a : 6 * a + 6] = -np.concatenate([along, np.cross(scene.p[a], along)])
-            J[6 * b : 6 * b + 6] = np.concatenate([along, np.cross(scene.p[b], along)])
-            off = (length - now) / sigma
-            w = min(1.0, HUBER / max(abs(off), 1e-9)) / sigma**2
-            H += w * np.multiply.outer(J, J)
-            g += w * J * (length - now)
-            cost += off**2 / 2 if abs(off) < HUBER else HUBER * (abs(off) - HUBER / 2)
-        return found._replace(H=H, g=g, cost=cost)
-
-    def _minimise(self) -> None:
+    def _minimise(self, steps: int) -> None:
+        """Levenberg's and Marquardt's method."""
         scene, sightings = self.scene(), self.sightings()
         system, damping = self._system(scene, sightings), 1e-4
-        for _ in range(_STEPS):
+        for _ in range(steps):
             H, g, inverse = system.reduced(damping)
             H = H + damping * np.diag(np.diag(system.H))
             x = np.asarray(np.linalg.solve(H, g), np.float64)
@@ -272,79 +245,105 @@ class KeyframeWindow:
         self._take(scene)
 
     def _take(self, scene: BundleScene) -> None:
-        for one, R, p in zip(self.frames, scene.R, scene.p, strict=True):
+        for one, R, p in zip(self.frames, _orthogonal(scene.R), scene.p, strict=True):
             one.R, one.p = R, p
         self.points.values = scene.points
+
+    def _system(self, scene: BundleScene, sightings: Floats) -> Normal:
+        """The normal equations of sightings, distances and what is known from before."""
+        found = normal(scene, sightings, self.sigma, ALIKE)
+        H, g, cost = found.H, found.g, found.cost
+        place = {one.key: n for n, one in enumerate(self.frames)}
+        if self.prior is not None:
+            at = [place[key] for key in self.prior.keys]
+            rows = (6 * np.array(at)[:, None] + np.arange(6)).ravel()
+            right, more = self.prior.at(scene.R[at], scene.p[at])
+            H[np.ix_(rows, rows)] += self.prior.H
+            g[rows] += right
+            cost += more
+        if self.distances:
+            J, off, variance = self._by_distances(scene, place)
+            far = np.abs(off) / np.sqrt(variance)
+            w = np.minimum(1.0, HUBER / np.maximum(far, 1e-9)) / variance
+            H += (J.T * w) @ J
+            g += J.T @ (w * off)
+            cost += float(np.where(far < HUBER, far**2 / 2, HUBER * (far - HUBER / 2)).sum())
+        return found._replace(H=H, g=g, cost=cost)
+
+    def _by_distances(
+        self, scene: BundleScene, place: dict[int, int]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Derivatives of the D distances (D, 6 F), measured minus expected, and variances."""
+        first = np.array([place[one.first] for one in self.distances])
+        second = np.array([place[one.second] for one in self.distances])
+        length, sigma = np.array([(one.length, one.sigma) for one in self.distances]).T
+        way = scene.p[second] - scene.p[first]
+        now = np.linalg.norm(way, axis=1)
+        along = way / np.maximum(now, 1e-12)[:, None]
+        rows = np.arange(len(way))
+        J = np.zeros((len(way), len(scene.p), 6))
+        for end, sign in ((first, -1), (second, 1)):
+            turned = (se3.cross(scene.p[end]) @ along[..., None])[..., 0]
+            J[rows, end] = sign * np.hstack([along, turned])
+        return J.reshape(len(way), -1), length - now, sigma**2
 
     def _drop_outliers(self) -> int:
         """Forget sightings that do not fit, and points without two; their number."""
         scene, sightings = self.scene(), self.sightings()
         found = linearize(scene, sightings)
-        off = np.linalg.norm(found.residuals, axis=1) / self.sigma
-        bad = (off > _OUTLIER) | ~found.is_in_front
-        for place, camera in {*zip(sightings.view[bad], sightings.camera[bad], strict=True)}:
-            one = self.frames[place]
-            these = bad & (sightings.view == place) & (sightings.camera == camera)
-            gone = np.isin(one.ids, self.points.ids[sightings.point[these]])
-            one.rays[camera, gone] = np.nan
-        good = sightings.chosen(~bad)
-        count = np.bincount(good.point, minlength=len(self.points.ids))
-        is_host = (good.view == scene.host[good.point]) & (good.camera == 0)
-        hosted = np.bincount(good.point[is_host], minlength=len(self.points.ids)) > 0
-        kept = (count >= 2) & hosted
+        off = np.linalg.norm(found.residuals, axis=2) / self.sigma
+        good = found.is_valid & (off < _OUTLIER)
+        bad = np.isfinite(sightings[..., 0]) & ~good
+        cameras = len(self.cameras)
+        for place, camera in zip(*np.divmod(np.flatnonzero(bad.any(axis=1)), cameras), strict=True):
+            one, these = self.frames[place], bad[place * cameras + camera]
+            one.rays[camera, np.searchsorted(one.ids, self.points.ids[these])] = np.nan
+        hosted = good[scene.host * cameras, np.arange(len(scene.host))]
+        kept = (good.sum(axis=0) >= 2) & hosted
         self.lost = np.concatenate([self.lost, self.points.ids[~kept]])
         self.points = self.points.chosen(kept)
         return int(bad.sum())
 
     def residual(self) -> float:
         """Robust standard deviation of the sightings' residuals, as a direction."""
-        scene, sightings = self.scene(), self.sightings()
-        r = linearize(scene, sightings).residuals
-        is_host = (sightings.view == scene.host[sightings.point]) & (sightings.camera == 0)
-        off = np.abs(r[~is_host])
+        scene = self.scene()
+        found = linearize(scene, self.sightings())
+        found.is_valid[scene.host * len(self.cameras), np.arange(len(scene.host))] = False
+        off = np.abs(found.residuals[found.is_valid])
         return float(np.median(off) / 0.6745) if len(off) else self.sigma
 
     def covariance(self) -> Floats:
-        """(6 F, 6 F) covariance of the twists of all keyframes."""
-        system = self._system(self.scene(), self.sightings())
-        H, _, _ = system.reduced(0.0)
-        return np.linalg.pinv((H + H.T) / 2, hermitian=True, rcond=1e-15)
+        """(6, 6) covariance of the twist of the newest keyframe."""
+        H, _, _ = self._system(self.scene(), self.sightings()).reduced(0.0)
+        scale = 1 / np.sqrt(np.diag(H))
+        newest = np.eye(len(H))[:, -6:]
+        found = np.linalg.solve(H * np.multiply.outer(scale, scale), newest)[-6:]
+        covariance: Floats = (found + found.T) / 2 * np.multiply.outer(scale[-6:], scale[-6:])
+        return covariance
 
     # poses between keyframes
 
     def locate(self, R: Floats, p: Floats, ids: Ids, rays: Floats) -> Located | None:
         """The pose from which corners are seen in these directions (N, 2), from a guess on."""
-        common, at, of = np.intersect1d(self.points.ids, ids, return_indices=True)
+        common, at, of = np.intersect1d(self.points.ids, ids, True, return_indices=True)
         if len(common) < _LEAST_POINTS:
             return None
-        scene = self.scene()
-        place = len(self.frames)
-        scene = BundleScene(
-            np.concatenate([scene.R, R[None]]),
-            np.concatenate([scene.p, p[None]]),
-            scene.host[at],
-            self.points.values[at],
-            self.cameras,
-        )
-        n = len(common)
-        seen = Sightings(np.arange(n), np.full(n, place), np.zeros(n, np.intp), rays[of])
-        for sigma in np.array([16, 8, 4, 2, 1, 1, 1]) * self.sigma:
-            found = linearize(scene, seen)
-            w = np.where(found.is_in_front, _cauchy(found.residuals, float(sigma)), 0)
-            H = np.einsum("n,nai,naj->ij", w, found.by_view, found.by_view)
-            g = np.einsum("n,nai,na->i", w, found.by_view, found.residuals)
-            twists = np.zeros((place + 1, 6))
-            twists[place] = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g)
-            scene = scene.moved(twists, np.zeros((n, 3)))
-        found = linearize(scene, seen)
-        off = np.linalg.norm(found.residuals, axis=1)
-        used = found.is_in_front & (off < _OUTLIER * self.sigma * 1.5)
-        J = found.by_view[used]
-        H = np.einsum("nai,naj->ij", J, J) / self.sigma**2
-        covariance = ALIKE * np.linalg.pinv(H, hermitian=True)
+        points, seen = self.scene().homogeneous()[at], rays[of][None]
+        for wide in _LOCATING:
+            r, J, is_valid = _by_pose(points, R, p, seen)
+            w = np.where(is_valid, _cauchy(r, wide * self.sigma), 0)[:, None, None]
+            weighted = (J * w).reshape(-1, 6).T
+            H, g = weighted @ J.reshape(-1, 6), weighted @ r.ravel()
+            twist = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g)
+            R, p = se3.moved(twist, R, p)
+        R = _orthogonal(R)
+        r, J, is_valid = _by_pose(points, R, p, seen)
+        off = np.linalg.norm(r, axis=1)
+        used = is_valid & (off < _OUTLIER * self.sigma * 1.5)
+        J = J[used].reshape(-1, 6)
+        covariance = ALIKE * np.linalg.pinv(J.T @ J / self.sigma**2, hermitian=True)
         residual = float(np.median(off)) / 1.1774
-        R, p = scene.R[place], scene.p[place]
-        return Located(R, p, covariance, int(used.sum()), n, residual)
+        return Located(R, p, covariance, int(used.sum()), len(common), residual)
 
     # the oldest
 
@@ -354,12 +353,10 @@ class KeyframeWindow:
             return None
         oldest, newest = self.frames[0], self.newest
         scene, sightings = self.scene(), self.sightings()
-        last = len(self.frames) - 1
         hosted = scene.host == 0
-        part = sightings.chosen(hosted[sightings.point] & (sightings.view != last))
         ids = self.points.ids[hosted]
-        number = np.cumsum(hosted) - 1
-        part = part._replace(point=number[part.point])
+        part = sightings[:, hosted]
+        part[-len(self.cameras) :] = np.nan  # the newest keyframe goes on with these points
         few = BundleScene(scene.R, scene.p, scene.host[hosted], scene.points[hosted], self.cameras)
         kept = [one for one in self.distances if oldest.key not in one[:2]]
         self.distances = [one for one in self.distances if oldest.key in one[:2]]
@@ -427,6 +424,20 @@ class KeyframeWindow:
             self.prior.p = self.prior.p + by
             self.prior.H = back.T @ self.prior.H @ back
             self.prior.g = back.T @ self.prior.g
+
+
+def _orthogonal(R: Floats) -> Floats:
+    """Rotations (..., 3, 3) without errors of rounding, which would double from image to image."""
+    U, _, Vt = np.linalg.svd(R)
+    found: Floats = U @ Vt
+    return found
+
+
+def _by_pose(points: Floats, R: Floats, p: Floats, rays: Floats) -> tuple[Floats, Floats, Mask]:
+    """Residuals (N, 2) of one view, their derivatives (N, 2, 6), and which are valid (N,)."""
+    r, depth, is_valid = project(points, R[None], p[None], rays)
+    expected = np.where(is_valid[..., None], rays - r, 0.0)
+    return r[0], by_twist(points, R[None], expected, depth)[0], is_valid[0]
 
 
 def _cauchy(residuals: Floats, sigma: float) -> Floats:
