@@ -1,4 +1,4 @@
-"""A node with a memory and a choice: what has changed since the frame before?
+"""A node with a memory and a choice: what has changed since the previous frame?
 
 ros-visualise demo --node examples/03_frame_difference.py:FrameDifference@fps_control
 """

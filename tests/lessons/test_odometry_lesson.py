@@ -130,7 +130,7 @@ def is_true_of_flow(text, seen, last):
         *grays, start, None, winSize=(21, 21), maxLevel=4, criteria=(3, 20, 0.03)
     )
     far = np.linalg.norm((there - start)[:, 0], axis=1)
-    count, median, most = shown(text, "N corners of the picture before are found") + shown(
+    count, median, most = shown(text, "N corners of the previous picture are found") + shown(
         text, "moved by N pixels in the median, N at most"
     )
     assert count == len(far)

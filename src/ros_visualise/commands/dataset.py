@@ -27,7 +27,7 @@ class DatasetOptions:
         type=not_negative,
         metavar="SHARE",
     )
-    every: int = option(1, "only each N-th image with detections", type=count, metavar="N")
+    every: int = option(1, "only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
         "for lerobot, the topic of commands, kept by the batch's --fields '/cmd_vel.*' (default:"

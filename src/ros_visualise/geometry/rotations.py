@@ -24,7 +24,7 @@ def normalise(quat_xyzw: npt.ArrayLike) -> Floats:
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     if not (np.isfinite(norm) & (norm > 1e-9)).all():
         raise ValueError(
-            "a quaternion of zeros, or with a value that is not a number, is no rotation"
+            "a quaternion of zeros, or with a value that is not a number, is not a rotation"
         )
     unit: Floats = quat / norm
     return unit

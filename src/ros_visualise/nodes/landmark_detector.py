@@ -1,4 +1,4 @@
-"""The node that detects objects by a neural network, and their directions."""
+"""The node that detects objects with a neural network, and their directions."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class LandmarkParams:
     calibrated=True,
 )
 class LandmarkDetector:
-    """Detects objects by a neural network (ONNX), and their directions if calibrated."""
+    """Detects objects with a neural network (ONNX), and their directions if calibrated."""
 
     def __init__(self, params: LandmarkParams) -> None:
         self._remarks = OnceLog("landmark_detector")

@@ -36,7 +36,7 @@ class MavlinkVehicleParams:
     splittable=False,
 )
 class MavlinkVehicle:
-    """Lets ground stations and companion computers find a flying robot as a PX4, and fly it.
+    """Presents a flying robot as a PX4, which ground stations and companion computers find and fly.
 
     It is for simulated robots: a robot that follows the velocities of ``cmd_vel`` does what PX4's
     modes would do, by its own odometry. While it is disarmed, it publishes none.

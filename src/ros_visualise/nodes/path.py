@@ -78,7 +78,7 @@ class PathParams:
     splittable=False,
 )
 class PathNode:
-    """The path of a robot; it begins anew when time jumps or the frame changes.
+    """The path of a robot; it starts over when time jumps or the frame changes.
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.

@@ -49,8 +49,8 @@ class TagParams(PoseParams):
     )
     search_every: int = param(
         1,
-        "interval of images that are searched as a whole, the others only around the last tags;"
-        " 1 is every image; 5 is faster, for video",
+        "search every n-th image as a whole, the others only around the last tags; 1: all of them;"
+        " 5 is faster, for video",
         min=1,
         max=100,
         slider=(1, 30),

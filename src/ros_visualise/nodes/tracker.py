@@ -72,8 +72,8 @@ class TrackerParams:
     )
     coast: float = param(
         0.3,
-        "time for which an object that is no longer detected is published where it is expected,"
-        " seconds",
+        "time for which an object that is no longer detected is still published, where it is"
+        " predicted to be, seconds",
         min=0,
         max=60,
         slider=(0, 2),

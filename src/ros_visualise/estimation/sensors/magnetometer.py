@@ -47,7 +47,7 @@ class MagnetometerErrorParams:
     )
     magnetometer_disturbance: float = param(
         10.0,
-        "slow error of the heading, by iron nearby (standard deviation), degrees",
+        "slow heading error from iron nearby (standard deviation), degrees",
         min=0.01,
         max=180,
         slider=(0, 45),

@@ -133,7 +133,7 @@ LESSON = Lesson(
                 "vng",
                 """
         Variable number of gradients (Chang, Cheung, Pang, 1999): it measures how much the picture
-        changes in eight directions, and takes means only along those with little change.
+        changes in eight directions, and averages only along those with little change.
         """,
             ),
             "mosaic",

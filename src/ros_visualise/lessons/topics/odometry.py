@@ -143,11 +143,11 @@ class Corners:
 
 @node("flow", inputs=TAKES, outputs=GIVES)
 def flow(image: Image, params: object) -> dict[str, Message]:
-    """Optical flow: where the corners of the picture before are now."""
+    """Optical flow: where the corners of the previous picture are now."""
     seen = work_of(image, _Seen)
     found = seen.followed
     if seen.before is None or not len(found.ids):
-        why = _ONE if seen.before is None else "No corner of the picture before is found here."
+        why = _ONE if seen.before is None else "No corner of the previous picture was found here."
         return show(image, draw_dots(seen.bgr, found.pixels_uv), why)
     moved = found.pixels_uv - found.before_uv
     far = np.hypot(*moved.T)
@@ -164,8 +164,8 @@ def flow(image: Image, params: object) -> dict[str, Message]:
         This holds for motions of about a pixel. So it is done in small copies of the picture first,
         and repeated. The fastest corner, at ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels;
         the equations alone, once, give ({first_u:.1f}, {first_v:.1f}). Each corner is also followed
-        back: what does not return to where it began is dropped. {count} corners of the picture
-        before are found in this one (arrows{times}), and moved by {median:.1f} pixels in the
+        back: what does not return to where it began is dropped. {count} corners of the previous
+        picture are found in this one (arrows{times}), and moved by {median:.1f} pixels in the
         median, {most:.1f} at most.
         """
     times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
@@ -354,7 +354,7 @@ class Drift:
         half = int(np.searchsorted(ways, ways[-1] / 2))
         middle, last = (_deviations(self._poses[n]) for n in (half, -1))
         text = """
-            Each step is a little wrong, and begins where the one before has ended: the errors add
+            Each step is a little wrong, and begins where the previous one ended: the errors add
             up. To keep them small, corners are followed through many pictures, and the views that
             see the same corners (keyframes) are fitted together. What is left grows, and its
             covariance with it. Lengths are in units of the first step.
@@ -409,13 +409,13 @@ _REASONS = {
     "waiting for motion": "The camera is at rest, or only turns: its way and all depths stay "
     "unknown.",
     "too few corners": "Too few corners are found again for a motion.",
-    "things move in most of the image": "Things move in most of the picture, each in its own way: "
-    "that is no motion of the camera.",
+    "things move in most of the image": "Things move in most of the picture, each in its own way, "
+    "so it is not the camera that moves.",
 }
 
 
 def _reason(why: str) -> str:
-    return _REASONS.get(why, f"No motion of the camera is found: {why}.")
+    return _REASONS.get(why, f"No motion of the camera was found: {why}.")
 
 
 def _is_common(first: _View, now: _View) -> bool:

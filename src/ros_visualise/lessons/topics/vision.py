@@ -96,7 +96,7 @@ def activations(image: Image, params: object) -> dict[str, Message]:
 
             y = max(0, b + Σ w (x − ½))
 
-        In each map white is its own maximum. Kernel {most} answers at {share:.0f} % of the places,
+        White is the maximum of each map. Kernel {most} answers at {share:.0f} % of the places,
         more than any other; kernel {least} at {rare:.1f} %, fewer than any other; {silent} of
         {count} kernels answer nowhere.
         """
