@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import UsageError
-from ros_visualise.data import Floats, Header, PoseStamped
+from ros_visualise.data import Floats, Header, Imu, PoseStamped
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.controls import SceneControls, notes
@@ -133,7 +133,7 @@ class ShownScene:
             "missing": [
                 f"{topic}: {why}"
                 for topic, why in scene.problems.items()
-                if kinds.get(topic) not in CAMERAS  # they have panels of their own
+                if kinds.get(topic) not in (*CAMERAS, Imu)  # there is little to see of these
             ],
         }
 
