@@ -14,15 +14,15 @@ from ros_visualise.messages.recorded import TopicType, content
 _ALWAYS = (CameraInfo.type_name, ParameterEvent.type_name)
 
 
-def says(topic: str, message: Any) -> list[tuple[str, ...]]:
+def replaced(topic: str, message: Any) -> list[tuple[str, ...]]:
     """Keys of the messages that a message replaces: its topic, for transforms also the frames."""
-    return _says(topic, _content(message))
+    return _replaced(topic, _content(message))
 
 
-def _says(topic: str, said: Any) -> list[tuple[str, ...]]:
-    if not isinstance(said, Transforms):
+def _replaced(topic: str, decoded: Any) -> list[tuple[str, ...]]:
+    if not isinstance(decoded, Transforms):
         return [(topic,)]
-    return [(topic, one.child_frame_id) for one in said.transforms]
+    return [(topic, one.child_frame_id) for one in decoded.transforms]
 
 
 def _content(message: Any) -> Any:
@@ -34,7 +34,7 @@ def _content(message: Any) -> Any:
 
 
 class Latched:
-    """Keeps what holds until something newer is said: what is latched, frames that do not move,
+    """Keeps what holds until something newer comes: what is latched, frames that do not move,
     calibrations, and all parameters.
     """
 
@@ -43,7 +43,7 @@ class Latched:
         self._last: dict[tuple[str, ...], Any] = {}
 
     def add(self, topic: str, kind: TopicType) -> None:
-        """Follow a topic, if what it says lasts."""
+        """Follow a topic, if its messages hold later too."""
         if kind.qos.transient_local or is_static(topic) or kind.name in _ALWAYS:
             self._topics.add(topic)
 
@@ -51,11 +51,11 @@ class Latched:
         """Keep a message in place of what it replaces."""
         if topic not in self._topics:
             return
-        said = _content(message)
-        if isinstance(said, ParameterEvent):
-            self._keep_parameters(topic, said)
+        decoded = _content(message)
+        if isinstance(decoded, ParameterEvent):
+            self._keep_parameters(topic, decoded)
             return
-        for key in _says(topic, said):
+        for key in _replaced(topic, decoded):
             self._last.pop(key, None)  # the newest comes last
             self._last[key] = message
 

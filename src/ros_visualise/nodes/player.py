@@ -45,7 +45,7 @@ class Player:
         playback.step_topics = tuple(topics)
         self._moved: Any = None
         self._playable = self._placed(params)
-        self._say_gaps(self._playable.time.gaps_ns)
+        self._report_gaps(self._playable.time.gaps_ns)
         playback.check_start(self._playable.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
@@ -103,7 +103,7 @@ class Player:
         except DamagedMessage:
             return entry.message  # its decoder reports it
 
-    def _say_gaps(self, gaps_ns: Sequence[int]) -> None:
+    def _report_gaps(self, gaps_ns: Sequence[int]) -> None:
         if not gaps_ns:
             return
         lengths = _listed([_length(gap_ns) for gap_ns in gaps_ns])

@@ -98,7 +98,7 @@ def recording(
             return recording_pipeline(opened, topics, *chosen)
         joined = undo.enter_context(closing(open_joined([Path(one) for one in (path, *more)])))
         moved = dict(zip(joined.names, read_offsets(offsets, joined), strict=True))
-        _say_alignment(joined, moved)
+        _report_alignment(joined, moved)
         graph = recording_pipeline(joined, topics, *chosen)
         return graph.configured({"player": moved})
 
@@ -106,7 +106,7 @@ def recording(
     return Selection(name, graph, path, tuple(more), is_recording=True)
 
 
-def _say_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> None:
+def _report_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> None:
     parts = zip(joined.names, joined.paths, joined.is_aligned, joined.frames, strict=True)
     for name, path, is_aligned, frames in parts:
         how = "placed by its stamps" if is_aligned else "starts with the others"

@@ -13,7 +13,7 @@ from typing import Any
 from ros_visualise.core.errors import DamagedMessage, OpenError, UsageError, did_you_mean
 from ros_visualise.core.printing import counted
 from ros_visualise.data import Image
-from ros_visualise.messages.latched import says
+from ros_visualise.messages.latched import replaced
 from ros_visualise.sinks import Profile, Recorder, encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sources.recordings import Entry, Recording
@@ -241,7 +241,7 @@ def _latched_before(recording: Recording, topics: Collection[str], start_ns: int
     last: dict[tuple[str, ...], Entry] = {}
     with closing(recording.read(None, start_ns, latched)) as entries:
         for entry in entries:
-            last.update(dict.fromkeys(says(entry.topic, entry.message), entry))
+            last.update(dict.fromkeys(replaced(entry.topic, entry.message), entry))
     kept = {id(entry): entry for entry in last.values()}.values()
     return sorted(kept, key=lambda entry: entry.stamp_ns)
 

@@ -291,7 +291,7 @@ class LiveCamera:
                     now_ns = self._clock.now_ns()
                     self._steady.of(now_ns, self._clock.monotonic_ns())
                     if self._steady.step_ns:
-                        self._say_step(self._steady.step_ns / 1e9)
+                        self._report_step(self._steady.step_ns / 1e9)
                         stamps = CaptureStamps(self._address)
                     self._publish(stamps.of(frame, now_ns), frame)
         except OpenError as error:
@@ -324,7 +324,7 @@ class LiveCamera:
             self._reported = False
             self._changed.notify_all()
 
-    def _say_step(self, step_s: float) -> None:
+    def _report_step(self, step_s: float) -> None:
         way = "ahead" if step_s > 0 else "back"
         log.warning("%s: the clock was set %s by %.1f s", self._name, way, abs(step_s))
 

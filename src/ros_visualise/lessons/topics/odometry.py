@@ -270,7 +270,9 @@ class Epipolar:
 class ScaleParams:
     """Another size of the world."""
 
-    factor: float = param(2.0, "how much larger the world is", min=0.1, max=10, slider=(0.2, 5))
+    factor: float = param(
+        2.0, "size of the world relative to the true one", min=0.1, max=10, slider=(0.2, 5)
+    )
 
 
 @node("scale", params=ScaleParams, inputs=TAKES, outputs=GIVES)

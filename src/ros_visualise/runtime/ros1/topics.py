@@ -149,7 +149,7 @@ class Ros1Subscriber:
         refuse: Callable[[str], None] | None = None,
     ) -> None:
         self.name = str(rospy.resolve_name(topic))
-        self._refuse = refuse or partial(_say_refused, self.name)
+        self._refuse = refuse or partial(_report_rejected, self.name)
         with get_topic_manager().lock:
             ours = _provide(Registration.SUB, topic, message_class)
             self._refusers = get_topic_manager().subs[self.name].refusers if ours else []
@@ -281,7 +281,7 @@ def _fits() -> bool:
     return all(there)
 
 
-def _say_refused(topic: str, why: str) -> None:
+def _report_rejected(topic: str, why: str) -> None:
     rospy.logwarn_throttle(_SAY_AGAIN_S, f"{topic}: {why}")
 
 

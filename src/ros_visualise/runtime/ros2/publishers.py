@@ -102,7 +102,7 @@ class Ros2Publisher:
         is_large = room < type.qos.depth
         depth = _LARGE_DEPTH if is_large else type.qos.depth
         events = PublisherEventCallbacks(
-            incompatible_qos=lambda _: session.start(f"{self.name} QoS", self._say_why),
+            incompatible_qos=lambda _: session.start(f"{self.name} QoS", self._report_why),
             use_default_callbacks=False,
         )
         with overridden(session.node, self.name, "publisher") as overrides:
@@ -179,7 +179,7 @@ class Ros2Publisher:
             begin = end
         return self._buffer[:size]
 
-    def _say_why(self) -> None:
+    def _report_why(self) -> None:
         """Warn, once for each, of subscribers that get nothing."""
         publishers, subscribers = self._named_ends()
         node = self._node.get_fully_qualified_name()

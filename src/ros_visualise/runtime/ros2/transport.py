@@ -86,9 +86,9 @@ class Look:
             ends = frozenset(publishers[topic]), frozenset(subscribers[topic])
             if self._compared.get(topic) != ends:
                 self._compared[topic] = ends
-                self._say_clashes(topic)
+                self._report_clashes(topic)
 
-    def _say_clashes(self, topic: str) -> None:
+    def _report_clashes(self, topic: str) -> None:
         takers = self._node.get_subscriptions_info_by_topic(topic)
         for one in self._node.get_publishers_info_by_topic(topic):
             for other in takers:

@@ -166,7 +166,7 @@ class Connection:
                 self._hear(_SETTLED_S)
         except ConnectionClosed as error:
             raise Unreachable(self._reason(error)) from None
-        self._say_notes()
+        self._report_notes()
         if not self._dialect.channels:
             raise Unreachable("it offers no topics; start what publishes them")
 
@@ -215,7 +215,7 @@ class Connection:
         assert self._socket is not None
         for frame in self._dialect.follow(self._wanted):
             self._socket.send(frame)
-        self._say_notes()
+        self._report_notes()
 
     def _hear(self, timeout_s: float) -> None:
         """Take the next frame, if one comes in time."""
@@ -230,7 +230,7 @@ class Connection:
         except DamagedMessage as error:
             with self._changed:
                 self._dropped["damaged"] += 1
-            self._say(f"a message was dropped: {error}")
+            self._report(f"a message was dropped: {error}")
             return
         if found is not None:
             self._put(found)
@@ -249,16 +249,16 @@ class Connection:
             self._is_lost = False
             log.info("%s: connection restored", self.name)
 
-    def _say_notes(self) -> None:
+    def _report_notes(self) -> None:
         assert self._dialect is not None
         for note in self._dialect.notes:
-            self._say(f"the server reports: {note}")
+            self._report(f"the server reports: {note}")
         self._dialect.notes = []
         late = self._dialect.channels.keys() - self.channels.keys()
         if self.channels and late:
-            self._say(f"new topics, not shown: {', '.join(sorted(late)[:3])}; open it again")
+            self._report(f"new topics, not shown: {', '.join(sorted(late)[:3])}; open it again")
 
-    def _say(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         """Log a text, once."""
         if text not in self._said and len(self._said) < _MOST_NOTES:
             self._said.add(text)

@@ -53,17 +53,17 @@ class MapHub:
                 feed.follow(None)
 
     async def _send_all(self, send: Send, feeds: dict[str, Feed]) -> None:
-        async def say(**message: object) -> None:
+        async def send_json(**message: object) -> None:
             await send({"type": "websocket.send", "text": json.dumps(message)})
 
-        await say(tiles=self.tiles)
+        await send_json(tiles=self.tiles)
         runtime: Runtime | None = None
         while True:
             topics = _topics(self._runtime.graph) if self._runtime else []
             gone = [topic for topic in feeds if topic not in topics or runtime is not self._runtime]
             for topic in gone:
                 feeds.pop(topic).follow(None)
-                await say(topic=topic, geojson=None)
+                await send_json(topic=topic, geojson=None)
             runtime = self._runtime
             for topic in topics:
                 if runtime is not None and topic not in feeds:
@@ -74,7 +74,7 @@ class MapHub:
                 if isinstance(message, Text):
                     text = message.text
                     found = read_object(text) if len(text) <= _LONGEST else None
-                    await say(topic=topic, geojson=found)
+                    await send_json(topic=topic, geojson=found)
             await asyncio.sleep(_PERIOD_S)
 
 

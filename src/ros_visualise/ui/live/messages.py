@@ -62,7 +62,7 @@ class MessageHub:
             await browser.offer()
             text = await self._pool.do(browser.text)
             if text:
-                await browser.say(text)
+                await browser.send_text(text)
             await wait(browser.news, _PERIOD_S)
 
 
@@ -112,9 +112,9 @@ class _MessageReader:
         if graph is not self._offered:
             self._offered = graph
             topics = {} if graph is None else {n: one.ros.name for n, one in graph.topics.items()}
-            await self.say(json.dumps({"topics": topics}))
+            await self.send_text(json.dumps({"topics": topics}))
 
-    async def say(self, text: str) -> None:
+    async def send_text(self, text: str) -> None:
         await self._send({"type": "websocket.send", "text": text})
 
     def text(self) -> str:

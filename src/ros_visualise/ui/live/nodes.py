@@ -126,7 +126,7 @@ class NodesHub:
         self._reading: dict[Visitor, frozenset[str]] = {}
         self._feeds: dict[str, Feed] = {}
         self._following = threading.RLock()
-        self._worker = PageWorker(self._notices.say, self._tick, _PERIOD_S)
+        self._worker = PageWorker(self._notices.note, self._tick, _PERIOD_S)
         logging.getLogger("ros_visualise").addHandler(self._notices)
 
     def show(self, runtime: Runtime | None) -> None:
@@ -191,7 +191,7 @@ class NodesHub:
                 after[node] = {n: value for n, value in new.items() if old.get(n) != value}
         except RosVisualiseError as error:
             reason = str(error)
-            self._notices.say(reason)
+            self._notices.note(reason)
         for node in after:
             self._show(node)
         answer = {"done": request.number, "reason": reason, "after": after}
@@ -294,7 +294,7 @@ class NodesHub:
                     try:
                         self._update(node, {name: value})
                     except ParameterError as error:
-                        self._notices.say(str(error))
+                        self._notices.note(str(error))
 
     def _restore_range(self) -> None:
         playback = self._playback
@@ -306,7 +306,7 @@ class NodesHub:
                 if value is not None:
                     set_part(playback, seconds_of(float(value)))
             except (ValueError, RosVisualiseError) as error:
-                self._notices.say(f"{_RANGE}/{name}: {error}")
+                self._notices.note(f"{_RANGE}/{name}: {error}")
 
     def _changed(self, node: str, *_: object) -> None:
         self._worker.post(("show", node), partial(self._show, node))

@@ -36,7 +36,7 @@ class Notices(logging.Handler):
         self._are_new = False
         self._noting = threading.Lock()
 
-    def say(self, text: str, level: str = "warning") -> None:
+    def note(self, text: str, level: str = "warning") -> None:
         """Note a line; the same one as before is counted."""
         with self._noting:
             self._count += 1
@@ -48,7 +48,7 @@ class Notices(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Note a logged warning or error."""
-        self.say(record.getMessage(), record.levelname.lower())
+        self.note(record.getMessage(), record.levelname.lower())
 
     def show(self, board: LiveBoard) -> None:
         """Send the lines if there are new ones."""

@@ -144,7 +144,7 @@ class _PlotReader:
             if followed.runtime.graph is not self._topics:
                 self._topics = followed.runtime.graph
                 topics = {name: one.ros.name for name, one in followed.runtime.graph.topics.items()}
-                await self._say({"topics": topics})
+                await self._send_json({"topics": topics})
             while self._questions:
                 await self._answer(followed, self._questions.pop(0))
             start_s = asyncio.get_running_loop().time()
@@ -157,21 +157,21 @@ class _PlotReader:
 
     async def _answer(self, followed: _Followed, question: Mapping[str, Any]) -> None:
         if isinstance(topic := question.get("fields"), str):
-            await self._say(await self._pool.do(partial(_fields, followed.curves, topic)))
+            await self._send_json(await self._pool.do(partial(_fields, followed.curves, topic)))
         elif (names := _names(question.get("csv"))) is not None:
             while await self._pool.do(partial(_is_loading, followed.curves, names)):
                 await asyncio.sleep(_WAIT_S)
             pieces = _table(followed.curves, names, *_span(question))
             while piece := await self._pool.do(partial(next, pieces, "")):
-                await self._say({"csv": piece})
-            await self._say({"csv": ""})
+                await self._send_json({"csv": piece})
+            await self._send_json({"csv": ""})
         elif (names := _names(question.get("curves"))) is not None:
             at_s = _number(question.get("at"))
             if at_s is not None:
                 values = await self._pool.do(partial(_values, followed.curves, names, at_s))
-                await self._say({"at": at_s, "values": values})
+                await self._send_json({"at": at_s, "values": values})
 
-    async def _say(self, message: Mapping[str, Any]) -> None:
+    async def _send_json(self, message: Mapping[str, Any]) -> None:
         text = json.dumps(message, allow_nan=False)
         await self._send({"type": "websocket.send", "text": text})
 

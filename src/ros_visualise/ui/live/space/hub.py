@@ -71,7 +71,7 @@ class SpaceHub:
             self._tell({})
             return
         self.shown = ShownScene(
-            runtime, self.tree, self.urdf, lambda: self.is_watched, self._say, self._tell
+            runtime, self.tree, self.urdf, lambda: self.is_watched, self._report, self._tell
         )
         self.apply(self._wanted)
 
@@ -131,7 +131,7 @@ class SpaceHub:
         with suppress(RuntimeError):  # the loop has ended
             self._loop.call_soon_threadsafe(action)
 
-    def _say(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self.on_loop(lambda: self._tell_all({"say": text}))
 
     def _tell(self, state: Mapping[str, Any]) -> None:
