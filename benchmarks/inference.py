@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.landmarks.networks import remote, session
-from ros_visualise.landmarks.networks.batches import run_together
+from ros_visualise.landmarks.networks.batches import Room, run_together
 from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, prepare
@@ -86,12 +86,13 @@ def rate(
     network: OnnxSession, inputs: Sequence[dict[str, Any]], batch: int, least_s: float
 ) -> float:
     """Images a second, each copied to the device and its results back."""
+    room: Room = {}
     for _ in range(2):
-        run_together(network, inputs[:batch], NAMES)
+        run_together(network, inputs[:batch], NAMES, room)
     count, start_s = 0, time.perf_counter()
     while time.perf_counter() - start_s < least_s:
         first = count % max(1, len(inputs) - batch + 1)
-        run_together(network, inputs[first : first + batch], NAMES)
+        run_together(network, inputs[first : first + batch], NAMES, room)
         count += batch
     return count / (time.perf_counter() - start_s)
 

@@ -89,7 +89,8 @@ class Work:
 
     def _on_device(self, graph: Graph) -> Graph:
         """The graph with its networks on the GPU, if asked for and where there is one."""
-        if not (is_served() or is_available(Provider(self.device))):
+        provider = Provider(self.device)
+        if provider is Provider.CPU or not (is_served() or is_available(provider)):
             return graph
         networks = [node.name for node in graph.nodes if hasattr(node.params, "provider")]
         return graph.configured({name: {"provider": self.device} for name in networks})

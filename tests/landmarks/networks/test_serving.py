@@ -140,9 +140,9 @@ def lost(reason):
 def test_images_of_several_clients_are_run_in_batches(server, own, monkeypatch):
     sizes = Counter()
 
-    def counted(session, several, names):
+    def counted(session, several, *others):
         sizes[len(several)] += 1
-        return run_together(session, several, names)
+        return run_together(session, several, *others)
 
     monkeypatch.setattr(serving, "run_together", counted)
     monkeypatch.setattr(serving, "_GATHER_S", 5.0)  # all come in time on any machine

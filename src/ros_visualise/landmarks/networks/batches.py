@@ -19,6 +19,9 @@ from ros_visualise.landmarks.networks.session import OnnxSession
 Inputs = Mapping[str, Any]
 """Name of an input -> array, for one image."""
 
+Room = dict[tuple[Any, ...], Any]
+"""Shape and type -> array."""
+
 Answer = list[Any] | RosVisualiseError
 """The outputs for one image, or why there are none."""
 
@@ -34,15 +37,19 @@ def group_of(session: OnnxSession, inputs: Inputs, names: Sequence[str]) -> Hash
 
 
 def run_together(
-    session: OnnxSession, several: Sequence[Inputs], names: Sequence[str]
+    session: OnnxSession, several: Sequence[Inputs], names: Sequence[str], room: Room | None = None
 ) -> list[Answer]:
     """The outputs of these names for each of several inputs of one group.
 
     If the network fails on all of them together, it gets one after the other.
+
+    Args:
+        room: memory for batches, filled and used again: a new one takes as long as copying to it.
     """
+    room = {} if room is None else room
     if len(several) > 1:
         try:
-            return [*_split(session, _run(session, several, names), names, len(several))]
+            return [*_split(session, _run(session, several, names, room), names, len(several))]
         except RosVisualiseError:
             pass  # such as not enough memory for so many, or one that it fails on
     return [_alone(session, one, names) for one in several]
@@ -64,16 +71,24 @@ def _alone(session: OnnxSession, inputs: Inputs, names: Sequence[str]) -> Answer
         return error
 
 
-def _run(session: OnnxSession, several: Sequence[Inputs], names: Sequence[str]) -> dict[str, Any]:
+def _run(
+    session: OnnxSession, several: Sequence[Inputs], names: Sequence[str], room: Room
+) -> dict[str, Any]:
     stacked = _stacked(session)
     inputs = {
-        name: np.concatenate([each[name] for each in several]) if name in stacked else one
+        name: _stack([each[name] for each in several], room) if name in stacked else one
         for name, one in several[0].items()
     }
     wanted = [*names]
     if any(one.name == IMAGE_NUMBERS for one in session.outputs) and IMAGE_NUMBERS not in wanted:
         wanted.append(IMAGE_NUMBERS)
     return dict(zip(wanted, session.run(inputs, wanted), strict=True))
+
+
+def _stack(arrays: Sequence[Any], room: Room) -> Any:
+    shape = (sum(len(one) for one in arrays), *arrays[0].shape[1:])
+    place = room.setdefault((shape, arrays[0].dtype), np.empty(shape, arrays[0].dtype))
+    return np.concatenate(arrays, out=place)
 
 
 def _split(

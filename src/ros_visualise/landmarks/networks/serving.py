@@ -20,7 +20,7 @@ from multiprocessing.reduction import recv_handle
 from typing import Any, NamedTuple
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.landmarks.networks.batches import Inputs, group_of, run_together
+from ros_visualise.landmarks.networks.batches import Inputs, Room, group_of, run_together
 from ros_visualise.landmarks.networks.remote import Opened, ServerAddress, SharedArray
 from ros_visualise.landmarks.networks.session import OnnxSession, Provider
 
@@ -64,6 +64,7 @@ class NetworkServer:
         self._clients: dict[Connection, _Client] = {}
         self._sessions: dict[tuple[Any, ...], OnnxSession] = {}
         self._waiting: list[_Request] = []
+        self._room: Room = {}
 
     def serve(self) -> None:
         """Serve until the process ends."""
@@ -145,7 +146,7 @@ class NetworkServer:
             inputs += inputs[-1:] * (size - len(batch))
             with suppress(OpenError):  # not enough memory for a copy
                 session = self._session(session.path, size)
-        answers = run_together(session, inputs, names)
+        answers = run_together(session, inputs, names, self._room)
         for one, answer in zip(batch, answers, strict=False):
             try:
                 one.client.send(answer)
