@@ -26,7 +26,8 @@ TURNS = re.compile(
     | before\ the\ camera | has\ no\ place | is\ for\ a\ map | or\ then | with\ nothing\ to\ hand
     | cannot\ be\ (theirs|its|their\ own) | mend(ed|s)? | here\ is\ no | (is|are)\ gone
     | wishes | would\ have\ it | at\ hand | to\ be\ had | is\ wanted\ of | is\ taken\ for
-    | is\ no\ (number|field|pressure|image) | only\ looks | the\ present\ one | as\ asked
+    | is\ no\ (number|field|pressure|image|rotation) | only\ looks | the\ present\ one | as\ asked
+    | picture\ before | that\ is\ said | there\ twice | each\ n-th
     | opens\ no\ files | takes\ no\ messages | of\ air
     | as\ it\ (stands|comes) | as\ they\ (stand|come) | takes\ up | lets?\ go
     )\b""",

@@ -34,7 +34,7 @@ class DatasetSource:
         results: folder of a batch.
         validation: share of the recordings for validation; with two recordings or more at least
             one, unless it is 0.
-        every: of the images with detections each n-th.
+        every: of the images with detections every n-th.
         action: topic in the table of fields whose numbers are the actions of a robot; empty: the
             velocities of the poses.
     """

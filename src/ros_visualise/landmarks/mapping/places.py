@@ -1,6 +1,6 @@
 """Tags that are at several places in a recording, and surveyed tags that are elsewhere.
 
-A tag that was moved, or an id that is there twice, ties distant parts of a map together, and all
+A tag that was moved, or a duplicate id, ties distant parts of a map together, and all
 that hangs by it alone is wrong with it, without any contradiction in one image. But loops through
 it do not close. So each tag that many such loops contain is tried as several tags, one for each
 time that it was in sight; the times at which it was at the same place are joined again. And each

@@ -23,7 +23,7 @@ Room = dict[tuple[Any, ...], Any]
 """Shape and type -> array."""
 
 Answer = list[Any] | RosVisualiseError
-"""The outputs for one image, or why there are none."""
+"""The outputs for one image, or the error in place of them."""
 
 
 def group_of(session: OnnxSession, inputs: Inputs, names: Sequence[str]) -> Hashable:

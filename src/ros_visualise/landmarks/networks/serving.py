@@ -3,8 +3,8 @@
 GPUs prepare anew for each size of a batch. So there a batch is filled up to the next power of two,
 and each size has a copy of the network that is ready for it.
 
-It has one thread, so that it answers to nothing while a network hangs: whoever started it sees that
-by a ``ping``, and ends it.
+It has one thread, so that it answers nothing while a network hangs: the process that started it
+sees that by a ``ping``, and ends it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class _Request(NamedTuple):
 
 @dataclass
 class _Client:
-    """What a client has opened and shared."""
+    """The networks and memory that a client has opened and shared."""
 
     session: OnnxSession | None = None
     memory: mmap.mmap | None = None

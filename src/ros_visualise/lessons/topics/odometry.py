@@ -59,7 +59,7 @@ class FilmParams:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A picture without distortion, its corners, and the picture before."""
+    """A picture without distortion, its corners, and the previous picture."""
 
     bgr: Pixels
     gray: Pixels
