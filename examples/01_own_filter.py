@@ -1,4 +1,4 @@
-"""A filter of your own. Its slider, its flag and its topic come from this declaration:
+"""A filter of your own. Its slider, its option and its topic come from this declaration:
 
 ros-visualise demo --node examples/01_own_filter.py:posterize --set posterize.levels=3
 """

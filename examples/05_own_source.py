@@ -1,4 +1,4 @@
-"""A source of your own with an action: a ball that bounces. 21_own_page.py shows it.
+"""A source of your own with an action: a ball that bounces. 21_own_page.py opens a page with it.
 
 On a ROS graph the action is a service, /ball/kick:
 

@@ -1,7 +1,7 @@
 """Try the precision landing of PX4 or ArduPilot in simulation (SITL), with a target at any place.
 
-The vehicle is armed, takes off, and is sent the place of a target 3 m east and 2 m north of it.
-Start a simulation as docs/howto/land-in-sitl.md says. Without one this says that it was not run:
+The vehicle is armed, takes off, and is sent the position of a target 3 m east and 2 m north of it.
+Start a simulation as docs/howto/land-in-sitl.md says. Without one the script prints NOT RUN:
 
 python examples/22_land_in_sitl.py --address udp://:14540 --wait 1
 """
