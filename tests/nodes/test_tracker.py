@@ -110,7 +110,7 @@ def test_traffic_with_misses_false_detections_and_uneven_times():
 
 
 def test_an_id_lasts_through_two_seconds_without_detections():
-    run = Run()
+    run = Run(coast=0.3)
     for k in range(20):
         before = run.step(40 * k, box(100 + 4 * k, 100))
     for k in range(20, 70):
@@ -141,6 +141,34 @@ def test_low_scores_continue_tracks_and_begin_none():
     for k in range(8, 12):
         assert [*run.step(40 * k, box(101, 100, score=0.2))] == ["1"]
     assert run.step(480, box(101, 100, score=None))["1"].hypotheses == ()  # none is certain
+
+
+def test_who_leaves_the_image_takes_its_id_along():
+    run, info, ids = Run(coast=0.0), CameraInfo(480, 640, K), []
+    for k in range(60):
+        left = 560 + 4 * k  # its left side; the image shows what is before 640
+        width = min(60, 639.5 - left)
+        several = [Detection(np.array([left + width / 2, 100]), np.array([width, 60]))]
+        enters = 639.5 - 4 * max(k - 22, 0)  # another one comes in where it left
+        if k > 24:
+            size = np.array([min(60, 639.5 - enters), 60])
+            several.append(Detection(np.array([enters + size[0] / 2, 100]), size))
+        ids.append(run.step(40 * k, *several[k > 18 :], camera_info=info))
+    assert [*ids[15]] == ["1"]
+    assert [*ids[59]] == ["2"]
+
+
+def test_detections_beside_the_image_have_ids_too():
+    run, info = Run(), CameraInfo(48, 64, K)  # calibrated at another size
+    for k in range(60):
+        last = run.step(40 * k, box(300, 200), camera_info=info)
+    assert [*last] == ["1"]
+
+
+def test_weak_detections_in_a_row_begin_a_track():
+    run = Run()
+    seen = [len(run.step(40 * k, box(100, 100, score=0.4))) for k in range(6)]
+    assert seen == [0, 0, 0, 0, 1, 1]
 
 
 def test_an_object_turns_back():

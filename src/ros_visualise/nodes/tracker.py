@@ -26,10 +26,11 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.networks.finding import GroundPoint
+from ros_visualise.landmarks.tracking.borders import clipped, in_view
 from ros_visualise.landmarks.tracking.camera_motion import ImageMotion, ground_motion
 from ros_visualise.landmarks.tracking.counting import CountingLine, CountingZone, parse_shapes
 from ros_visualise.landmarks.tracking.drawing import draw_tracks, ground_markers, on_ground
-from ros_visualise.landmarks.tracking.tracker import ByteTracker, TrackingRules
+from ros_visualise.landmarks.tracking.tracker import STILL, ByteTracker, TrackingRules
 from ros_visualise.landmarks.tracking.tracks import Numbers
 from ros_visualise.nodes import Exact, node
 from ros_visualise.vision import color
@@ -54,7 +55,11 @@ class TrackerParams:
     """Parameters of `tracker`."""
 
     high_score: float = param(
-        0.5, "lowest score of a detection that begins a track, 0 to 1", min=0, max=1
+        0.5,
+        "lowest score of a detection that begins a track, 0 to 1; those above the middle of"
+        " low_score and high_score count less",
+        min=0,
+        max=1,
     )
     low_score: float = param(
         0.1,
@@ -71,7 +76,7 @@ class TrackerParams:
         slider=(0, 10),
     )
     coast: float = param(
-        0.3,
+        0.4,
         "time for which an object that is no longer detected is still published, where it is"
         " predicted to be, seconds",
         min=0,
@@ -231,12 +236,13 @@ class Tracker:
         info = detections.camera_info or (image.camera_info if image else None)
         H = self._camera_motion(detections.header, image, info, params, frames)
         self._stamp_ns = stamp_ns
+        size = _size(info or image, boxes)
         ids = self._tracker.step(
-            elapsed_ns, boxes, scores, np.array(numbers, np.int64), params.rules, H
+            elapsed_ns, boxes, scores, np.array(numbers, np.int64), params.rules, H, size
         )
         seen = [one.identified(str(id)) for one, id in zip(usable, ids.tolist(), strict=True) if id]
         self._remember(seen)
-        found = replace(detections, detections=(*seen, *self._coasting(info or image, params)))
+        found = replace(detections, detections=(*seen, *self._coasting(size, params)))
         return {
             "tracks": found,
             "counts": self._count(boxes[ids > 0], ids[ids > 0], detections.header),
@@ -264,18 +270,15 @@ class Tracker:
         kept = {id: one for id, one in self._last.items() if id in known}
         self._last = {**kept, **{one.id: one for one in seen}}
 
-    def _coasting(
-        self, size: CameraInfo | Image | None, params: TrackerParams
-    ) -> Iterator[Detection]:
+    def _coasting(self, size: tuple[int, int] | None, params: TrackerParams) -> Iterator[Detection]:
         """Objects that were detected shortly before, where they are expected in the image."""
         tracks = self._tracker.tracks
         waited_ns = self._tracker.now_ns - tracks.seen_ns
         is_due = (tracks.ids > 0) & (waited_ns > 0) & (waited_ns <= params.coast * 1e9)
         if size is not None:
-            is_due &= (
-                (tracks.boxes[:, :2] >= 0) & (tracks.boxes[:, :2] < (size.width, size.height))
-            ).all(1)
-        for id, box in zip(tracks.ids[is_due].tolist(), tracks.boxes[is_due], strict=True):
+            is_due &= in_view(tracks.boxes, size)
+        boxes = tracks.boxes[is_due] if size is None else clipped(tracks.boxes[is_due], size)
+        for id, box in zip(tracks.ids[is_due].tolist(), boxes, strict=True):
             last = self._last[str(id)]
             yield Detection(box[:2], box[2:], hypotheses=last.hypotheses, id=last.id)
 
@@ -287,18 +290,20 @@ class Tracker:
         params: TrackerParams,
         frames: FrameTree,
     ) -> Floats | None:
-        """Motion of pixels since the last image; None if it is unknown, or the camera is still.
+        """Motion of pixels since the last image; None if it is unknown.
 
         Raises:
             NoTransform: the pose is unknown, and the parameter asks for it.
         """
         former, self._pose = self._pose, self._pose_at(header, params, frames)
+        if params.camera_motion is CameraMotion.NONE:
+            return STILL
         if info is not None and self._pose is not None:
             self._motion.forget()
             if former is None:
                 return None
             return ground_motion(info.K, former, self._pose, params.ground_height)
-        if image is None or params.camera_motion in (CameraMotion.NONE, CameraMotion.ODOMETRY):
+        if image is None or params.camera_motion is CameraMotion.ODOMETRY:
             return None
         color.refuse_measurements(image.encoding)
         pixels = color.demosaiced(image.pixels, image.encoding)
@@ -374,6 +379,13 @@ def _usable(found: Detections) -> tuple[list[Detection], Floats]:
     boxes = found.boxes_uv
     rows = np.nonzero(np.isfinite(boxes).all(axis=1) & (boxes[:, 2:].min(axis=1, initial=1) > 0))[0]
     return [found.detections[row] for row in rows], boxes[rows]
+
+
+def _size(shown: CameraInfo | Image | None, boxes: Floats) -> tuple[int, int] | None:
+    """Width and height of the image; None if they are unknown, or do not hold the boxes (N, 4)."""
+    if shown is None or not in_view(boxes, (shown.width, shown.height)).all():
+        return None
+    return shown.width, shown.height
 
 
 def _ground_points(boxes: Floats, place: GroundPoint) -> Floats:

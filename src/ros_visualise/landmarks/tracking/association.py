@@ -19,12 +19,16 @@ def overlap(first: Floats, second: Floats, margins_uv: Floats) -> Floats:
 
     Source: Yang et al., Hard to track objects with irregular motions, 2023 (buffered IoU).
     """
-    grown = 2 * margins_uv
-    a, b = first[:, None, 2:] + grown[:, None], second[None, :, 2:] + grown[:, None]
-    apart = np.abs(first[:, None, :2] - second[None, :, :2])
-    common = np.clip(np.minimum((a + b) / 2 - apart, np.minimum(a, b)), 0, None).prod(axis=2)
-    shared: Floats = common / (a.prod(axis=2) + b.prod(axis=2) - common)
-    return shared
+    shared, whole_a, whole_b = np.ones((3, len(first), len(second)))
+    for axis in (0, 1):  # reductions over an axis of two cost more than the rest
+        grown = 2 * margins_uv[:, None, axis]
+        a = first[:, None, 2 + axis] + grown
+        b = second[None, :, 2 + axis] + grown
+        apart = np.abs(first[:, None, axis] - second[None, :, axis])
+        shared *= np.maximum(np.minimum((a + b) / 2 - apart, np.minimum(a, b)), 0)
+        whole_a *= a
+        whole_b *= b
+    return shared / (whole_a + whole_b - shared)
 
 
 def assign(costs: Floats, limit: float) -> tuple[Indices, Indices]:

@@ -23,7 +23,7 @@ _JITTER = 0.1  # sides/sqrt(s), random walk
 _MOVES = np.array([1.0, 1.0, 0.0, 0.0])  # the size has no velocity
 _SPEED = 2.0  # sides/s of an object seen once
 _EXPECTED = 4.0  # mean squared error of the four numbers of a box, normalized
-_MOST = 4.0  # times that noise
+_MOST = 5.0  # times that noise
 _LEAST_S = 1e-3
 
 
@@ -35,28 +35,31 @@ class Tracks:
         variances, covariances, rate_variances: (N, 4) of these.
         ids: (N,), from 1; 0 until confirmed.
         classes: (N,) numbers.
-        hits: number of detections.
+        evidence: number of detections; weak ones count less.
         seen_ns: time of the last one.
+        viewed_ns: time at which it was last expected within the image.
         trails: (N, T, 2) former centres, the newest first; NaN before the first.
     """
 
     def __init__(self) -> None:
         self.boxes, self.rates = np.zeros((0, 4)), np.zeros((0, 4))
         self.variances, self.covariances, self.rate_variances = np.zeros((3, 0, 4))
-        self.ids, self.classes, self.hits, self.seen_ns = np.zeros((4, 0), np.int64)
+        self.ids, self.classes, self.seen_ns, self.viewed_ns = np.zeros((4, 0), np.int64)
+        self.evidence = np.zeros(0)
         self.trails = np.zeros((0, _TRAIL, 2))
 
     def __len__(self) -> int:
         return len(self.ids)
 
-    def begin(self, boxes: Floats, classes: Numbers, now_ns: int) -> None:
+    def begin(self, boxes: Floats, classes: Numbers, evidence: Floats, now_ns: int) -> None:
         """Add tracks of boxes that were detected for the first time."""
-        one, side = np.ones(len(boxes), np.int64), _sides(boxes)
+        none, side = np.zeros(len(boxes), np.int64), _sides(boxes)
         zero, vague = np.zeros_like(boxes), (_SPEED * side) ** 2 * _MOVES
         trails = np.full((len(boxes), _TRAIL, 2), np.nan)
         trails[:, 0] = boxes[:, :2]
         seen = np.broadcast_to((_SEEN * side) ** 2, boxes.shape)
-        new = boxes, zero, seen, zero, vague, 0 * one, classes, one, now_ns * one, trails
+        now = none + now_ns
+        new = boxes, zero, seen, zero, vague, none, classes, now, now, evidence, trails
         for (name, rows), more in zip(vars(self).items(), new, strict=True):
             setattr(self, name, np.concatenate((rows, more)))
 
@@ -78,7 +81,9 @@ class Tracks:
         self.covariances = self.covariances + s * self.rate_variances + s**2 / 2 * q
         self.rate_variances = self.rate_variances + s * q
 
-    def update(self, rows: npt.NDArray[np.intp], boxes: Floats, now_ns: int) -> None:
+    def update(
+        self, rows: npt.NDArray[np.intp], boxes: Floats, evidence: Floats, now_ns: int
+    ) -> None:
         """Fuse detected boxes (M, 4), one for each of these tracks."""
         noise = (_SEEN * _sides(boxes)) ** 2
         variance, covariance = self.variances[rows], self.covariances[rows]
@@ -93,7 +98,7 @@ class Tracks:
         self.variances[rows] = (1 - gain) * variance
         self.rate_variances[rows] -= gain_of_rate * covariance
         self.covariances[rows] = (1 - gain) * covariance
-        self.hits[rows] += 1
+        self.evidence[rows] += evidence
         self.seen_ns[rows] = now_ns
         self.trails[rows, 1:] = self.trails[rows, :-1]
         self.trails[rows, 0] = self.boxes[rows, :2]
