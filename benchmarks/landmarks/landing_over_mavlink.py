@@ -1,6 +1,6 @@
 """Accuracy of precision landings of a vehicle that is guided over MAVLink, as a real one is.
 
-    python benchmarks/landmarks/landing_over_mavlink.py [--seeds 20] [--first 0] [--wind 6]
+    python benchmarks/landmarks/landing_over_mavlink.py [--seeds 20] [--wind 6] [--denied]
 
 Each landing is one command as a user types it, in real time: `sim quadrotor` with
 `--mavlink-vehicle`, found over UDP as a PX4 by two others. The one is `--mavlink` with the whole
@@ -8,6 +8,9 @@ chain: rendered images, `tag_detector`, `landing_target`, `autopilot`, LANDING_T
 a ground station of this script, by pymavlink, which arms it, takes off, flies to about the pad and
 changes the mode to precision landing. What is measured is where the middle of the quadrotor is from
 the middle of the pad when it has disarmed, by the truth in the recording.
+
+With `--denied` the vehicle has no GPS and an odometry that drifts: it flies by the poses that
+`landmark_navigator` sends it in ODOMETRY.
 """
 
 from __future__ import annotations
@@ -93,6 +96,10 @@ class Station:
         self._link.close()
 
 
+GUIDED = ["--set", "landing_target.autopilot=px4"]
+DENIED = ["--navigate", "--set", "mavlink_vehicle.gps=false"]
+
+
 class Landing(NamedTuple):
     """One landing: metres off, its duration by the vehicle's clock and by ours."""
 
@@ -118,7 +125,7 @@ def fly(seed: int, wind: float, folder: Path, more: list[str]) -> Landing:
     command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--world", "plane"]
     command += ["--seed", str(seed), "--view", "none", "--record", f"{record}@{TRUTH},{PAD}"]
     command += ["--overwrite", "--mavlink", f"udp://:{ports[0]}"]
-    command += ["--set", "landing_target.autopilot=px4", *more]
+    command += more
     for port in ports:
         command += ["--mavlink-vehicle", f"udpout://127.0.0.1:{port}"]
     for name, value in settings.items():
@@ -161,9 +168,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--wind", type=float, default=6.0)
+    parser.add_argument("--denied", action="store_true", help="no GPS; it flies by the navigator")
     parser.add_argument("--set", action="append", default=[])
     args = parser.parse_args()
-    more = [text for one in args.set for text in ("--set", one)]
+    more = DENIED if args.denied else GUIDED
+    more = [*more, *(text for one in args.set for text in ("--set", one))]
     landings = []
     for seed in range(args.first, args.first + args.seeds):
         with tempfile.TemporaryDirectory() as name:

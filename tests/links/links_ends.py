@@ -109,6 +109,7 @@ class Flyer:
         self.node, self.params = node, params
         self.at, self.velocity, self.yaw = np.array(start), np.zeros(3), 0.0
         self.modes = []
+        self.drift = np.zeros(3)  # of its odometry
         self._frames, self._stamp_ns = FrameTree(), 0
         self._twist = None
 
@@ -140,7 +141,9 @@ class Flyer:
         quat = rotations.from_rpy([0, 0, self.yaw])
         linear = rotations.to_matrix(quat).T @ self.velocity
         header = Header(self._stamp_ns, "odom")
-        odom = Odometry(self.at.copy(), quat, linear, child_frame_id="base_link", header=header)
+        odom = Odometry(
+            self.at + self.drift, quat, linear, child_frame_id="base_link", header=header
+        )
         answer = self.node.step(self.params, odom=odom, frames=self._frames) or {}
         self._twist = answer.get("cmd_vel")
         if "mode" in answer:

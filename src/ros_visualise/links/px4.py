@@ -30,6 +30,7 @@ from ros_visualise.links.px4_modes import (
     Px4Modes,
 )
 from ros_visualise.links.px4_telemetry import OwnTelemetry
+from ros_visualise.links.px4_vision import VisionAid, VisionPose
 from ros_visualise.links.wires import Peer
 
 RATES = {
@@ -76,18 +77,21 @@ class Px4Vehicle:
     Args:
         addresses: see `ros_visualise.links.wires`.
         system: its number.
+        has_gps: else it begins with EKF2_GPS_CTRL=0, and navigates by the poses that it is sent.
 
     Raises:
         OpenError: an address cannot be opened, or pymavlink is missing.
         UsageError: not an address.
     """
 
-    def __init__(self, addresses: Sequence[str], system: int) -> None:
+    def __init__(self, addresses: Sequence[str], system: int, has_gps: bool = True) -> None:
         self._dialect = dialect()
         self.system = system
         self._at_work = threading.RLock()
         self._sender = self._dialect.MAVLink(None, system, _COMPONENT)
         self._parameters = dict(PARAMETERS)
+        if not has_gps:
+            self._parameters["EKF2_GPS_CTRL"] = 0
         self._periods_s = {name: 1 / rate for name, rate in RATES.items()}
         self._measured_ns = self._beat_ns = 0
         self._said: set[str] = set()
@@ -102,6 +106,7 @@ class Px4Vehicle:
         with self._at_work:
             self._own = OwnTelemetry()
             self._modes = Px4Modes(self._parameters, self.say)
+            self._vision = VisionAid(self._parameters, self.say)
             self._due_s = dict.fromkeys(RATES, 0.0)
 
     def close(self) -> None:
@@ -132,6 +137,8 @@ class Px4Vehicle:
         with self._at_work:
             own = self._own
             own.measure(odometry, yaw)
+            if not self._has_gps:
+                self._navigate_by_vision()
             self._measured_ns = time.monotonic_ns()
             command = self._modes.step(NedState(own.time_s, own.position, own.velocity, own.rpy[2]))
             own.home = self._modes.home
@@ -142,6 +149,45 @@ class Px4Vehicle:
                     self._due_s[name] = due_s + period_s if late_s < period_s else own.time_s
                     self._send(*self._named(name))
             return None if command is None else self._twist(command)
+
+    @property
+    def _has_gps(self) -> bool:
+        return bool(self._parameters["EKF2_GPS_CTRL"])
+
+    @property
+    def _is_placed(self) -> bool:
+        """True if it knows its position."""
+        return self._own.is_known and (self._has_gps or self._vision.is_valid)
+
+    def _navigate_by_vision(self) -> None:
+        """Correct its odometry by the poses that it was sent; descend once they are too old."""
+        own, vision = self._own, self._vision
+        own.forget_earth()
+        if vision.follow(own.time_s, own.position, own.rpy[2]):
+            self._modes.lose_position()
+        own.correct(vision.yaw, vision.turned, vision.shift)
+        own.variances, own.resets = vision.variances, vision.resets
+
+    def _see(self, m: Any) -> None:
+        """Take a pose of ODOMETRY or VISION_POSITION_ESTIMATE."""
+        if self._has_gps:
+            return
+        covariance, yaw = getattr(m, "pose_covariance", None), getattr(m, "yaw", 0.0)
+        if covariance is None:
+            covariance = m.covariance
+        elif m.frame_id != _LOCAL_NED:
+            self._say_once(f"odometry: frame {m.frame_id} unsupported")
+            return
+        else:
+            w, x, y, z = m.q
+            yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        stamp_us = getattr(m, "time_usec", getattr(m, "usec", 0))
+        position = np.array([m.x, m.y, m.z])
+        pose = VisionPose(position, yaw, np.array(covariance), m.reset_counter, stamp_us)
+        vision = self._vision
+        before, heading = vision.here, vision.yaw
+        if vision.fuse(pose):
+            self._modes.shift(vision.here - before, vision.yaw - heading)
 
     def _twist(self, command: NedCommand) -> Twist:
         c, s = math.cos(self._own.rpy[2]), math.sin(self._own.rpy[2])
@@ -328,7 +374,7 @@ class Px4Vehicle:
             place = *level, m.z
         numbers = [m.param1, m.param2, m.param3, m.param4, *place]
         command, result, reason = _COMMANDS.get(m.command), _UNSUPPORTED, ""
-        if m.command in _FLYING and not self._own.is_known:
+        if m.command in _FLYING and not self._may_fly(m.command):
             result, reason = _DENIED, "no position estimate"
         elif command is not None:
             reason = command(self, numbers, m.frame if is_int else 0)
@@ -343,6 +389,10 @@ class Px4Vehicle:
         )
         name = self._asked_for(m.command, numbers) if result == _ACCEPTED else ""
         yield from self._named(name)
+
+    def _may_fly(self, command: int) -> bool:
+        """False if a command needs a position that is unknown; it can always descend."""
+        return self._is_placed or (self._own.is_known and command == _LAND)
 
     def _asked_for(self, command: int, numbers: list[float]) -> str:
         """Message that a command asks for, besides its acknowledgement."""
@@ -427,7 +477,8 @@ _COMMANDS: dict[int, Callable[[Px4Vehicle, list[float], int], str]] = {
     520: Px4Vehicle._nothing,
 }
 """MAV_CMD -> its method."""
-_FLYING = (20, 21, 22, 176, 192, 400)
+_LAND = 21
+_FLYING = (20, _LAND, 22, 176, 192, 400)
 """Commands that are denied without a position estimate."""
 _HANDLERS: dict[str, Callable[[Px4Vehicle, Any], Answers | None]] = {
     "HEARTBEAT": Px4Vehicle._hear_beat,
@@ -444,9 +495,11 @@ _HANDLERS: dict[str, Callable[[Px4Vehicle, Any], Answers | None]] = {
     "SET_POSITION_TARGET_LOCAL_NED": Px4Vehicle._follow_local,
     "SET_POSITION_TARGET_GLOBAL_INT": Px4Vehicle._follow_global,
     "LANDING_TARGET": Px4Vehicle._take_target,
+    "ODOMETRY": Px4Vehicle._see,
+    "VISION_POSITION_ESTIMATE": Px4Vehicle._see,
 }
 _BY_ESTIMATE = (
-    *("HEARTBEAT", "TIMESYNC", "LANDING_TARGET"),
+    *("HEARTBEAT", "TIMESYNC", "LANDING_TARGET", "ODOMETRY", "VISION_POSITION_ESTIMATE"),
     *("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"),
 )
 """Messages that are ignored without a position estimate."""

@@ -25,6 +25,12 @@ PARAMETERS: dict[str, float] = {
     "COM_DL_LOSS_T": 10,
     "COM_OBL_RC_ACT": 5,
     "COM_OF_LOSS_T": 1.0,
+    "EKF2_EVA_NOISE": 0.1,
+    "EKF2_EVP_GATE": 5.0,
+    "EKF2_EVP_NOISE": 0.1,
+    "EKF2_EV_DELAY": 0.0,
+    "EKF2_GPS_CTRL": 7,
+    "EKF2_NOAID_TOUT": 5_000_000,
     "MIS_TAKEOFF_ALT": 2.5,
     "MPC_LAND_SPEED": 0.7,
     "MPC_TKO_SPEED": 1.5,
@@ -192,6 +198,20 @@ class Px4Modes:
     def target(self, time_s: float, position: Floats) -> None:
         """Take the place of a landing target."""
         self._target = time_s, position
+
+    def shift(self, moved: Floats, turned: float) -> None:
+        """Follow a jump of the estimate, so that the vehicle stays where it is."""
+        goal = self._goal
+        self._goal = goal._replace(position=goal.position + moved, yaw=goal.yaw + turned)
+        self.home, self._ground = self.home + moved, self._ground + float(moved[2])
+        self._target = None
+        if self._now is not None:
+            self._now = self._now._replace(position=self._now.position + moved)
+
+    def lose_position(self) -> None:
+        """Descend, as the position is unknown."""
+        if not self.landed:
+            self._fall_back(Px4Mode.LAND, "position")
 
     def heard(self, time_s: float) -> None:
         """Take note that a ground station or a companion is there."""

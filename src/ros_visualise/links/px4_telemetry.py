@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,8 @@ class OwnTelemetry:
         position, velocity: north, east, down.
         quat_wxyz, rpy: attitude of forward, right, down in north, east, down.
         rates: about forward, right, down.
+        resets: number of jumps of its position.
+        variances: of north, east, down and heading, if another estimate gives them.
     """
 
     odometry: Odometry
@@ -48,6 +51,8 @@ class OwnTelemetry:
     def __init__(self) -> None:
         self.home: Floats = np.zeros(3)
         self.is_known = False
+        self.resets = 0
+        self.variances: Floats | None = None
         self._turn: Floats = np.eye(3)  # R_enu_odom
         self._imu: Imu | None = None
         self._fix: NavSatFix | None = None
@@ -81,6 +86,17 @@ class OwnTelemetry:
             fix = [self._fix.latitude, self._fix.longitude, self._fix.altitude]
             origin = LocalPlane(*fix).from_enu(-self._turn @ odometry.position_xyz)
             self._plane = LocalPlane(*origin.tolist())
+
+    def correct(self, yaw: float, turned: Callable[[Floats], Floats], shift: Floats) -> None:
+        """Turn its state by a heading, and shift it."""
+        self.position = turned(self.position) + shift
+        self.velocity = turned(self.velocity)
+        quat = rotations.multiply(rotations.from_rpy([0, 0, yaw]), np.roll(self.quat_wxyz, -1))
+        self.quat_wxyz, self.rpy = np.roll(quat, 1), rotations.to_rpy(quat).tolist()
+
+    def forget_earth(self) -> None:
+        """Know no positions on the Earth."""
+        self._plane = None
 
     def message(self, name: str) -> Any:
         """The message of that name; None if it is unknown, or not measured yet."""
@@ -119,6 +135,8 @@ class OwnTelemetry:
     def _odometry_message(self) -> Any:
         turned = np.kron(np.eye(2), self._turn) @ self.odometry.pose_covariance
         turned = SIX_ENU @ turned @ np.kron(np.eye(2), self._turn.T) @ SIX_ENU.T
+        if self.variances is not None:
+            turned[[0, 1, 2, 5], [0, 1, 2, 5]] = self.variances
         twist = np.kron(np.eye(2), np.diag((1.0, -1.0, -1.0)))
         speeds = twist @ self.odometry.twist_covariance @ twist.T
         return self._dialect.MAVLink_odometry_message(
@@ -131,7 +149,7 @@ class OwnTelemetry:
             *self.rates,
             turned[_UPPER].tolist(),
             speeds[_UPPER].tolist(),
-            0,
+            self.resets % 256,
             _AUTOPILOT,
         )
 

@@ -23,6 +23,11 @@ class MavlinkVehicleParams:
         restart=True,
     )
     system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)
+    gps: bool = param(
+        True,
+        "it has GPS; without it, it flies by the poses that it is sent (EKF2_GPS_CTRL is 0)",
+        restart=True,
+    )
     fixed_frame: str = param("map", "frame whose x axis points east; without it, that of odom does")
 
 
@@ -43,7 +48,7 @@ class MavlinkVehicle:
     """
 
     def __init__(self, params: MavlinkVehicleParams) -> None:
-        self._vehicle = Px4Vehicle(params.address.split(), params.system)
+        self._vehicle = Px4Vehicle(params.address.split(), params.system, params.gps)
         self._mode = ""
 
     def reset(self) -> None:
