@@ -112,5 +112,5 @@ def test_slerp_of_many_at_once_is_that_of_each():
 @pytest.mark.parametrize("name", ["normalise", "to_matrix", "to_rpy"])
 @pytest.mark.parametrize("broken", [[0, 0, 0, 0], [0, np.nan, 0, 1], [np.inf, 0, 0, 0]])
 def test_what_is_no_rotation_is_refused(name, broken):
-    with pytest.raises(ValueError, match="no rotation"):
+    with pytest.raises(ValueError, match="not a rotation"):
         getattr(rotations, name)([IDENTITY, broken])

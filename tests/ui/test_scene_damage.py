@@ -66,7 +66,7 @@ def test_a_pose_that_is_no_number_is_said(scene, look):
     assert "not a number" in scene.problems["/odom"]
     turned = Odometry(np.zeros(3), LEVEL * np.nan, header=Header(S, "odom"))
     draw(scene, odom=turned)
-    assert "no rotation" in scene.problems["/odom"]
+    assert "not a rotation" in scene.problems["/odom"]
 
 
 def test_odd_transforms_are_said_once_with_their_topic(scene, caplog):
