@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from visual_flight import HEIGHT, Flight
 
-from ros_visualise.data import Header, Image, Transforms, TransformStamped
+from ros_visualise.data import Header, Image, Imu, Transforms, TransformStamped
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.nodes.visual_odometry import CameraMotionParams, VisualOdometryNode
@@ -58,3 +58,65 @@ def test_publishes_no_odometry_without_a_scale(images):
     found = answers(CameraMotionParams(corners=120), images[:6])
     assert not any("odometry" in one or "points" in one or "tf" in one for one in found)
     assert "scale unknown" in found[-1]["diagnostics"].statuses[0].message
+
+
+def place(t):
+    """Number of the drawn image at a time: at rest for 0.7 s, then faster for a second."""
+    gone = max(t - 0.7, 0.0)
+    return 5 * min(gone, 1.0) ** 2 + 10 * max(gone - 1.0, 0.0)
+
+
+def felt(flight, t, h=1e-3):
+    """An exact measurement of an IMU in the camera."""
+    R = [flight.R(place(t + one)) for one in (-h, 0, h)]
+    p = [flight.p(place(t + one)) for one in (-h, 0, h)]
+    force = R[1].T @ ((p[0] - 2 * p[1] + p[2]) / h**2 + [0, 0, 9.80665])
+    rates = se3.rotation_vector(R[0].T @ R[2]) / (2 * h)
+    return Imu(
+        np.array([0, 0, 0, 1.0]), rates, force, *[np.eye(3)] * 3, Header(round(t * 1e9), "imu")
+    )
+
+
+def answers_with_imu(seconds, gap=(9.0, 9.0), dark=()):
+    """The node's answers to images at 10 Hz, and an IMU at 100 Hz with a gap."""
+    flight, frames = Flight(), FrameTree()
+    quat = rotations.from_matrix(flight.R(0))
+    for name in ("camera", "imu"):
+        mounted = TransformStamped(name, np.zeros(3), quat, Header(0, "base_link"))
+        frames.add(Transforms((mounted,)), True)
+    params, found = CameraMotionParams(corners=120), []
+    node = VisualOdometryNode(params)
+    for n in range(round(seconds * 100)):
+        if not gap[0] < n / 100 < gap[1]:
+            answer = node.step(params, imu=felt(flight, n / 100), frames=frames)
+            found += [answer] if answer else []
+        if n % 10 == 0 and n:
+            pixels = flight.image(place(n / 100)) * np.uint8(n / 100 not in dark)
+            image = Image(pixels, "mono8", Header(n * 10**7, "camera"), camera_info=flight.info)
+            answer = node.step(params, image=image, frames=frames)
+            found += [answer] if answer else []
+    return found
+
+
+def test_an_imu_gives_metres_after_a_rest():
+    flight = Flight()
+    found = [one for one in answers_with_imu(2.85, dark=(2.3, 2.4)) if "odometry" in one]
+    last, stamps = found[-1]["odometry"], [one["odometry"].header.stamp_ns for one in found]
+    assert stamps[0] == 700_000_000
+    assert stamps == sorted(set(stamps))
+    true = flight.p(place(last.header.stamp_ns / 1e9)) - flight.p(0)
+    assert np.linalg.norm(last.position_xyz - true) < 0.02 * np.linalg.norm(true)
+    assert last.linear_xyz[0] == pytest.approx(1.2, rel=0.05)
+    assert (last.header.frame_id, last.child_frame_id) == ("visual_odom", "base_link")
+    assert np.linalg.eigvalsh(last.pose_covariance).min() > 0
+    reasons = [one["diagnostics"].statuses[0].message for one in found]
+    assert reasons.count("too dark") == 2
+    assert found[0]["debug_image"].pixels.shape == (240, 320, 3)
+
+
+def test_a_gap_of_the_imu_is_reported_and_its_covariance_grows():
+    found = answers_with_imu(2.5, gap=(1.5, 1.9))
+    assert dict(found[-1]["diagnostics"].statuses[0].values)["gaps"] == "1"
+    covariances = [np.trace(one["odometry"].pose_covariance) for one in found if "odometry" in one]
+    assert covariances[-1] > 10 * covariances[3]
+    assert "waiting for the robot to rest" in found[-1]["diagnostics"].statuses[0].message

@@ -5,6 +5,7 @@ and from poses at the time of each row.
 """
 
 import math
+from collections import deque
 from dataclasses import replace
 
 import cv2
@@ -15,6 +16,7 @@ from test_simulated_camera import DOWN, corners_in
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.geometry import rotations
+from ros_visualise.simulation.camera_mount import CameraMount
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.camera import CameraSensor
@@ -216,3 +218,11 @@ def test_a_lagging_gimbal_reports_old_angles():
             angles[lag, name] = np.std(np.subtract(roll, seen)[100:])
     assert angles[0.0, "now"] < 0.2 * angles[0.0, "then"]
     assert angles[0.1, "then"] < 0.2 * angles[0.1, "now"]
+
+
+def test_lagging_angles_of_a_gimbal_mix_whatever_the_signs_of_their_quaternions():
+    mount = object.__new__(CameraMount)
+    quat = (0.8, 0.0, 0.6, 0.0)
+    mount._lag_ns = 10
+    mount._angles = deque([(0, quat), (20, tuple(-one for one in quat))])
+    assert mount.reported(20) == pytest.approx(quat)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.robot import GRAVITY, VELOCITY, RobotState, core, own_states
-from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
 
 GYRO = own_states("bias of the gyroscope", 3)
@@ -159,7 +158,16 @@ class ImuBuffer:
         del self._stamps_ns[:count], self._samples[:count]
 
 
-def propagate_by_imu(state: State, parts: ImuIntervals, model: ImuNoise) -> None:
+class Propagated(Protocol):
+    """A state with a robot, see `ros_visualise.estimation.state.State.propagate`."""
+
+    robot: RobotState
+
+    def propagate(self, robot: RobotState, J: Floats, noise: Floats, /) -> None:
+        """Replace the robot, and change its errors by J (core, core) and noise (core, core)."""
+
+
+def propagate_by_imu(state: Propagated, parts: ImuIntervals, model: ImuNoise) -> None:
     """Propagate by all measurements of an interval, with one Jacobian for the whole of it.
 
     Source: A. Barrau, S. Bonnabel, as in `ros_visualise.estimation.robot`: the

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -18,6 +19,7 @@ from ros_visualise.data import (
     Floats,
     Header,
     Image,
+    Imu,
     Level,
     NavSatFix,
     Odometry,
@@ -26,6 +28,8 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.estimation.inertial.messages import InertialInput, odometry_of
+from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.estimation.visual.stretch import VisualPose
 from ros_visualise.geometry import se3
@@ -42,6 +46,7 @@ _FRAME = "visual_odom"
 _POINT = np.dtype([(axis, np.float32) for axis in "xyz"])
 _R_BASE_CAMERA = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # looking ahead (REP 103)
 _ODOMETRY_M, _FIX_M = 0.02, 2.0  # standard deviations of positions
+_MOVES_S = 5.0  # time constant of the error of a camera's attitude on the robot
 _UNKNOWN = 1e6  # variance of a velocity while lost
 _SCALE = 0.03  # of a velocity, as a fraction
 _FOLLOWED, _NEW, _LOST = (80, 220, 80), (220, 160, 60), (60, 60, 240)  # BGR
@@ -61,6 +66,15 @@ class CameraMotionParams:
     )
     scale_by: str = param(
         "", "what else gives the scale: reference or fix; empty: nothing", restart=True
+    )
+    imu: bool = param(
+        True, "use the IMU, if there is one, unless height or scale_by gives the scale"
+    )
+    camera_clock: float = param(
+        0.02,
+        "offset of the camera's clock from the IMU's (standard deviation), seconds; estimated",
+        min=0,
+        max=1,
     )
     base_frame: str = param(
         "base_link", "frame whose motion is published; its transform to the camera is needed"
@@ -86,7 +100,7 @@ class CameraMotionParams:
 @node(
     "visual_odometry",
     params=CameraMotionParams,
-    inputs={"image": Image, "reference": Odometry, "fix": NavSatFix},
+    inputs={"image": Image, "imu": Imu, "reference": Odometry, "fix": NavSatFix},
     outputs={
         "odometry": Odometry,
         "tf": Transforms,
@@ -109,8 +123,9 @@ class CameraMotionParams:
 class VisualOdometryNode:
     """Publishes the motion of a camera, in metres, with its covariance.
 
-    The scale comes from the height over the ground, an odometry or fixes; while it is unknown, no
-    odometry is published. While the camera is lost, its last pose is, with a growing covariance.
+    The scale comes from an IMU, the height over the ground, an odometry or fixes; while it is
+    unknown, no odometry is published. With an IMU the robot rests at first. While the camera is
+    lost, the pose by the IMU is published, or the last one, with a growing covariance.
     """
 
     def __init__(self, params: CameraMotionParams) -> None:
@@ -121,6 +136,9 @@ class VisualOdometryNode:
     def reset(self) -> None:
         """Start over: time jumped."""
         self._odometry: VisualOdometry | None = None
+        self._inertial: InertialInput | None = None
+        self._has_imu = False
+        self._waiting: dict[int, tuple[Image, Pixels]] = {}
         self._locator = Locator()
         self._T_odom_first = np.eye(4)
         self._last: tuple[int, Floats] | None = None
@@ -131,6 +149,7 @@ class VisualOdometryNode:
         self,
         params: CameraMotionParams,
         image: Image | None = None,
+        imu: Imu | None = None,
         reference: Odometry | None = None,
         fix: NavSatFix | None = None,
         *,
@@ -143,10 +162,15 @@ class VisualOdometryNode:
         for name, message in (("reference", reference), ("fix", fix)):
             if message is not None and params.scale_by == name and self._odometry:
                 self._measure(self._odometry, message)
+        if imu is not None and params.imu and not (params.height or params.scale_by):
+            self._has_imu = True
+            return self._feel(imu, frames)
         return self._see(image, frames) if image is not None else None
 
     def report(self) -> dict[str, Any]:
         """Numbers of images, keyframes and losses."""
+        if self._inertial is not None:
+            return dict(self._inertial.odometry.counts)
         return {} if self._odometry is None else dict(self._odometry.counts)
 
     def _measure(self, odometry: VisualOdometry, message: Odometry | NavSatFix) -> None:
@@ -155,7 +179,7 @@ class VisualOdometryNode:
             sigma = _FIX_M if isinstance(message, NavSatFix) else _ODOMETRY_M
             odometry.measured(message.header.stamp_ns, pose[:3], sigma)
 
-    def _see(self, image: Image, frames: FrameTree) -> dict[str, Any]:
+    def _see(self, image: Image, frames: FrameTree) -> dict[str, Any] | None:
         color.refuse_measurements(image.encoding)
         fit_threads(image.pixels)
         pixels = color.demosaiced(image.pixels, image.encoding)
@@ -165,6 +189,8 @@ class VisualOdometryNode:
         if info is None:
             self._remarks.say("no odometry: the camera is not calibrated")
             return {}
+        if self._has_imu:
+            return self._see_with_imu(image, gray, info, frames)
         T_base_camera = self._mounting(header, frames)
         if self._odometry is None:
             self._T_odom_first = T_base_camera
@@ -187,6 +213,51 @@ class VisualOdometryNode:
             if self._odometry.counts["keyframes"] != self._keyframes:
                 self._keyframes = self._odometry.counts["keyframes"]
                 answer["points"] = self._points(self._odometry, header, self._T_odom_first)
+        return answer
+
+    # with an IMU
+
+    def _feel(self, imu: Imu, frames: FrameTree) -> dict[str, Any] | None:
+        if self._inertial is None:
+            return None
+        self._inertial.feel(imu, frames)
+        return self._ready(self._inertial)
+
+    def _see_with_imu(
+        self, image: Image, gray: Pixels, info: CameraInfo, frames: FrameTree
+    ) -> dict[str, Any] | None:
+        p = self._params
+        if self._inertial is None:
+            errors = CameraErrors(p.camera_clock, np.radians(p.camera_turn), _MOVES_S)
+            self._inertial = InertialInput(info, p.base_frame, p.corners, p.readout, errors)
+        self._inertial.see(image.header, gray, frames)
+        if self._inertial.problem:
+            self._remarks.say(self._inertial.problem)
+            return {}
+        self._waiting[image.header.stamp_ns] = image, gray
+        return self._ready(self._inertial)
+
+    def _ready(self, inertial: InertialInput) -> dict[str, Any] | None:
+        """The answer to the newest image that the IMU has reached."""
+        answer: dict[str, Any] | None = None
+        for stamp_ns, pose in inertial.odometry.ready():
+            image, gray = self._waiting.pop(stamp_ns)
+            corners, reason = inertial.odometry.corners, inertial.odometry.reason
+            if reason:
+                self._remarks.say(reason)
+            shown = Deferred((*gray.shape, 3), np.uint8, partial(_draw_gray, gray, corners, reason))
+            values = {name: str(count) for name, count in inertial.odometry.counts.items()}
+            values["corners"] = str(len(corners.ids))
+            answer = {
+                "debug_image": replace(image, data=shown, encoding="bgr8"),
+                "diagnostics": _status(reason, values, image.header),
+            }
+            if pose is not None:
+                message = odometry_of(pose, _FRAME, self._params.base_frame)
+                moved = TransformStamped(
+                    message.child_frame_id, message.position_xyz, message.quat_xyzw, message.header
+                )
+                answer |= {"odometry": message, "tf": Transforms((moved,))}
         return answer
 
     def _mounting(self, header: Header, frames: FrameTree) -> Floats:
@@ -270,9 +341,17 @@ class VisualOdometryNode:
             message = "scale unknown: publishing no odometry"
         values = {name: str(count) for name, count in odometry.counts.items()}
         values["corners"] = str(len(odometry.corners.ids))
-        level = Level.WARN if message else Level.OK
-        status = DiagnosticStatus("visual_odometry", level, message or "located", values)
-        return DiagnosticArray((status,), Header(header.stamp_ns))
+        return _status(message, values, header)
+
+
+def _status(problem: str, values: dict[str, str], header: Header) -> DiagnosticArray:
+    level = Level.WARN if problem else Level.OK
+    status = DiagnosticStatus("visual_odometry", level, problem or "located", values)
+    return DiagnosticArray((status,), Header(header.stamp_ns))
+
+
+def _draw_gray(gray: Pixels, corners: FollowedCorners, reason: str) -> Pixels:
+    return _draw(cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR), corners, reason)
 
 
 def _draw(bgr: Pixels, corners: FollowedCorners, reason: str) -> Pixels:

@@ -103,7 +103,8 @@ class CameraMount:
             return before
         after_ns, after = later[0]
         part = min((then_ns - before_ns) / (after_ns - before_ns), 1.0)
-        mixed = [(1 - part) * a + part * b for a, b in zip(before, after, strict=True)]
+        sign = math.copysign(1.0, sum(a * b for a, b in zip(before, after, strict=True)))
+        mixed = [(1 - part) * a + part * sign * b for a, b in zip(before, after, strict=True)]
         size = math.sqrt(sum(each * each for each in mixed))
         w, x, y, z = (each / size for each in mixed)
         return w, x, y, z

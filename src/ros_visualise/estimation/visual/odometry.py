@@ -18,6 +18,7 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.estimation.resting import Indices
+from ros_visualise.estimation.visual.rolling import directions_at_once
 from ros_visualise.estimation.visual.scale import ScaleFinder
 from ros_visualise.estimation.visual.starting import FirstMotion, first_motions
 from ros_visualise.estimation.visual.stretch import Stretch, VisualPose
@@ -170,12 +171,7 @@ class VisualOdometry:
 
     def _rays(self, corners: FollowedCorners, seconds: float) -> Floats:
         """(N, 2) directions of corners, as if all rows were read at once."""
-        pixels = corners.pixels_uv
-        if self.settings.readout_s and seconds > 0:
-            moved = np.nan_to_num(pixels - corners.before_uv) / seconds
-            rows = (pixels[:, 1:] + 0.5) / self._infos[0].height - 0.5
-            pixels = pixels - moved * rows * self.settings.readout_s
-        return self._directions(pixels, 0)
+        return directions_at_once(corners, self._infos[0], self.settings.readout_s, seconds)
 
     def _directions(self, pixels: Floats, camera: int) -> Floats:
         rays = rays_of(pixels, self._infos[camera]).directions

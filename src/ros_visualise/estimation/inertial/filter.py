@@ -1,0 +1,288 @@
+"""Filter of visual-inertial odometry: the IMU propagates the robot, corners correct it.
+
+Each image adds the pose of its camera to the state as a view. Corners that are not seen any longer,
+or from all views, tell of these views, and are used once. Some that last become points of the
+state, and correct it in each image: so it does not drift while the robot hovers.
+
+Source: A. Mourikis, S. Roumeliotis, A multi-state constraint Kalman filter for vision-aided
+inertial navigation, ICRA 2007; M. Li, A. Mourikis, Optimization-based estimator design for
+vision-aided inertial navigation, RSS 2012.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise, propagate_by_imu
+from ros_visualise.estimation.inertial.sliding import (
+    CAMERA,
+    CORE,
+    MOTION,
+    RATE_BIAS,
+    VIEW,
+    SlidingState,
+)
+from ros_visualise.estimation.inertial.tracks import (
+    CornerNoise,
+    CornerTracks,
+    TriangulatedTracks,
+    begin_points,
+    correct_by_points,
+    gate,
+    project,
+    together,
+    triangulate,
+)
+from ros_visualise.estimation.resting import Indices
+from ros_visualise.estimation.robot import POSE, RobotState
+from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.estimation.visual.bundle import Mask
+from ros_visualise.geometry import se3
+from ros_visualise.vision.tracking import Ids
+
+_LEAST_VIEWS = 3  # of a corner
+_MOST = 50  # corners in one correction
+_MISFIT = 3.0  # standard deviations, of the residuals of a corner after a first correction
+_LEAST, _AGREED = 6, 0.5  # corners, and their part of all, that agree
+_LARGEST = 3.5  # standard deviations, of a correction of the robot
+_STEPS = 3  # of a correction that changes much
+_FITS = 1.0  # standard deviations of directions, below which it does not
+_DEPTH = 0.3  # standard deviation of an inverse depth, as a fraction
+_WEAK = 0.02  # 1/m, below which an inverse depth is as good as known: 2 mrad a decimetre
+_STILL = 0.01  # m/s, of a robot at rest
+_UNSTEADY = 5e-3  # s, by which the age of the attitude of a moving camera varies
+_LOOSE_TILT, _LOOSE_SPEED = 0.05, 0.5  # rad and m/s
+_CLOCK_WALK = 1e-4  # s/sqrt(s)
+_USUAL_NOISE = CornerNoise(2e-3, 1.6e-3)
+
+
+@dataclass(frozen=True)
+class InertialSettings:
+    """Settings of `InertialFilter`.
+
+    Attributes:
+        noise: of directions of corners, rad.
+        views, points: numbers of these in the state.
+        imu, camera: errors of these.
+        age_s: of the attitude of a moving camera on the robot, s.
+    """
+
+    noise: CornerNoise = _USUAL_NOISE
+    views: int = 11
+    points: int = 30
+    imu: ImuNoise = field(default_factory=ImuNoise)
+    camera: CameraErrors = field(default_factory=CameraErrors)
+    age_s: float = 0.03
+
+
+class InertialFilter:
+    """See the module.
+
+    Args:
+        settings: see `InertialSettings`.
+        imu: measurements.
+        robot: the estimate at ``stamp_ns``.
+        covariance: (15, 15) of pose, velocity and biases there.
+
+    Attributes:
+        state: see `SlidingState`.
+        stamp_ns: its time.
+        used: numbers of corners and points that corrected it at the last image.
+        contradicted: True if most corners of the last image that had some did not fit it.
+    """
+
+    def __init__(
+        self,
+        settings: InertialSettings,
+        imu: ImuBuffer,
+        stamp_ns: int,
+        robot: RobotState,
+        covariance: Floats,
+    ) -> None:
+        self.settings, self.imu, self.stamp_ns = settings, imu, stamp_ns
+        self.state = SlidingState(robot, np.zeros(CORE))
+        self.state.P[:15, :15] = covariance
+        errors = settings.camera
+        turn = np.full(3, errors.turn_rad**2)
+        self.state.P[CAMERA, CAMERA] = np.diag([errors.clock_s**2, *turn, settings.age_s**2])
+        self.tracks = CornerTracks()
+        self.point_ids: Ids = np.zeros(0, np.int64)
+        self.used, self.contradicted = 0, False
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of directions within a window."""
+        white, walk = self.settings.noise
+        return float(np.sqrt(white**2 + walk**2 * self.settings.views / 3))
+
+    # time
+
+    def propagate(self, stamp_ns: int) -> bool:
+        """Propagate to a time; False if the IMU has a gap."""
+        if stamp_ns == self.stamp_ns:
+            return True
+        parts = self.imu.between(self.stamp_ns, stamp_ns)
+        if parts is None:
+            return False
+        rates, force = self.imu.densities(stamp_ns)
+        own = self.settings.imu
+        noise = replace(own, gyro=max(own.gyro, rates), accel=max(own.accel, force))
+        propagate_by_imu(self.state, parts, noise)
+        self.state.settle()
+        self._age((stamp_ns - self.stamp_ns) / 1e9)
+        self.stamp_ns = stamp_ns
+        return True
+
+    def _age(self, seconds: float) -> None:
+        """Let the errors of the camera change."""
+        errors = self.settings.camera
+        keep, noise = np.ones(5), np.zeros(5)
+        noise[0] = (errors.clock_s > 0) * _CLOCK_WALK**2 * seconds
+        if errors.turn_s:
+            keep[1:4] = np.exp(-seconds / errors.turn_s)
+            noise[1:4] = errors.turn_rad**2 * (1 - keep[1:4] ** 2)
+        self.state.wander(keep, noise)
+
+    # rest
+
+    def rest(self, stamp_ns: int) -> bool:
+        """Propagate a robot at rest to a time; False if the IMU has a gap."""
+        parts = self.imu.between(self.stamp_ns, stamp_ns)
+        seconds = (stamp_ns - self.stamp_ns) / 1e9
+        if parts is None or not self.propagate(stamp_ns):
+            return False
+        state, density = self.state, self.settings.imu.gyro
+        times = np.array([one.seconds for one in parts])
+        rates = times @ np.array([one.rates for one in parts]) / seconds
+        off = rates - state.robot[GYRO]
+        sigmas = np.repeat([_STILL, density / np.sqrt(seconds) + 1e-4], 3)
+        columns = np.r_[MOTION, RATE_BIAS]
+        residual = np.concatenate([-state.robot.v, off]) / sigmas
+        state.correct(columns, np.diag(1 / sigmas), residual)
+        return True
+
+    # images
+
+    def see(
+        self,
+        stamp_ns: int,
+        ids: Ids,
+        rays: Floats,
+        T_base_camera: Floats,
+        turning: Floats | None = None,
+    ) -> bool:
+        """Process an image; False if the IMU has a gap.
+
+        Args:
+            ids, rays: numbers (N,) of corners, in order, and directions (N, 2) at z = 1.
+            T_base_camera: (4, 4) at that time, as far as it is known.
+            turning: (3,) angular velocity of the camera on the robot, rad/s in its own axes.
+        """
+        if not self.propagate(stamp_ns):
+            return False
+        rates = np.zeros(3) if turning is None else turning
+        noise = np.zeros((6, 6))
+        noise[3:, 3:] = np.diag((_UNSTEADY * rates) ** 2)
+        self.state.see(T_base_camera, rates, noise)
+        self.tracks.add(ids, rays)
+        self.used = self._correct_by_points(ids, rays)
+        self._correct_by_tracks(ids)
+        if len(self.state.R) >= self.settings.views:
+            self._drop_view(0)
+        return True
+
+    def _correct_by_points(self, ids: Ids, rays: Floats) -> int:
+        """Correct by the points in view, and forget the others; their number."""
+        seen = np.isin(self.point_ids, ids)
+        self._drop_points(~seen)
+        if not len(self.point_ids):
+            return 0
+        at = np.searchsorted(ids, self.point_ids)
+        every, own = np.arange(len(self.point_ids)), self.settings
+        self.state.drag_points(own.noise.walk)
+        good = correct_by_points(self.state, every, rays[at], own.noise.white)
+        self._drop_points(~good)
+        return int(good.sum())
+
+    def _drop_points(self, gone: Mask) -> None:
+        if gone.any():
+            which = np.flatnonzero(gone)
+            chosen = np.isin(self.tracks.ids, self.point_ids[which])
+            self.tracks.forget(chosen)
+            self.state.drop_points(which)
+            self.point_ids = np.delete(self.point_ids, which)
+
+    def _correct_by_tracks(self, ids: Ids) -> None:
+        """Correct by corners that are lost, or seen from all views."""
+        tracks, views = self.tracks, len(self.state.R)
+        counts = tracks.counts
+        is_lost = ~np.isin(tracks.ids, ids)
+        is_point = np.isin(tracks.ids, self.point_ids)
+        is_long = (counts >= min(self.settings.views, views)) & (views >= self.settings.views)
+        chosen = np.flatnonzero((is_lost | is_long) & ~is_point & (counts >= _LEAST_VIEWS))
+        if len(chosen) > _MOST:
+            chosen = np.sort(chosen[np.argsort(-counts[chosen], kind="stable")[:_MOST]])
+        if len(chosen):
+            self._use(chosen, is_long & ~is_lost)
+            tracks.forget(np.isin(np.arange(len(tracks.ids)), chosen))
+        tracks.keep(~is_lost)
+
+    def _use(self, chosen: Indices, lasting: Mask) -> None:
+        """Correct by these corners, iterated; some of those that last become points."""
+        own, state = self.settings, self.state
+        seen = self.tracks.seen[chosen]
+        error, step = np.zeros(len(state.P)), np.zeros(len(state.P))
+        for n in range(_STEPS):
+            error = error + step
+            R, p = se3.moved(error[state.views].reshape(-1, VIEW), state.R, state.p)
+            found = triangulate(R, p, seen)
+            projected = project(R, p, found, own.noise).since(error[state.views])
+            usable = self._is_usable(found)
+            good = usable & gate(state, projected)
+            if n:
+                good &= found.misfit < _MISFIT * self.sigma
+            self.contradicted = bool(good.sum() < _AGREED * usable.sum() and usable.sum() >= _LEAST)
+            if good.sum() < _LEAST or self.contradicted:
+                return
+            gain, total = state.solve(state.views, *together(projected, good))
+            step = total - error
+            if np.median(found.misfit[good]) < _FITS * self.sigma:
+                break
+        sigmas = np.sqrt(np.diag(state.P)[:CORE])
+        self.contradicted = bool((np.abs(total[:CORE]) > _LARGEST * sigmas + 1e-9).any())
+        if self.contradicted:
+            return
+        state.apply(gain, total)
+        self.used += int(good.sum())
+        known = found.sigma * self.sigma < _DEPTH * found.points[:, 2]
+        places = np.flatnonzero(known & good & lasting[chosen])[: own.points - len(self.point_ids)]
+        if len(places):
+            begin_points(state, found, projected, places, step[state.views])
+            self.point_ids = np.concatenate([self.point_ids, self.tracks.ids[chosen[places]]])
+
+    def _is_usable(self, found: TriangulatedTracks) -> Mask:
+        """(F,) True for corners in front of the views, whose depth is known well enough."""
+        sigma = found.sigma * self.sigma
+        return np.isfinite(found.misfit) & ((sigma < _DEPTH * found.points[:, 2]) | (sigma < _WEAK))
+
+    def _drop_view(self, which: int) -> None:
+        hosted = np.flatnonzero(self.state.host == which)
+        if len(hosted):
+            self.state.rehost(hosted, len(self.state.R) - 1)
+        self.state.drop_view(which)
+        self.tracks.drop_view(which)
+
+    def loosen(self) -> None:
+        """Give velocity and tilt more room, and begin with new corners: these contradict it."""
+        state = self.state
+        for _ in range(len(state.R)):
+            state.drop_points(np.arange(len(state.points)))
+            state.drop_view(0)
+        self.tracks, self.point_ids = CornerTracks(), self.point_ids[:0]
+        at = se3.about_origin(state.robot.p)[:, 3:5]
+        state.P[POSE, POSE] += _LOOSE_TILT**2 * at @ at.T
+        state.P[MOTION, MOTION] += _LOOSE_SPEED**2 * np.eye(3)
+        self.contradicted = False

@@ -1,0 +1,323 @@
+"""Visual-inertial odometry: the motion of a robot, in metres, by one camera and an IMU.
+
+Corners are followed from image to image, as in `ros_visualise.estimation.visual`; a filter joins
+them with the IMU. It begins at rest. The frame ``odom`` is level (z up); the robot starts at its
+origin, heading along x.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Floats, Pixels
+from ros_visualise.estimation.imu import ImuBuffer, Mounting
+from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.sliding import MOTION, RATE_BIAS
+from ros_visualise.estimation.inertial.starting import (
+    FirstEstimate,
+    SeenCorners,
+    start_at_rest,
+)
+from ros_visualise.estimation.robot import POSE
+from ros_visualise.estimation.visual.rolling import directions_at_once
+from ros_visualise.geometry import se3
+from ros_visualise.vision.picture import PictureJudge
+from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
+
+_PERIOD_NS = 70_000_000  # shortest time between views
+_REST_NS, _STEP_NS = 500_000_000, 100_000_000  # of rest before the start, and its steps
+_QUIET_FORCE, _QUIET_RATES = 0.15, 0.02  # m/s^2 and rad/s: spread at rest
+_SAME_FORCE, _SLOW = 0.1, 0.05  # m/s^2 and rad/s: of means at rest
+_STILL_PX, _STILL_LEVELS = 0.7, 1.5  # of corners, or gray levels, since the rest began
+_LEAST = 8  # corners that hold the estimate
+_LOST_NS, _WRONG_NS = 1_000_000_000, 4_000_000_000  # without these: it may, or must, be wrong
+_FASTEST_MOUNT = 20.0  # rad/s
+_MOST_WAITING = 15  # images, for the IMU
+_LOST_SPEED, _LOST_TURN = 1.0, 0.3  # m/s and rad/s: what may happen in a gap of the IMU
+_THIN = 1 / 8  # size of images that are compared at rest
+
+
+class InertialPose(NamedTuple):
+    """Pose T_odom_base of the robot at an image, its velocities, and its covariances.
+
+    Attributes:
+        linear, angular: (3,) m/s and rad/s, in the robot's axes.
+        covariance: (6, 6) of the twist of the pose, in ``odom``.
+        of_twist: (6, 6) of the velocities.
+        is_lost: True if no corners hold it, so that its error grows.
+    """
+
+    stamp_ns: int
+    R: Floats
+    p: Floats
+    linear: Floats
+    angular: Floats
+    covariance: Floats
+    of_twist: Floats
+    is_lost: bool
+
+
+class _Image(NamedTuple):
+    stamp_ns: int
+    gray: Pixels
+    T_base_camera: Floats
+    turning: Floats
+
+
+class InertialOdometry:
+    """See the module.
+
+    Args:
+        info: calibration of the camera.
+        settings: see `InertialSettings`.
+        corners: number that is followed.
+        readout_s: time from the first to the last row of an image.
+
+    Attributes:
+        reason: why the last image has no pose, or a worse one; empty if all is well.
+        counts: numbers of images, losses and gaps of the IMU.
+        filter: the estimate; None before the start.
+    """
+
+    def __init__(
+        self,
+        info: CameraInfo,
+        settings: InertialSettings | None = None,
+        corners: int = 200,
+        readout_s: float = 0.0,
+    ) -> None:
+        self.settings = settings or InertialSettings()
+        self.reason = "waiting for the IMU"
+        self.counts = {"images": 0, "losses": 0, "gaps": 0}
+        self.filter: InertialFilter | None = None
+        self._info, self._count, self._readout_s = info, corners, readout_s
+        self._imu, self._judge = ImuBuffer(), PictureJudge()
+        self._tracker = CornerTracker(corners)
+        self._queue: deque[_Image] = deque()
+        self._rest = _Rest()
+        self._before_ns = self._view_ns = self._held_ns = self._since_ns = 0
+        self._last: InertialPose | None = None
+
+    @property
+    def corners(self) -> FollowedCorners:
+        """The corners in the last image."""
+        return self._tracker.corners
+
+    def feel(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> bool:
+        """Take a measurement of the IMU in its axes; False if it is a duplicate or no number."""
+        return self._imu.add(stamp_ns, rates, force, mounting)
+
+    def see(self, stamp_ns: int, gray: Pixels, T_base_camera: Floats, turning: Floats) -> None:
+        """Take an image (H, W), uint8; see `SeenCorners` for the rest."""
+        self._queue.append(_Image(stamp_ns, gray, T_base_camera, turning))
+
+    def ready(self) -> Iterator[tuple[int, InertialPose | None]]:
+        """Stamps and poses of the images that the IMU has reached; None before the start."""
+        while self._queue:
+            newest_ns = self._imu.newest_ns
+            is_reached = newest_ns is not None and newest_ns >= self._queue[0].stamp_ns
+            if not is_reached and len(self._queue) <= _MOST_WAITING:
+                return
+            image = self._queue.popleft()
+            yield image.stamp_ns, self._take(image)
+
+    def _take(self, image: _Image) -> InertialPose | None:
+        """The pose of an image."""
+        self.counts["images"] += 1
+        stamp_ns = image.stamp_ns
+        if stamp_ns <= self._before_ns:
+            return None
+        fault = self._judge.fault(image.gray)
+        if np.linalg.norm(image.turning) > _FASTEST_MOUNT:
+            fault = "the transform of the camera jumps"
+        corners = self._tracker.follow(image.gray)
+        seconds, self._before_ns = (stamp_ns - self._before_ns) / 1e9, stamp_ns
+        if fault:
+            self._tracker.refill()
+            if self.filter is not None:
+                return self._answer(stamp_ns, self.filter.propagate(stamp_ns), fault)
+            self._begin(stamp_ns, self._rest.judge(self._imu, stamp_ns, image.gray, None))
+            return self._answer(stamp_ns, True, self.reason)
+        rays = directions_at_once(corners, self._info, self._readout_s, seconds)
+        few = slice(self._count)
+        view = SeenCorners(
+            stamp_ns, corners.ids[few], rays[few], image.T_base_camera, image.turning
+        )
+        compared = None if self.filter is None else corners
+        is_still = self._rest.judge(self._imu, stamp_ns, image.gray, compared)
+        self._tracker.refill()
+        if self.filter is None:
+            self._begin(stamp_ns, is_still)
+            return self._answer(stamp_ns, True, self.reason)
+        is_reached = self._go_on(self.filter, view, is_still)
+        return self._answer(stamp_ns, is_reached, self._fault(self.filter, view, is_still))
+
+    # the start
+
+    def _begin(self, stamp_ns: int, is_still: bool) -> None:
+        """Begin once the robot has rested: scale and gravity come from that."""
+        rest = self._rest
+        if not is_still or rest.until_ns - max(rest.from_ns, self._since_ns) < _REST_NS:
+            self.reason = "waiting for the robot to rest" if not is_still else "at rest"
+            return
+        from_ns = max(rest.from_ns, self._since_ns)
+        first = start_at_rest(self._imu, from_ns, stamp_ns, self.settings.imu)
+        if first is not None:
+            self._start(first, stamp_ns)
+
+    def _start(self, first: FirstEstimate, rest_ns: int) -> None:
+        """Begin at an estimate, where the last one ended, and rest until a time."""
+        if self._last is not None:
+            first = _continued(first, self._last)
+        self.filter = InertialFilter(self.settings, self._imu, *first)
+        for stamp_ns in range(first.stamp_ns + _STEP_NS, rest_ns - _STEP_NS // 2, _STEP_NS):
+            self.filter.rest(stamp_ns)
+        self.filter.rest(rest_ns)
+        self.reason = ""
+        self._view_ns = self._held_ns = rest_ns
+
+    # the motion
+
+    def _go_on(self, own: InertialFilter, view: SeenCorners, is_still: bool) -> bool:
+        """Apply an image; False if the IMU has a gap."""
+        if is_still:
+            self._held_ns = view.stamp_ns
+            return own.rest(view.stamp_ns)
+        if view.stamp_ns - self._view_ns < _PERIOD_NS:
+            return own.propagate(view.stamp_ns)
+        self._view_ns = view.stamp_ns
+        return own.see(*view)
+
+    def _fault(self, own: InertialFilter, view: SeenCorners, is_still: bool) -> str:
+        """The reason why corners do not hold the estimate; it is loosened after a while."""
+        if own.used >= _LEAST or is_still or view.stamp_ns != self._view_ns:
+            self._held_ns = view.stamp_ns if own.used >= _LEAST else self._held_ns
+        if view.stamp_ns - self._held_ns < _LOST_NS:
+            return ""
+        if len(view.ids) < 2 * _LEAST:
+            return "too few corners"
+        if own.contradicted and view.stamp_ns - self._held_ns > _WRONG_NS:
+            own.loosen()
+            self._held_ns = view.stamp_ns - _LOST_NS
+            self.counts["losses"] += 1
+        return "the corners contradict the IMU"
+
+    def _answer(self, stamp_ns: int, is_reached: bool, reason: str) -> InertialPose | None:
+        self.reason = reason
+        if self.filter is None:
+            return self._coasted(stamp_ns) if self._last is not None else None
+        if not is_reached:
+            self.reason = "the IMU has a gap"
+            self.counts["gaps"] += 1
+            self._last = self._coasted(stamp_ns)
+            self.filter, self._since_ns = None, stamp_ns
+            return self._last
+        self._last = self._pose(self.filter, stamp_ns, bool(reason))
+        return self._last
+
+    def _pose(self, own: InertialFilter, stamp_ns: int, is_lost: bool) -> InertialPose:
+        robot, P = own.state.robot, own.state.P
+        gyro, _ = self._imu.densities(stamp_ns)
+        of_twist = np.zeros((6, 6))
+        of_twist[:3, :3] = robot.R.T @ P[MOTION, MOTION] @ robot.R
+        of_twist[3:, 3:] = P[RATE_BIAS, RATE_BIAS] + np.eye(3) * (100 * gyro**2 + 1e-6)
+        linear, angular = robot.R.T @ robot.v, robot.R.T @ robot.rates
+        return InertialPose(
+            stamp_ns, robot.R, robot.p, linear, angular, P[POSE, POSE].copy(), of_twist, is_lost
+        )
+
+    def _coasted(self, stamp_ns: int) -> InertialPose | None:
+        """The last pose, with what may have happened since."""
+        last = self._last
+        if last is None:
+            return None
+        seconds = max(stamp_ns - last.stamp_ns, 0) / 1e9
+        way = (float(np.linalg.norm(last.linear)) + _LOST_SPEED) * seconds
+        own = np.diag(np.repeat([way, min(_LOST_TURN * seconds, np.pi)], 3) ** 2)
+        change = se3.about_origin(last.p)
+        covariance = last.covariance + change @ own @ change.T
+        unknown = np.eye(6) * 1e6
+        return last._replace(
+            stamp_ns=stamp_ns, covariance=covariance, of_twist=unknown, is_lost=True
+        )
+
+
+def _continued(first: FirstEstimate, last: InertialPose) -> FirstEstimate:
+    """A first estimate, placed and turned to where an earlier one ended."""
+    yaw = np.arctan2(last.R[1, 0], last.R[0, 0])
+    Y = se3.exp(np.array([0, 0, 0, 0, 0, yaw]))[0]
+    robot = replace(first.robot, R=Y @ first.robot.R, p=last.p, v=Y @ first.robot.v)
+    J = np.eye(15)
+    J[POSE, POSE], J[MOTION, MOTION] = se3.adjoint(Y, last.p), Y
+    P = J @ first.covariance @ J.T
+    there = se3.about_itself(last.p)
+    of_place = there @ last.covariance @ there.T
+    of_place[3:5], of_place[:, 3:5] = 0, 0  # the tilt is known anew
+    back = se3.about_origin(last.p)
+    P[POSE, POSE] += back @ of_place @ back.T
+    return FirstEstimate(first.stamp_ns, robot, P)
+
+
+class _Rest:
+    """Judges if a robot rests: a quiet IMU, and images that stay.
+
+    Attributes:
+        from_ns, until_ns: first and last image of this rest, which has begun if they differ.
+    """
+
+    def __init__(self) -> None:
+        self.from_ns = self.until_ns = 0
+        self._small: Pixels | None = None
+        self._moved, self._force = np.zeros(2), np.zeros(3)
+
+    def judge(
+        self,
+        imu: ImuBuffer,
+        stamp_ns: int,
+        gray: Pixels,
+        corners: FollowedCorners | None,
+    ) -> bool:
+        """True if the robot rests since the image before.
+
+        Without corners, the whole image is compared.
+        """
+        small = np.asarray(cv2.resize(gray, None, fx=_THIN, fy=_THIN, interpolation=cv2.INTER_AREA))
+        is_known = self._small is not None and self._small.shape == small.shape
+        if is_known and self._is_quiet(imu, stamp_ns) and self._stays(small, corners):
+            self.until_ns = stamp_ns
+            return True
+        self.from_ns = self.until_ns = stamp_ns
+        self._small, self._moved = small, np.zeros(2)
+        return False
+
+    def _is_quiet(self, imu: ImuBuffer, stamp_ns: int) -> bool:
+        parts = imu.between(self.until_ns, stamp_ns)
+        if not parts:
+            return False
+        rates, forces = np.array([one.rates for one in parts]), np.array([o.force for o in parts])
+        force = forces.mean(axis=0)
+        if self.until_ns == self.from_ns:
+            self._force = force
+        return bool(
+            forces.std(axis=0).max() < _QUIET_FORCE
+            and np.abs(force - self._force).max() < _SAME_FORCE
+            and rates.std(axis=0).max() < _QUIET_RATES
+            and np.abs(rates.mean(axis=0)).max() < _SLOW
+        )
+
+    def _stays(self, small: Pixels, corners: FollowedCorners | None) -> bool:
+        """True if the corners, or else the image, stay as they were when the rest began."""
+        if corners is None and self._small is not None:
+            return float(cv2.absdiff(small, self._small).mean()) < _STILL_LEVELS
+        if corners is None or len(corners.ids) < _LEAST:
+            return False
+        steps = corners.pixels_uv - corners.before_uv
+        self._moved = self._moved + np.median(steps, axis=0)
+        far = float(np.quantile(np.linalg.norm(steps, axis=1), 0.8))
+        return max(far, float(np.linalg.norm(self._moved))) < _STILL_PX

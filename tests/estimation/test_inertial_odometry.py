@@ -1,0 +1,208 @@
+"""Laws of visual-inertial odometry, and its errors on a flight whose formulas are its own."""
+
+import numpy as np
+import pytest
+from inertial_flight import FOCAL, T_BASE_CAMERA, InertialFlight
+
+from ros_visualise.estimation.imu import GYRO, ImuNoise
+from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.sliding import (
+    CORE,
+    MOTION,
+    VIEW,
+    SlidingState,
+    transfer,
+)
+from ros_visualise.estimation.inertial.starting import level, start_at_rest
+from ros_visualise.estimation.inertial.tracks import (
+    CornerNoise,
+    begin_points,
+    limit,
+    project,
+    together,
+    triangulate,
+)
+from ros_visualise.estimation.measuring import CAMERAS
+from ros_visualise.estimation.robot import RobotState
+from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.geometry import se3
+
+STEP_NS = 100_000_000
+NOISE = CornerNoise(1e-3, 5e-4)
+
+
+def state_with_views(seed=0, views=5, points=4):
+    """A state of random views, which see corners (F, C, 2) with errors."""
+    noise = np.random.default_rng(seed)
+    R, p = se3.exp(noise.normal(size=6) * 0.3)
+    robot = RobotState(R=R, p=p + 3, v=noise.normal(size=3), rates=noise.normal(size=3))
+    robot = robot.with_own(CAMERAS[0], np.array([1e-3, 2e-3, -1e-3, 3e-3, 0.0]))
+    state = SlidingState(robot, np.full(CORE, 1e-4))
+    state.age = 2e-3
+    turning = np.array([0.3, -0.2, 0.1])
+    for _ in range(views):
+        state.see(T_BASE_CAMERA, turning, np.eye(6) * 1e-4)
+        twist = noise.normal(size=6) * [0.3, 0.3, 0.3, 0.03, 0.03, 0.03]
+        R, p = se3.moved(twist, state.robot.R, state.robot.p)
+        error = np.zeros(len(state.P))
+        error[:6] = twist
+        state.move(error)
+    far = np.column_stack([noise.uniform(-0.4, 0.4, (points, 2)), np.ones(points)]) * 5
+    xyz = far @ state.R[0].T + state.p[0]
+    seen = np.einsum("cji,fcj->fci", state.R, xyz[:, None] - state.p)
+    return state, seen[..., :2] / seen[..., 2:] + noise.normal(0, 1e-3, (points, views, 2))
+
+
+def derivative(function, size, step=1e-6):
+    columns = [(function(one) - function(-one)) / (2 * step) for one in step * np.eye(size)]
+    return np.stack(columns, axis=-1)
+
+
+def test_derivatives_of_views_are_those_of_differences():
+    state, _ = state_with_views()
+    before = state.P[:CORE, :CORE].copy()
+
+    def pose(error):
+        other, _ = state_with_views()
+        other.P[:CORE, :CORE] = before
+        other.move(np.concatenate([error, np.zeros(len(other.P) - CORE)]))
+        other.see(T_BASE_CAMERA, np.array([0.3, -0.2, 0.1]), np.zeros((6, 6)))
+        return other.R[-1], other.p[-1]
+
+    R, p = pose(np.zeros(CORE))
+
+    def twist(error):
+        R_moved, p_moved = pose(error)
+        turn = R_moved @ R.T
+        return se3.log(turn, p_moved - turn @ p)
+
+    J = derivative(twist, CORE)
+    state.see(T_BASE_CAMERA, np.array([0.3, -0.2, 0.1]), np.zeros((6, 6)))
+    assert np.allclose(state.P[-VIEW:, :CORE], J @ before, atol=1e-6)
+
+
+def test_derivatives_of_points_in_another_view_are_those_of_differences():
+    state, seen = state_with_views()
+    found = triangulate(state.R, state.p, seen)
+    state.add_points(found.host, found.points, np.zeros((12, len(state.P))), np.eye(12))
+    which = np.arange(4)
+
+    def there(error):
+        other, _ = state_with_views()
+        other.add_points(found.host, found.points, np.zeros((12, len(other.P))), np.eye(12))
+        other.move(error)
+        return transfer(other, which, 3)[0]
+
+    J = derivative(there, len(state.P))
+    _, by_point, by_view = transfer(state, which, 3)
+    views = CORE + VIEW * np.arange(5)
+    for n in which:
+        assert np.allclose(J[n][:, state.rows_of_points(which)[n]], by_point[n], atol=1e-5)
+        assert np.allclose(J[n][:, views[3] : views[3] + VIEW], by_view[n], atol=1e-5)
+        assert np.allclose(J[n][:, : views[1]][:, views[0] :], -by_view[n], atol=1e-5)
+
+
+def test_projected_sightings_do_not_depend_on_positions_and_follow_differences():
+    state, seen = state_with_views()
+    found = triangulate(state.R, state.p, seen)
+    exact = project(state.R, state.p, found, NOISE)
+    x = np.random.default_rng(1).normal(size=30) * 1e-5
+    predicted = exact.residual - np.einsum("fkm,m->fk", exact.H, x)
+    R, p = se3.moved(x.reshape(5, 6), state.R, state.p)
+    again = triangulate(R, p, seen)
+    lengths = np.linalg.norm(project(R, p, again, NOISE).residual, axis=1)
+    assert np.allclose(np.linalg.norm(predicted, axis=1), lengths, rtol=1e-3)
+
+
+def test_a_motion_of_everything_has_no_effect_at_any_estimate():
+    state, seen = state_with_views()
+    x = np.tile(np.random.default_rng(2).normal(size=6), 5)
+    for size in (0.0, 0.3):
+        moved = np.random.default_rng(3).normal(size=(5, 6)) * size * 0.05
+        R, p = se3.moved(moved, state.R, state.p)
+        found = project(R, p, triangulate(R, p, seen), NOISE)
+        assert np.abs(found.H @ x).max() < 1e-8 * np.abs(found.H).max()
+
+
+def test_corrections_and_gravity_leave_place_and_heading_unknown():
+    flight = InertialFlight(4)
+    settings = InertialSettings(NOISE, camera=CameraErrors(1e-3, 1e-3, 0.0))
+    own = started(flight, settings)
+    heading = np.zeros(15)
+    heading[5] = 1.0
+    four = np.eye(15)[[0, 1, 2, 5]]
+    own.state.P[:15, :15] += 1e2 * four.T @ four
+    for n in range(11, 45):
+        flight.measure(n / 10 + 0.01)
+        assert own.see(n * STEP_NS, *flight.see(n / 10), T_BASE_CAMERA)
+    assert own.used > 8
+    information = np.linalg.inv(own.state.P[:6, :6])[[0, 1, 2, 5]][:, [0, 1, 2, 5]]
+    assert np.linalg.eigvalsh(information).max() < 1.02e-2
+
+
+def started(flight, settings):
+    """The filter at one second, after a rest."""
+    flight.measure(1.01)
+    flight.see(0.0)
+    first = start_at_rest(flight.imu, 0, 10 * STEP_NS, settings.imu)
+    own = InertialFilter(settings, flight.imu, *first)
+    for n in range(1, 11):
+        assert own.rest(n * STEP_NS)
+    return own
+
+
+def flown(seed, seconds=9):
+    """NEES at each image, and the error at the end, m."""
+    flight = InertialFlight(seed)
+    imu = ImuNoise(4e-4, 3e-3, 0.01, 0.1, 5e-5, 5e-4, 1e-4)
+    noise = CornerNoise(0.3 / FOCAL, 1e-5)
+    own = started(flight, InertialSettings(noise, imu=imu, camera=CameraErrors(1e-3, 1e-3, 0.0)))
+    back, found, error = se3.inverse(flight.pose(0)), [], np.zeros(6)
+    for n in range(11, 10 * seconds):
+        flight.measure(n / 10 + 0.01)
+        assert own.see(n * STEP_NS, *flight.see(n / 10), T_BASE_CAMERA)
+        true, robot = back @ flight.pose(n / 10), own.state.robot
+        turn = se3.rotation_vector(robot.R @ true[:3, :3].T)
+        error = np.concatenate([robot.p - true[:3, 3], turn])
+        change = se3.about_itself(robot.p)
+        covariance = change @ own.state.P[:6, :6] @ change.T
+        found.append(error @ np.linalg.solve(covariance, error))
+    return np.mean(found), np.linalg.norm(error[:3])
+
+
+def test_errors_are_as_large_as_they_are_said_to_be():
+    several = [flown(seed) for seed in range(4)]
+    assert 1.5 < np.mean([one[0] for one in several]) < 9
+    assert max(one[1] for one in several) < 0.15
+
+
+def test_new_points_continue_what_their_sightings_tell():
+    state, seen = state_with_views(points=6)
+    found = triangulate(state.R, state.p, seen)
+    projected = project(state.R, state.p, found, NOISE)
+    gain, error = state.solve(state.views, *together(projected, np.ones(6, bool)))
+    state.apply(gain, error)
+    begin_points(state, found, projected, np.arange(6), error[state.views])
+    again = triangulate(state.R, state.p, seen)
+    assert np.allclose(state.points, again.points, atol=5e-3)
+    assert np.linalg.eigvalsh(state.P).min() > -1e-12
+    state.rehost(np.arange(6), 4)
+    state.drop_view(0)
+    assert (state.host == 3).all()
+    assert len(state.P) == CORE + 4 * VIEW + 6 * 3
+
+
+def test_quantiles_of_chi_squared():
+    assert limit(np.array([2, 19]), 2.0) == pytest.approx([7.6, 33.0], rel=0.02)  # 97.7%
+
+
+def test_a_robot_at_rest_is_level_and_knows_its_bias():
+    up = level(np.array([0.0, 3.0, 9.0]))
+    assert np.allclose(up @ [0.0, 3.0, 9.0], [0, 0, np.hypot(3, 9)])
+    flight = InertialFlight(5)
+    own = started(flight, InertialSettings(NOISE))
+    bias = flight.bias[:3]
+    assert np.allclose(own.state.robot[GYRO], bias, atol=1e-3)
+    assert np.linalg.norm(own.state.robot.v) < 0.01
+    assert not own.propagate(30 * STEP_NS)  # the IMU has not reached it
+    assert own.state.P[MOTION, MOTION].trace() < 1e-3
