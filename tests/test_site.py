@@ -81,6 +81,11 @@ QUESTIONS = {
     "trajectory error": "tutorials/trajectory",
     "train network": "tutorials/train",
     "camera not found": "howto/show-a-camera",
+    "visual odometry": "howto/find-the-way-of-a-camera",
+    "mosaic": "howto/make-a-mosaic",
+    "mavlink": "howto/connect-an-autopilot",
+    "gpu": "howto/run-networks-on-a-gpu",
+    "track objects": "howto/track-objects",
 }
 """Words that people type -> the page that answers them."""
 
