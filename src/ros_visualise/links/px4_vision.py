@@ -80,7 +80,7 @@ class VisionAid:
 
     @property
     def is_valid(self) -> bool:
-        """True while it knows where it is."""
+        """True while the position estimate is valid."""
         return bool(self._past) and self._past[-1].time_s - self._fused_s <= self._limit_s
 
     @property
