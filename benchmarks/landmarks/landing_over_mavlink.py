@@ -9,8 +9,9 @@ a ground station of this script, by pymavlink, which arms it, takes off, flies t
 changes the mode to precision landing. What is measured is where the middle of the quadrotor is from
 the middle of the pad when it has disarmed, by the truth in the recording.
 
-With `--denied` the vehicle has no GPS and an odometry that drifts: it flies by the poses that
-`landmark_navigator` sends it in ODOMETRY.
+With `--denied` nobody has GPS, and the odometry drifts: above the field with its tags, the vehicle
+flies by the poses that `landmark_navigator` sends it in ODOMETRY. How far these and its odometry
+went astray is given too.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from ros_visualise.messages.recorded import content
 from ros_visualise.sources.opening import open_recording
 
 TRUTH, PAD = "/ground_truth/odom", "/ground_truth/pad"
+OWN, POSE = "/odom", "/navigation/pose"
 ARM, TAKE_OFF, CHANGE_MODE = 400, 22, 176
 OFFBOARD, PRECISION_LAND = (6, 0), (4, 9)
 LIMIT_S = 150
@@ -96,16 +98,20 @@ class Station:
         self._link.close()
 
 
-GUIDED = ["--set", "landing_target.autopilot=px4"]
-DENIED = ["--navigate", "--set", "mavlink_vehicle.gps=false"]
+GUIDED = ["--world", "plane", "--set", "landing_target.autopilot=px4"]
+DENIED = ["--world", "field", "--navigate", "--set", "mavlink_vehicle.gps=false"]
+DENIED += ["--set", "quadrotor.gps=false"]
 
 
 class Landing(NamedTuple):
-    """One landing: metres off, its duration by the vehicle's clock and by ours."""
+    """One landing: metres off, its duration by the vehicle's clock and by ours; the largest errors
+    of the navigator and of the odometry during the flight, metres; NaN without a navigator."""
 
     off_m: float
     flown_s: float
     passed_s: float
+    navigator_m: float
+    odometry_m: float
 
 
 def fly(seed: int, wind: float, folder: Path, more: list[str]) -> Landing:
@@ -122,8 +128,15 @@ def fly(seed: int, wind: float, folder: Path, more: list[str]) -> Landing:
         "wind": wind,
         "wind_direction": random.uniform(0, 360),
     }
-    command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor", "--world", "plane"]
-    command += ["--seed", str(seed), "--view", "none", "--record", f"{record}@{TRUTH},{PAD}"]
+    command = [sys.executable, "-m", "ros_visualise", "sim", "quadrotor"]
+    command += [
+        "--seed",
+        str(seed),
+        "--view",
+        "none",
+        "--record",
+        f"{record}@{TRUTH},{PAD},{OWN},{POSE}",
+    ]
     command += ["--overwrite", "--mavlink", f"udp://:{ports[0]}"]
     command += more
     for port in ports:
@@ -135,24 +148,44 @@ def fly(seed: int, wind: float, folder: Path, more: list[str]) -> Landing:
     try:
         station.wait("LOCAL_POSITION_NED", lambda m: True)
         station.command(ARM, 1)
+        start = station.wait("LOCAL_POSITION_NED", lambda m: True)
         station.command(TAKE_OFF, 0, 0, 0, *[math.nan] * 4)
-        station.wait("LOCAL_POSITION_NED", lambda m: m.z < -2)
-        station.fly_to(over_y, over_x, -HEIGHT_M)
+        station.wait("LOCAL_POSITION_NED", lambda m: m.z < start.z - 2)
+        station.fly_to(start.x + over_y, start.y + over_x, start.z - HEIGHT_M)
         flown_s, passed_s = station.land()
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(60)
         station.close()
-    return Landing(off_pad(record), flown_s, passed_s)
+    return Landing(off_pad(record), flown_s, passed_s, *astray(record))
+
+
+def places(record: Path, topic: str) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps and positions on a topic, (N,) and (N, 3)."""
+    with closing(open_recording(record)) as recording:
+        found = [content(m) for name, _, m in recording.read() if name == topic]
+    at = np.array([one.position_xyz for one in found]).reshape(-1, 3)
+    return np.array([one.header.stamp_ns for one in found]), at
 
 
 def off_pad(record: Path) -> float:
     """Metres between the middles of robot and pad at the end of a recording."""
-    places = {}
-    with closing(open_recording(record)) as recording:
-        for topic, _, message in recording.read():
-            places[topic] = content(message)
-    return float(np.hypot(*(places[TRUTH].position_xyz - places[PAD].position_xyz)[:2]))
+    last = [places(record, topic)[1][-1] for topic in (TRUTH, PAD)]
+    return float(np.hypot(*(last[0] - last[1])[:2]))
+
+
+def astray(record: Path) -> tuple[float, float]:
+    """Largest level errors of the navigator and of the odometry, metres; NaN if there are none."""
+    stamps, truth = places(record, TRUTH)
+    errors = []
+    for topic in (POSE, OWN):
+        times, at = places(record, topic)
+        if not len(at):
+            return math.nan, math.nan
+        true = np.stack([np.interp(times, stamps, axis) for axis in truth.T], axis=1)
+        off = at - true if topic == POSE else (at - at[0]) - (true - true[0])
+        errors.append(float(np.hypot(off[:, 0], off[:, 1]).max()))
+    return errors[0], errors[1]
 
 
 def free_port() -> int:
@@ -180,7 +213,8 @@ def main() -> None:
         speed, load = one.flown_s / one.passed_s, os.getloadavg()[0]
         print(
             f"{seed}: {one.off_m:.3f} m off, after {one.flown_s:.0f} s at {speed:.2f} of real time,"
-            f" load {load:.1f}",
+            f" load {load:.1f}; navigator up to {one.navigator_m:.2f} m off,"
+            f" odometry {one.odometry_m:.2f} m",
             flush=True,
         )
         landings.append(one)

@@ -5,7 +5,7 @@ from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of
 from waiting import wait_for
 
 from ros_visualise.core.declarations import action
-from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Image
 from ros_visualise.nodes import node, source
@@ -48,6 +48,27 @@ def test_who_asks_for_an_action_hears_that_it_failed():
         run.runtime.act("weak", "press")
     assert run.to_the_end().nodes["weak"].errors == 1
     assert run.runtime.failed
+
+
+def test_a_refused_action_is_no_error_of_the_node(caplog):
+    class Guarded:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            return image
+
+        @action("is refused")
+        def press(self):
+            raise UsageError("press: use --allow-control")
+
+    made = node("weak", inputs={"image": Image}, outputs={"image": Image})(Guarded)
+    run = Run(graph_of(made))
+    with pytest.raises(UsageError, match=r"^press: use --allow-control$"):
+        run.runtime.act("weak", "press")
+    assert run.to_the_end().nodes["weak"].errors == 0
+    assert not run.runtime.failed
+    assert not caplog.messages
 
 
 def failing_source(*where):

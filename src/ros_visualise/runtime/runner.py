@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from ros_visualise.core.errors import DamagedMessage, NoTransform, RosVisualiseError
+from ros_visualise.core.errors import DamagedMessage, NoTransform, RosVisualiseError, UsageError
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, Transforms
 from ros_visualise.geometry.frames import FrameTree
@@ -98,15 +98,28 @@ class NodeRunner:
         """Run an action, and return the node's answer.
 
         Raises:
+            UsageError: the node refuses it, which is no error of the node.
             RosVisualiseError: it failed.
         """
+        refusals: list[UsageError] = []
+
+        def ask() -> Any:
+            try:
+                return getattr(self._state, name)()
+            except UsageError as refusal:
+                refusals.append(refusal)
+                return None
+
         try:
-            return self._ask_between_steps(getattr(self._state, name))
+            answer = self._ask_between_steps(ask)
         except RosVisualiseError:
             raise
         except _ERRORS as error:
             what = f"{type(error).__name__}: {error}"
             raise RosVisualiseError(f"{self.node.name}: {name} failed: {what}") from error
+        if refusals:
+            raise refusals[0]
+        return answer
 
     def tick(self) -> Mapping[str, Any]:
         """The node's answer to a tick."""

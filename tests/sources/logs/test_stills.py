@@ -16,8 +16,10 @@ PIX4D = """<Camera:Yaw>90/1</Camera:Yaw><Camera:Pitch>30</Camera:Pitch><Camera:R
 <Camera:GPSXYAccuracy>0.5</Camera:GPSXYAccuracy><Camera:GPSZAccuracy>1.5</Camera:GPSZAccuracy>"""
 
 
-def write(path, xmp="", gps=True, orientation=1, model="FC7303"):
+def write(path, xmp="", gps=True, orientation=1, model="FC7303", taken=None):
     exif = PIL.Image.Exif()
+    if taken:
+        exif.get_ifd(0x8769).update(zip((0xA002, 0xA003), taken, strict=True))
     exif[0x0112], exif[0x0110] = orientation, model
     if gps:
         place = exif.get_ifd(0x8825)
@@ -57,7 +59,7 @@ def test_the_angles_of_other_makers(tmp_path):
     assert still.sigmas_m == (0.5, 0.5, 1.5)
 
 
-def test_what_is_not_known_is_not_made_up(tmp_path):
+def test_what_is_not_known_is_not_made_up(tmp_path, caplog):
     (tmp_path / "bad.jpg").write_bytes(b"\xff\xd8\xff\xe1\x00\x10Exif\0\0II*\0")
     (tmp_path / "empty.jpg").write_bytes(b"")
     plain = write(tmp_path / "plain.jpg", gps=False)
@@ -66,5 +68,12 @@ def test_what_is_not_known_is_not_made_up(tmp_path):
     assert [one.topic for one in still_series([write(tmp_path / "gps.jpg")])] == ["fix", "lens"]
     turned = write(tmp_path / "turned.jpg", XMP.format(yaw=0), orientation=6)
     assert [one.topic for one in still_series([turned])] == ["fix"]
+    for taken, topics in (
+        ((300, 400), ["fix"]),
+        ((4000, 3000), ["map_origin", "tf", "fix", "lens"]),
+    ):
+        sides = write(tmp_path / "sides.jpg", XMP.format(yaw=0), taken=taken)
+        assert [one.topic for one in still_series([sides])] == topics
+    assert caplog.text.count("rotated since it was taken") == 2
     absurd = write(tmp_path / "absurd.jpg", XMP.format(yaw="1e999/0"))
     assert np.isnan(read_still(absurd).angles_deg).all()

@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 NS_PER_PICTURE = 1_000_000_000
 _MODEL, _ORIENTATION, _EXIF, _GPS = 0x0110, 0x0112, 0x8769, 0x8825
-_FOCAL_35MM = 0xA405
+_FOCAL_35MM, _WIDTH, _HEIGHT = 0xA405, 0xA002, 0xA003
 _LAT_REF, _LAT, _LON_REF, _LON, _ALT_REF, _ALT, _ERROR = 1, 2, 3, 4, 5, 6, 31
 _VALUE = re.compile(
     r"""([\w-]+:\w+)(?:\s*=\s*["']|>)\s*([-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?:/\d+)?)\s*["'<]"""
@@ -114,7 +114,9 @@ def read_still(file: Path) -> Still:
     except supervision.ERRORS as error:
         log.warning("%s: damaged metadata are not used: %s", file, error or type(error).__name__)
         return Still()
-    is_turned = exif.get(_ORIENTATION, 1) not in (0, 1)
+    is_turned = exif.get(_ORIENTATION, 1) not in (0, 1) or _is_on_its_side(own, size)
+    if is_turned:
+        log.warning("%s: rotated since it was taken: not using its camera's angles", file)
     model = str(exif.get(_MODEL, ""))
     focal_mm = _number(own.get(_FOCAL_35MM))
     lens = lens_of_focal(focal_mm, size) if focal_mm > 0 else lens_of_model(model, size)
@@ -125,6 +127,12 @@ def read_still(file: Path) -> Still:
         _errors(gps, xmp),
         None if is_turned else lens,
     )
+
+
+def _is_on_its_side(own: Mapping[int, Any], size: tuple[int, int]) -> bool:
+    """True if a picture is upright and was wide when it was taken, or the other way round."""
+    width, height = _number(own.get(_WIDTH)), _number(own.get(_HEIGHT))
+    return (width - height) * (size[0] - size[1]) < 0
 
 
 def _xmp(picture: Any) -> dict[str, float]:
