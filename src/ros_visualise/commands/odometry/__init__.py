@@ -77,6 +77,9 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         "time from the first to the last row of a rolling shutter, milliseconds (default: 0)",
         metavar="MS",
     )
+    keep_drift: bool = option(
+        False, "do not correct the trajectory where the camera comes back to a known place"
+    )
     corners: int = option(
         300, "number of corners to follow (default: %(default)s)", type=int, metavar="N"
     )

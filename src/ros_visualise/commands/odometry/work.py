@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from ros_visualise.commands.odometry import OdometryOptions
 from ros_visualise.commands.odometry.inputs import CameraImage, CameraInput, Position, open_input
+from ros_visualise.commands.odometry.places import PlaceRecorder
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import counted, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, noticed
@@ -43,7 +44,7 @@ def find_trajectory(options: OdometryOptions) -> int:
     if not found.infos:
         notes.append(_estimate_focal_length(found, options))
         settings = replace(settings, pixel_sigma=PIXEL_SIGMA)
-    odometry = VisualOdometry(found.infos, found.cameras, settings)
+    odometry, places = VisualOdometry(found.infos, found.cameras, settings), PlaceRecorder()
     stamps_ns: list[int] = []
     reasons: dict[str, int] = {}
     with noticed() as request:
@@ -56,6 +57,8 @@ def find_trajectory(options: OdometryOptions) -> int:
             fit_threads(one.gray)
             stamps_ns.append(one.stamp_ns)
             odometry.step(*one)
+            if not options.keep_drift:
+                places.look(odometry)
             if odometry.reason:
                 reasons[odometry.reason] = reasons.get(odometry.reason, 0) + 1
     poses = [one for one in odometry.finish() if one.in_metres or not _has_unit(options, found)]
@@ -64,12 +67,13 @@ def find_trajectory(options: OdometryOptions) -> int:
         if odometry.done:
             why = "the scale could not be found; without --height and --scale lengths have no unit"
         raise OpenError(f"{options.input}: no trajectory in {len(stamps_ns)} images: {why}")
+    poses, again = places.correct(poses, stamps_ns[0])
     save(_files(poses, stamps_ns, options), options.overwrite)
-    report = _report(poses, stamps_ns, reasons, odometry)
+    report = {**_report(poses, stamps_ns, reasons, odometry), "places": again.as_dict()}
     if options.json:
         print_json({"path": options.input, **report, "notes": notes})
     else:
-        print_result(_lines(report))
+        print_result([*_lines(report), *again.lines(_unit(report["in_metres"]))])
     for note in [*notes, *found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]:
         print_status(f"ros-visualise: {options.input}: {note}")
     if request.asked:
@@ -210,7 +214,7 @@ def _report(
 
 
 def _lines(report: dict[str, Any]) -> list[str]:
-    unit = " m" if report["in_metres"] else ", without a unit"
+    unit = _unit(report["in_metres"])
     lines = [
         f"images:    {report['images']}, {report['poses']} with a pose,"
         f" {counted(report['keyframes'], 'keyframe')}",
@@ -221,3 +225,7 @@ def _lines(report: dict[str, Any]) -> list[str]:
     if report["losses"]:
         lines.append(f"lost:      {counted(report['losses'], 'time')}")
     return lines
+
+
+def _unit(in_metres: bool) -> str:
+    return " m" if in_metres else ", without a unit"

@@ -163,6 +163,17 @@ class VisualOdometry:
         return self._stretch.points()
 
     @property
+    def newest(self) -> Keyframe | None:
+        """The last keyframe of the present map; None without one."""
+        return None if self._stretch is None else self._stretch.window.newest
+
+    @property
+    def camera(self) -> Floats:
+        """(3, 3) K of the images of keyframes."""
+        K: Floats = self._model.P[:, :3]
+        return K
+
+    @property
     def corners(self) -> FollowedCorners:
         """The corners in the last image."""
         return self._tracker.corners

@@ -1,0 +1,164 @@
+"""Correcting a trajectory where the camera comes back to a place that it has seen before."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ros_visualise.core.printing import counted
+from ros_visualise.data import Floats
+from ros_visualise.estimation.visual.closing import ClosedWay, close_way, edge_errors
+from ros_visualise.estimation.visual.odometry import VisualOdometry
+from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder
+from ros_visualise.estimation.visual.stretch import VisualPose
+from ros_visualise.geometry import similarity
+from ros_visualise.geometry.similarity import Similarity
+
+_APART_S = 2.0  # between closures of one return
+
+
+class Return(NamedTuple):
+    """A time in which places were seen again.
+
+    Attributes:
+        start_s, end_s, before_s: seconds since the first image: of the return, and of when its
+            places were seen first.
+        closures: number of pairs of keyframes.
+        points: number of points that agree, in the worst pair.
+    """
+
+    start_s: float
+    end_s: float
+    before_s: float
+    closures: int
+    points: int
+
+
+class PlacesReport(NamedTuple):
+    """What was known again.
+
+    Attributes:
+        moved: largest correction of a pose, in the trajectory's unit.
+        rejected: closures that the odometry contradicts.
+        ambiguous: keyframes that look like several places.
+    """
+
+    returns: list[Return]
+    moved: float
+    rejected: int
+    ambiguous: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same, for JSON."""
+        return {**self._asdict(), "returns": [one._asdict() for one in self.returns]}
+
+    def lines(self, unit: str) -> list[str]:
+        """The same, for people."""
+        found = [
+            f"closed:    {one.start_s:.1f} to {one.end_s:.1f} s, at places of {one.before_s:.1f} s"
+            f" ({counted(one.closures, 'keyframe')}, {one.points} or more points each)"
+            for one in self.returns
+        ]
+        if found:
+            found.append(f"moved:     by up to {self.moved:.3f}{unit}")
+        for count, why in (
+            (self.rejected, "contradicted by the odometry"),
+            (self.ambiguous, "alike in several places"),
+        ):
+            if count:
+                found.append(f"not closed: {count} ({why})")
+        return found
+
+
+class PlaceRecorder:
+    """Collects the keyframes of an odometry, and corrects its poses at the end."""
+
+    def __init__(self) -> None:
+        self._finder: RevisitFinder | None = None
+        self._last_ns = -1
+
+    def look(self, odometry: VisualOdometry) -> None:
+        """Take the newest keyframe, if it is new."""
+        newest = odometry.newest
+        if newest is None or newest.stamp_ns == self._last_ns:
+            return
+        self._last_ns = newest.stamp_ns
+        self._finder = self._finder or RevisitFinder(odometry.camera)
+        self._finder.add(newest.stamp_ns, odometry.counts["losses"], newest.gray)
+
+    def correct(
+        self, poses: list[VisualPose], first_ns: int
+    ) -> tuple[list[VisualPose], PlacesReport]:
+        """Corrected poses, in the order of their stamps, and what was known again."""
+        finder, by_stamp = self._finder, {one.stamp_ns: one for one in poses}
+        if finder is None:
+            return poses, PlacesReport([], 0.0, 0, 0)
+        places = [one for one in finder.places if one.stamp_ns in by_stamp]
+        finder.places = places
+        for one in places:
+            one.R, one.p = by_stamp[one.stamp_ns].R, by_stamp[one.stamp_ns].p
+        closures = finder.find() if len(places) > 1 else []
+        if not closures:
+            return poses, PlacesReport([], 0.0, 0, finder.ambiguous)
+        covariances = np.array([by_stamp[one.stamp_ns].covariance for one in places])
+        way = close_way(places, edge_errors(places, covariances), closures)
+        stamps_ns = [one.stamp_ns for one in places]
+        corrected = _corrected(poses, stamps_ns, way) if way.used else poses
+        moved = max(float(np.linalg.norm(a.p - b.p)) for a, b in zip(poses, corrected, strict=True))
+        returns = _returns(way.used, [(stamp_ns - first_ns) / 1e9 for stamp_ns in stamps_ns])
+        return corrected, PlacesReport(returns, moved, len(way.rejected), finder.ambiguous)
+
+
+def _returns(used: list[Closure], times_s: list[float]) -> list[Return]:
+    """Closures that follow each other, as one return."""
+    ordered = sorted(used, key=lambda one: one.second)
+    starts = [0, *(n for n, (a, b) in enumerate(pairwise(ordered), 1)
+                   if times_s[b.second] - times_s[a.second] > _APART_S), len(ordered)]  # fmt: skip
+    found = []
+    for start, end in pairwise(starts):
+        some = ordered[start:end]
+        if some:
+            seconds = [times_s[one.second] for one in some]
+            before = float(np.median([times_s[one.first] for one in some]))
+            points = min(one.inliers for one in some)
+            found.append(Return(seconds[0], seconds[-1], before, len(some), points))
+    return found
+
+
+def _corrected(poses: list[VisualPose], stamps_ns: list[int], way: ClosedWay) -> list[VisualPose]:
+    """Poses moved as the keyframes around them."""
+    by_stamp = {one.stamp_ns: one for one in poses}
+    changes = []
+    for stamp_ns, after in zip(stamps_ns, way.poses, strict=True):
+        before = by_stamp[stamp_ns]
+        back = similarity.inverse(Similarity(1.0, before.R, before.p))
+        changes.append(similarity.product(after, back))
+    found = []
+    for one in poses:
+        k = min(max(bisect_right(stamps_ns, one.stamp_ns) - 1, 0), len(stamps_ns) - 1)
+        change = changes[k]
+        if k + 1 < len(stamps_ns) and one.stamp_ns > stamps_ns[k]:
+            part = (one.stamp_ns - stamps_ns[k]) / (stamps_ns[k + 1] - stamps_ns[k])
+            step = similarity.product(changes[k + 1], similarity.inverse(change))
+            change = similarity.product(similarity.exp(part * similarity.log(step)), change)
+        placed = similarity.product(change, Similarity(1.0, one.R, one.p))
+        covariance = _of_pose(way.covariances[k], placed.t)
+        own = one.covariance - by_stamp[stamps_ns[k]].covariance
+        found.append(one._replace(R=placed.R, p=placed.t, covariance=covariance + _positive(own)))
+    return found
+
+
+def _of_pose(covariance: Floats, p: Floats) -> Floats:
+    """(6, 6) of the twist of a pose at p, of a similarity's (7, 7): its scale moves it too."""
+    change = np.eye(6, 7)
+    change[:3, 6] = p
+    return np.asarray(change @ covariance @ change.T)
+
+
+def _positive(matrix: Floats) -> Floats:
+    """The nearest covariance to a symmetric matrix."""
+    values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray((axes * values.clip(min=0)) @ axes.T)
