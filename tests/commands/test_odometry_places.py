@@ -11,7 +11,7 @@ from visual_flight import HEIGHT, Flight
 from ros_visualise.commands import main
 from ros_visualise.commands.odometry.places import PlacesReport, Return
 
-NUMBERS = [*range(0, 32, 2), *range(29, 1, -2)]
+NUMBERS = [*range(30), *range(28, 3, -1)]
 
 
 @pytest.fixture(scope="module")

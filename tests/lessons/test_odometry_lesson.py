@@ -17,6 +17,7 @@ from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.methods.motion import ViewPair, clipped, eigenvalues, flow_step
 from ros_visualise.lessons.picture import picture_of
+from ros_visualise.vision.tracking import PATCH
 
 _PERIOD_NS = 100_000_000
 LESSON = LESSONS.find("odometry")
@@ -127,7 +128,7 @@ def is_true_of_flow(text, seen, last):
     grays = [cv2.cvtColor(one, cv2.COLOR_BGR2GRAY) for one in last]
     start = seen.followed.before_uv.astype(np.float32).reshape(-1, 1, 2)
     there, _, _ = cv2.calcOpticalFlowPyrLK(
-        *grays, start, None, winSize=(21, 21), maxLevel=4, criteria=(3, 20, 0.03)
+        *grays, start, None, winSize=(PATCH, PATCH), maxLevel=4, criteria=(3, 20, 0.03)
     )
     far = np.linalg.norm((there - start)[:, 0], axis=1)
     count, median, most = shown(text, "N corners of the previous picture are found") + shown(

@@ -20,7 +20,9 @@ from ros_visualise.data import Floats, Pixels
 
 Ids = npt.NDArray[np.int64]
 
-_PATCH = 17  # pixels: OpenCV works on 8 at a time, so 21 take twice as long
+PATCH = 17
+"""Side of the patch around a corner, pixels: OpenCV works on 8 at a time, so 21 take twice as long.
+"""
 _LEVELS = 4
 _BACK_LEVELS = 1  # on the way back, which begins where the corner was
 _RETURN_PX = 0.7  # from where a corner began
@@ -106,7 +108,7 @@ def flow(
     ``guess_uv``: where they may be; ``levels`` of the pyramid beyond the image itself.
     """
     start = pixels_uv.astype(np.float32).reshape(-1, 1, 2)
-    options: dict[str, Any] = {"winSize": (_PATCH, _PATCH), "maxLevel": levels, "criteria": _STOP}
+    options: dict[str, Any] = {"winSize": (PATCH, PATCH), "maxLevel": levels, "criteria": _STOP}
     flags = 0 if guess_uv is None else cv2.OPTFLOW_USE_INITIAL_FLOW
     guess = None if guess_uv is None else guess_uv.astype(np.float32).reshape(-1, 1, 2)
     pursue: Any = cv2.calcOpticalFlowPyrLK

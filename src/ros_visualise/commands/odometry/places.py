@@ -38,7 +38,7 @@ class Return(NamedTuple):
 
 
 class PlacesReport(NamedTuple):
-    """What was known again.
+    """Places that were known again.
 
     Attributes:
         moved: largest correction of a pose, in the trajectory's unit.

@@ -1,4 +1,4 @@
-"""Where a camera was before: keyframes that see the same place, and the similarity between them.
+"""Keyframes that see the same place again, and the similarity between them.
 
 Places that look alike are many, and a wrong one bends the whole way. So a place counts as known
 again only if corners all over the image lie where its points should be, if it is much more alike
@@ -166,7 +166,7 @@ class RevisitFinder:
     def _scale(
         self, second: int, features: npt.NDArray[np.intp], depths: Floats
     ) -> tuple[float, float] | None:
-        """How many of its own units the first map counts for one of the second; log deviation."""
+        """Units of the first map for one of the second, and the deviation of its logarithm."""
         inverse = self._inverse_depths(second)[features]
         known = inverse > 0
         if known.sum() < _SCALED:

@@ -36,9 +36,8 @@ from ros_visualise.lessons.methods.odometry_figures import (
 )
 from ros_visualise.nodes import node
 from ros_visualise.vision.rectification import Interpolation, model_of, rectify
-from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
+from ros_visualise.vision.tracking import PATCH, CornerTracker, FollowedCorners
 
-_PATCH = 21  # pixels, of the flow's one step
 _VIEWS = 60  # pictures before, one of which is the first view
 _COMMON = 0.5  # of the corners, that the first view has too
 _LEAST = 30  # corners of both views
@@ -152,7 +151,7 @@ def flow(image: Image, params: object) -> dict[str, Message]:
     moved = found.pixels_uv - found.before_uv
     far = np.hypot(*moved.T)
     most = int(far.argmax())
-    step = flow_step(seen.before, seen.gray, found.before_uv[most], _PATCH)
+    step = flow_step(seen.before, seen.gray, found.before_uv[most], PATCH)
     text = """
         While a patch moves by a little, d, its gray levels change by the slope times d. Each
         pixel of the patch gives one equation; the corner's matrix M of all its pixels gives the
