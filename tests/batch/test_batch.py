@@ -249,6 +249,14 @@ def test_inputs_are_found(tmp_path):
         find_inputs([str(tmp_path / "a" / "*.bag")])
 
 
+def test_the_time_to_find_recordings_grows_with_their_number(tmp_path):
+    for number in range(5000):
+        (tmp_path / f"{number}.mcap").touch()
+    start_s = time.process_time()
+    assert len(find_inputs([str(tmp_path)])) == 5000
+    assert time.process_time() - start_s < 10  # it took 50 s when each was compared with all
+
+
 def test_ten_thousand_tasks_are_planned_without_opening_them(tmp_path):
     results = Results(tmp_path)
     results.create()

@@ -143,7 +143,7 @@ def _below(folder: Path, above: tuple[str, ...] = ()) -> Iterator[str]:
         there = sorted(folder.iterdir())
     except OSError:
         return
-    here = [path for path in there if (_is_one(path) if path.is_dir() else _is_wanted(path))]
+    here = {path for path in there if (_is_one(path) if path.is_dir() else _is_wanted(path))}
     for path in there:
         if path in here:
             yield str(path)
