@@ -145,11 +145,12 @@ def give_up(failure: TaskFailure) -> NoReturn:
     os._exit(0)
 
 
-def end_with_parent() -> None:
-    """End this process when the one that started it ends."""
+def end_with_parent(last: Callable[[], object] = lambda: None) -> None:
+    """End this process when the one that started it ends; ``last`` is called before."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])
+    last()
     os._exit(1)
 
 

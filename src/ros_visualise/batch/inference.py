@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Client, Connection
 from pathlib import Path
 from typing import Any
@@ -142,7 +144,9 @@ def _serve(
     """The process of a server; it says nothing when it is ready, else why it cannot work."""
     logging.getLogger("ros_visualise").addHandler(logging.NullHandler())
     logging.getLogger("ros_visualise").propagate = False
-    supervision.start("parent", end_with_parent)
+    folder = Path(address.path).parent  # which a killed batch leaves
+    removed = partial(shutil.rmtree, folder, ignore_errors=True)
+    supervision.start("parent", partial(end_with_parent, removed))
     set_max_memory(memory)
     threads = len(os.sched_getaffinity(0))
     try:
