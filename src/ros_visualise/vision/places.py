@@ -12,7 +12,6 @@ Google, ICCV 2003 (weights of rare words).
 
 from __future__ import annotations
 
-from array import array
 from typing import Any, NamedTuple
 
 import cv2
@@ -72,33 +71,45 @@ class PlaceIndex:
     def __init__(self) -> None:
         drawn = np.random.default_rng(0)
         self._bits = np.stack([drawn.permutation(256)[:_BITS] for _ in range(_TABLES)])
-        self._buckets: dict[int, array[int]] = {}
-        self.count = 0
+        self._added: list[npt.NDArray[np.int32]] = []
+        self._sorted = np.zeros(0, np.int32), np.zeros(0, np.int32)
+        self._is_sorted = True
 
     def add(self, features: PlaceFeatures) -> int:
         """Add an image; its number."""
-        for word in self._words(features).tolist():
-            self._buckets.setdefault(word, array("i")).append(self.count)
-        self.count += 1
-        return self.count - 1
+        self._added.append(self._words(features))
+        self._is_sorted = False
+        return len(self._added) - 1
 
     def find(self, features: PlaceFeatures, before: int, most: int) -> list[int]:
         """Numbers below ``before`` of the images most like this one, the best first."""
-        if before <= 0:
+        words, numbers = self._buckets()
+        wanted = self._words(features)
+        start, end = (np.searchsorted(words, wanted, side) for side in ("left", "right"))
+        counts = end - start
+        rare = (counts > 0) & (counts < _FULL)
+        start, counts = start[rare], counts[rare]
+        if before <= 0 or not len(counts):
             return []
-        words = self._words(features).tolist()
-        buckets = [one for word in words if (one := self._buckets.get(word)) and len(one) < _FULL]
-        if not buckets:
-            return []
-        counts = np.array([len(one) for one in buckets])
-        numbers = np.concatenate([np.frombuffer(one, np.intc) for one in buckets])
-        rarity = np.repeat(1 / counts, counts)
-        score = np.bincount(numbers, rarity, minlength=self.count)[:before]
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        found = numbers[np.repeat(start, counts) + within]
+        score = np.bincount(found, np.repeat(1 / counts, counts), minlength=before)[:before]
         best = np.argsort(-score, kind="stable")[:most]
         return [int(one) for one in best if score[one] > 0]
 
-    def _words(self, features: PlaceFeatures) -> npt.NDArray[np.int64]:
+    def _buckets(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """The words of all images, in order, and the image of each."""
+        if not self._is_sorted:
+            words = np.concatenate(self._added)
+            numbers = np.arange(len(self._added), dtype=np.int32)
+            owners = np.repeat(numbers, [len(one) for one in self._added])
+            order = np.argsort(words, kind="stable")
+            self._sorted, self._is_sorted = (words[order], owners[order]), True
+        return self._sorted
+
+    def _words(self, features: PlaceFeatures) -> npt.NDArray[np.int32]:
         """The buckets of an image, each once."""
-        bits = np.unpackbits(features.descriptors, axis=1)[:, self._bits].astype(np.int64)
-        words = bits @ (1 << np.arange(_BITS)) + (np.arange(_TABLES) << _BITS)
+        bits = np.unpackbits(features.descriptors, axis=1)[:, self._bits].astype(np.int32)
+        powers = 1 << np.arange(_BITS, dtype=np.int32)
+        words = bits @ powers + (np.arange(_TABLES, dtype=np.int32) << _BITS)
         return np.unique(words)

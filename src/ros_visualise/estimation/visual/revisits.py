@@ -109,11 +109,10 @@ class RevisitFinder:
     def find(self) -> list[Closure]:
         """All places that were seen again, by two keyframes each, and three after a loss."""
         self._index = PlaceIndex()
-        found = []
-        for number, place in enumerate(self.places):
+        for place in self.places:
             self._index.add(place.features)
-            closure = self._best(number)
-            found += [closure] if closure else []
+        several = (self._best(number) for number in range(len(self.places)))
+        found = [one for one in several if one]
         return [one for one in found if self._is_repeated(one, found)]
 
     def _best(self, number: int) -> Closure | None:
