@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.nodes.georeference import Georeference, GeoreferenceParams
@@ -66,6 +68,22 @@ def test_a_detection_gets_latitude_longitude_height_and_covariance():
     np.testing.assert_allclose(point["geometry"]["coordinates"], expected[[1, 0, 2]], atol=1e-3)
     assert point["properties"]["class"] == "car"
     assert node.report() == {"placed": 1, "rejected": {}}
+
+
+def test_a_gimbal_that_is_on_tf_aims_the_camera():
+    frames = FrameTree()
+    for parent, child, z, pitch in (
+        ("map", "base_link", 40.0, 0),
+        ("base_link", "gimbal", 0.0, 90),
+    ):
+        quat = rotations.from_rpy([0, math.radians(pitch), 0])
+        one = TransformStamped(child, np.array([0, 0, z]), quat, Header(0, parent))
+        frames.add(Transforms((one,)), static=True)
+    node = Georeference(PARAMS)
+    for port, message in {"map_origin": ORIGIN, "lens": LENS}.items():
+        node.step(PARAMS, **{port: message}, frames=frames)
+    (thing,) = node.step(PARAMS, objects=seen(box()), frames=frames)["positions"].detections
+    np.testing.assert_allclose(thing.position_xyz, [0, 0, 0], atol=0.2)
 
 
 def test_boxes_stand_on_their_lower_edge_when_seen_from_the_side():

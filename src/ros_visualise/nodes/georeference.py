@@ -37,6 +37,7 @@ from ros_visualise.landmarks.georeferencing.ground import (
 )
 from ros_visualise.landmarks.georeferencing.origin import (
     BODY,
+    GIMBAL,
     MAP,
     MapOrigin,
     OriginFinder,
@@ -286,6 +287,11 @@ class Georeference:
         known = frames.frames()
         if self._camera in known or BODY not in known:
             return frames.lookup(fixed, self._camera, stamp_ns)
+        if GIMBAL in known:
+            self._remarks.say(f"no frame {self._camera}: it looks where {GIMBAL} does")
+            T_gimbal_camera = np.eye(4)
+            T_gimbal_camera[:3, :3] = R_body_camera(0.0)
+            return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera
         self._remarks.say(
             f"no frame {self._camera}: taken as fixed to {BODY}, {params.camera_pitch:g} degrees"
             " below the horizon (camera_pitch)"

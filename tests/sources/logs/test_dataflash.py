@@ -24,6 +24,7 @@ TYPES = {
     "GPA": (135, "QBCC", "TimeUS,I,HAcc,VAcc"),
     "ISBD": (136, "Qag", "TimeUS,x,half"),
     "PARM": (137, "QNf", "TimeUS,Name,Value"),
+    "MNT": (138, "QBfff", "TimeUS,I,Roll,Pitch,YawB"),
 }
 CODES = {"n": "4s", "N": "16s", "Z": "64s", "c": "h", "C": "H", "e": "i", "E": "I", "L": "i"}
 CODES |= {"a": "32h", "g": "e", "M": "B"}
@@ -107,6 +108,23 @@ def test_every_message_is_as_pymavlink_reads_it(write):
             if label in ("TimeUS", "Lat", "VN", "Value", "HAcc", "half", "Alt", "Yaw"):
                 np.testing.assert_allclose(values, [one[label] for one in same], rtol=1e-6)
     assert {*(bytes(one).decode() for one in ours["MSG"].raw["Message"])} == {"climbing"}
+
+
+def test_the_mount_of_the_camera_is_on_tf(write):
+    aimed = message("MNT", START_US + 10, 0, 0.0, -90.0, 30.0)
+    transforms = read(open_recording(write(b"".join([*flight(), aimed]))), "/tf")
+    assert len(transforms) == 51
+    ((gimbal,),) = [
+        one.transforms for one in transforms if one.transforms[0].child_frame_id == "gimbal"
+    ]
+    pitched = math.radians(5)  # the vehicle's nose is down; the mount looks straight down
+    forward = rotations.to_matrix(gimbal.quat_xyzw)[:, 0]
+    down = [
+        math.sin(pitched),
+        -math.cos(pitched) * math.sin(math.radians(10)),
+        -math.cos(pitched) * math.cos(math.radians(10)),
+    ]
+    np.testing.assert_allclose(forward, down, atol=1e-3)
 
 
 def test_its_topics_are_those_of_any_flight(write):

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.geometry import rotations
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.sources.opening import open_recording, open_source
 
@@ -104,6 +105,35 @@ def write(tmp_path):
 
 def read(recording, topic):
     return [entry.message for entry in recording.read(topics=[topic])]
+
+
+GIMBALS = {
+    "mount_status": {"pointing_a": -6000, "pointing_b": 0, "pointing_c": 9000},
+    "mount_orientation": {"time_boot_ms": 1, "roll": 0, "pitch": -60, "yaw": 90},
+    "gimbal_device_attitude_status": {
+        "q": rotations.from_rpy([0, math.radians(-60), math.pi])[[3, 0, 1, 2]].tolist(),
+        "flags": 0,  # its yaw is from north
+    },
+}
+
+
+@pytest.mark.parametrize("name", GIMBALS)
+def test_the_gimbal_is_on_tf(write, name):
+    none = {"target_system": 0, "target_component": 0}
+    more = none if name != "mount_orientation" else {}
+    if name.startswith("gimbal"):
+        speeds = ("angular_velocity_x", "angular_velocity_y", "angular_velocity_z")
+        more = {**none, "time_boot_ms": 1, "failure_flags": 0, **dict.fromkeys(speeds, 0.0)}
+    station = Station()
+    station.hear(name, **GIMBALS[name], **more)
+    recording = open_recording(write(b"".join([*flight()[:70], *station.parts])))
+    frames = FrameTree()
+    for transforms in read(recording, "/tf"):
+        for one in transforms.transforms:
+            frames.add(one)
+    R = frames.lookup("map", "gimbal", START_US * 1000)[:3, :3]
+    down = math.radians(60)  # east is forward, so south is to the right
+    np.testing.assert_allclose(R[:, 0], [0, -math.cos(down), -math.sin(down)], atol=1e-3)
 
 
 @pytest.mark.parametrize("dialect", [v1, v2])

@@ -14,7 +14,7 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.geodesy import LocalPlane
 
 MAP = "map"
-BODY = "base_link"
+BODY, GIMBAL = "base_link", "gimbal"
 """A robot's body; fixes are taken to be of its place where the antenna's frame is unknown."""
 _ODOM = "odom"
 _DIAGONAL = 2  # of what is known of the covariance

@@ -4,7 +4,8 @@ Topics: those of `ros_visualise.sources.logs.flight`, of the first EKF core, IMU
 below ``/ardupilot`` every logged message, in lower case: ``/ardupilot/rcou``.
 
 Source: ArduPilot, log messages: ATT (degrees), XKF1 or NKF1 (NED, metres), IMU (FRD, SI units), GPS
-(GWk, GMS; Alt above the sea), GPA (HAcc, VAcc).
+(GWk, GMS; Alt above the sea), GPA (HAcc, VAcc), MNT (degrees; YawB from
+the vehicle's nose).
 """
 
 from __future__ import annotations
@@ -66,6 +67,11 @@ def _flight_columns(tables: Mapping[str, LogTable]) -> dict[str, dict[str, Colum
         found["sensor_combined"] |= _columns(imu, "accelerometer_m_s2", forces)
     if (gps := _with(tables, ("GPS",), "Lat", "Lng", "Alt", "Status")) is not None:
         found["sensor_gps"] = _fixes(gps, _with(tables, ("GPA",), "HAcc", "VAcc"))
+    if (mount := _with(tables, ("MNT",), "Roll", "Pitch", "YawB")) is not None:
+        angles = np.radians(mount.columns("Roll", "Pitch", "YawB")).T
+        found["gimbal"] = {"timestamp": mount.times_us} | dict(
+            zip(("roll", "pitch", "yaw"), angles, strict=True)
+        )
     return found
 
 

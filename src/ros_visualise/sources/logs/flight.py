@@ -2,7 +2,7 @@
 
 Topics: ``/odom`` (pose in ``map``, velocities in ``base_link``), ``/path``, ``/tf``, ``/imu/data``,
 ``/gps/fix``. ``map`` has its origin where the estimator was started, x east, y north, z up;
-``base_link`` has x forward, y left, z up.
+``base_link`` has x forward, y left, z up; ``gimbal`` on it too, where its angles are logged.
 
 The tables have the names, fields, units and axes of PX4, into which other logs are brought.
 
@@ -13,7 +13,8 @@ VehicleLocalPosition (NED, with flags of what is valid), SensorCombined and Vehi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,7 @@ from ros_visualise.geometry.aircraft import to_attitude, to_enu, to_flu
 from ros_visualise.sources.logs.tables import LogTable
 from ros_visualise.sources.series import Series, single
 
-_MAP, _BASE = "map", "base_link"
+_MAP, _BASE, GIMBAL = "map", "base_link", "gimbal"
 _GPS = "gps"  # the frame of the antenna
 _NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
 _UNKNOWN = np.zeros((3, 3))
@@ -69,6 +70,9 @@ class FlightTopics:
         position = tables.get("vehicle_local_position")
         if position is not None:
             self._add_positions(position)
+        gimbal = tables.get("gimbal")
+        if gimbal is not None:
+            self._add_gimbal(gimbal)
         self._add_imu(tables.get("sensor_combined"))
         gps = tables.get("sensor_gps")
         if gps is not None:
@@ -123,6 +127,45 @@ class FlightTopics:
             Series("/tf", Transforms, stamps_ns, transform),
             single("/path", path, start_ns),
         ]
+
+    def _add_gimbal(self, gimbal: LogTable) -> None:
+        """Its angles against the horizon, and against the heading or north, on the body."""
+        angles = gimbal.columns("roll", "pitch", "yaw")
+        gimbal = gimbal.where(
+            np.isfinite(angles).all(axis=1) & self._attitude.is_known(gimbal.times_us)
+        )
+        if not len(gimbal.times_us):
+            return
+        own = self._attitude.at(gimbal.times_us)
+        roll, pitch, yaw = gimbal.columns("roll", "pitch", "yaw").T
+        headings = np.where(
+            gimbal.column("is_on_body", 1) != 0, rotations.to_rpy(own)[:, 2], math.pi / 2
+        )
+        turns = rotations.from_rpy(np.stack([roll, -pitch, headings - yaw], axis=1))
+        quats = rotations.multiply(rotations.inverse(own), turns)
+        stamps_ns = self._stamps_ns(gimbal.times_us)
+
+        def transform(index: int) -> Transforms:
+            header = Header(int(stamps_ns[index]), _BASE)
+            return Transforms((TransformStamped(GIMBAL, np.zeros(3), quats[index], header),))
+
+        self._add_transforms(stamps_ns, transform)
+
+    def _add_transforms(self, stamps_ns: _Times, make: Callable[[int], Transforms]) -> None:
+        """Let ``/tf`` have these too."""
+        former = next((one for one in self.series if one.topic == "/tf"), None)
+        if former is None:
+            self.series.append(Series("/tf", Transforms, stamps_ns, make))
+            return
+        both = np.concatenate((former.stamps_ns, stamps_ns))
+        order, count, first = np.argsort(both, kind="stable"), len(former.stamps_ns), former.make
+
+        def either(index: int) -> Transforms:
+            place = int(order[index])
+            return first(place) if place < count else make(place - count)
+
+        place = self.series.index(former)
+        self.series[place] = Series("/tf", Transforms, both[order], either)
 
     def _add_imu(self, sensors: LogTable | None) -> None:
         """At the stamps of accelerometer and gyroscope, else of the attitude."""

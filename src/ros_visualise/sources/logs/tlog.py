@@ -32,6 +32,7 @@ _MARK = re.compile(b"[\xfd\xfe]")
 _SPAN_US = 946_684_800_000_000, 4_102_444_800_000_000  # 2000 to 2100
 _TIME = ""  # the column of the time; no field has this name
 _NO_AUTOPILOT = 8
+_YAW_IN_VEHICLE = 32  # of GIMBAL_DEVICE_FLAGS
 _G = 9.80665e-3
 _IMUS = {"HIGHRES_IMU": (1, 1), "SCALED_IMU": (_G, 1e-3), "RAW_IMU": (_G, 1e-3)}
 """IMUs -> factors of their accelerations and rates; ArduPilot scales RAW_IMU too."""
@@ -186,7 +187,25 @@ def _flight_columns(tables: Mapping[str, LogTable]) -> dict[str, dict[str, Colum
         found["sensor_combined"] = _columns(one, accelerometer_m_s2=forces, gyro_rad=rates)
     if (one := tables.get("GPS_RAW_INT")) is not None:
         found["sensor_gps"] = _fixes(one)
-    return found
+    return found | _gimbal(tables)
+
+
+def _gimbal(tables: Mapping[str, LogTable]) -> dict[str, dict[str, Column]]:
+    """The angles of a gimbal in radians, by the newest of the messages that a vehicle sends."""
+    if (one := tables.get("GIMBAL_DEVICE_ATTITUDE_STATUS")) is not None:
+        norms = np.linalg.norm(one.vector("q", 4), axis=1)
+        one = one.where((norms > 0.5) & (norms < 1.5))
+        rpy = rotations.to_rpy(np.roll(one.vector("q", 4), -1, axis=1))
+        on_body = (one.raw["flags"].astype(int) & _YAW_IN_VEHICLE) != 0
+    elif (one := tables.get("MOUNT_ORIENTATION")) is not None:
+        rpy, on_body = np.radians(one.columns("roll", "pitch", "yaw")), np.ones(len(one), bool)
+    elif (one := tables.get("MOUNT_STATUS")) is not None:
+        rpy = np.radians(one.columns("pointing_b", "pointing_a", "pointing_c") / 100)
+        on_body = np.ones(len(one), bool)
+    else:
+        return {}
+    angles = dict(zip(("roll", "pitch", "yaw"), rpy.T, strict=True))
+    return {"gimbal": {"timestamp": one.times_us, "is_on_body": on_body, **angles}}
 
 
 def _columns(table: LogTable, **arrays: Column) -> dict[str, Column]:
