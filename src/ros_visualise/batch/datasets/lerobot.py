@@ -181,7 +181,9 @@ def _write_meta(
     training = sum(one.recording.split == "train" for one in episodes)
     meta = folder / "meta"
     _copy(
-        sql, f"SELECT 0 AS task_index, {quoted(_TASK)} AS __index_level_0__", meta / "tasks.parquet"
+        sql,
+        f"SELECT 0::BIGINT AS task_index, {quoted(_TASK)} AS __index_level_0__",
+        meta / "tasks.parquet",
     )
     video = f"videos/{_CAMERA}"
     lines = []
@@ -198,7 +200,9 @@ def _write_meta(
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
         }
-        texts = [f'{value} AS "{name}"' for name, value in values.items()]
+        # a plain 0.1 would be a decimal, which LeRobot cannot add to its times
+        kinds = {int: "BIGINT", float: "DOUBLE"}
+        texts = [f'{value}::{kinds[type(value)]} AS "{name}"' for name, value in values.items()]
         texts += [f"[{quoted(_TASK)}] AS tasks", f"{quoted(one.recording.name)} AS recording"]
         texts += [f"{quoted(one.recording.content)} AS content"]
         lines.append(f"SELECT {', '.join(texts)}")
