@@ -81,7 +81,7 @@ class Station:
             return math.dist((m.x, m.y, m.z), (north, east, down)) < 0.6
 
         for _ in range(10):
-            near(self._link.recv_match(type="LOCAL_POSITION_NED", blocking=True, timeout=1))
+            near(self.wait("LOCAL_POSITION_NED", lambda m: True))
         self.command(CHANGE_MODE, 1, *OFFBOARD, nan)
         self.wait("LOCAL_POSITION_NED", near)
 
