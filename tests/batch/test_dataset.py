@@ -89,6 +89,10 @@ def test_lerobot(tmp_path):
     assert info["splits"] == {"train": "0:2", "val": "2:3"}
     assert info["features"]["action"]["shape"] == [6]
     episodes = duckdb.sql(f"FROM '{made}/meta/episodes/*/*.parquet' ORDER BY episode_index")
+    tasks = made / "meta/tasks.parquet"
+    known = duckdb.sql(f"SELECT value FROM parquet_kv_metadata('{tasks}') WHERE key = 'pandas'")
+    [index] = json.loads(known.fetchall()[0][0])["index_columns"]
+    assert duckdb.sql(f"SELECT {index} FROM '{tasks}'").fetchall() == [("drive",)]
     assert {str(kind) for kind in episodes.types} == {"BIGINT", "DOUBLE", "VARCHAR", "VARCHAR[]"}
     rows = [dict(zip(episodes.columns, row, strict=True)) for row in episodes.fetchall()]
     assert [one["dataset_to_index"] for one in rows] == np.cumsum(

@@ -32,6 +32,16 @@ _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _CHUNK = 1000
 _TASK = "drive"
+_INDEX = "__index_level_0__"
+_TASKS = {
+    "index_columns": [_INDEX],
+    "column_indexes": [],
+    "columns": [
+        {"name": "task_index", "pandas_type": "int64", "numpy_type": "int64", "metadata": None},
+        {"name": None, "field_name": _INDEX, "pandas_type": "unicode", "numpy_type": "object"},
+    ],
+}
+"""Metadata by which pandas takes the texts of tasks for the index, as LeRobot expects."""
 
 Numbers = npt.NDArray[np.float64]
 
@@ -164,9 +174,11 @@ def _write_data(sql: Any, episodes: Sequence[_Episode], folder: Path, fps: int) 
         first += count
 
 
-def _copy(sql: Any, query: str, path: Path) -> None:
+def _copy(sql: Any, query: str, path: Path, pandas: str = "") -> None:
+    """Write a table, with metadata for pandas."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    sql.execute(f"COPY ({query}) TO {quoted(path)} (FORMAT parquet)")
+    known = f", KV_METADATA {{pandas: {quoted(pandas)}}}" if pandas else ""
+    sql.execute(f"COPY ({query}) TO {quoted(path)} (FORMAT parquet{known})")
 
 
 def _write_meta(
@@ -180,11 +192,8 @@ def _write_meta(
     ends = np.cumsum([len(one.stamps_ns) for one in episodes]).tolist()
     training = sum(one.recording.split == "train" for one in episodes)
     meta = folder / "meta"
-    _copy(
-        sql,
-        f"SELECT 0::BIGINT AS task_index, {quoted(_TASK)} AS __index_level_0__",
-        meta / "tasks.parquet",
-    )
+    tasks = f"SELECT 0::BIGINT AS task_index, {quoted(_TASK)} AS {_INDEX}"
+    _copy(sql, tasks, meta / "tasks.parquet", json.dumps(_TASKS))
     video = f"videos/{_CAMERA}"
     lines = []
     for number, (one, end) in enumerate(zip(episodes, ends, strict=True)):
