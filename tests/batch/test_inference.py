@@ -50,12 +50,12 @@ def started(monkeypatch):
     """The servers that a batch in this process starts, on the CPU."""
     servers = []
 
-    class Noted(inference._Server):
+    class Noted(inference._GpuServer):
         def __enter__(self):
             servers.append(self)
             return super().__enter__()
 
-    monkeypatch.setattr(inference, "_Server", Noted)
+    monkeypatch.setattr(inference, "_GpuServer", Noted)
     monkeypatch.setattr(inference, "_PROVIDER", Provider.CPU)
     monkeypatch.setattr(inference, "gpus", lambda: 1)
     monkeypatch.setattr(inference, "_LOOK_S", 0.1)
@@ -114,7 +114,7 @@ def test_a_server_that_always_ends_fails_tasks_with_a_reason(
     expected, started, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(inference, "_LOOK_S", 0.3)
-    monkeypatch.setattr(inference._Server, "_answers", lambda self: False)
+    monkeypatch.setattr(inference._GpuServer, "_answers", lambda self: False)
     assert on_gpu(expected / "in" / "0.mkv", tmp_path / "out") == 1
     [failure] = rows(tmp_path / "out", "failures")
     assert "crash" in failure

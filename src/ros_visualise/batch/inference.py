@@ -57,7 +57,9 @@ def network_servers(
             if not is_available(_PROVIDER):
                 raise OpenError("no GPU, or no onnxruntime-gpu")
             started = [
-                undo.enter_context(_Server(Path(folder) / str(number), _PROVIDER, number, memory))
+                undo.enter_context(
+                    _GpuServer(Path(folder) / str(number), _PROVIDER, number, memory)
+                )
                 for number in range(max(1, gpus()))
             ]
         except OpenError as error:
@@ -73,7 +75,7 @@ def run_served(work: Callable[[Task], Any], servers: Sequence[ServerAddress], ta
     return work(task)
 
 
-class _Server:
+class _GpuServer:
     """A server in a process that is watched; it ends with the context.
 
     Raises:
@@ -88,7 +90,7 @@ class _Server:
         self._connection = self._start()
         self._watching = supervision.start(f"networks {gpu}", self._watch)
 
-    def __enter__(self) -> _Server:
+    def __enter__(self) -> _GpuServer:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -25,6 +25,10 @@ class Similarity(NamedTuple):
     R: Floats
     t: Floats
 
+    def apply(self, T: Floats) -> Floats:
+        """Poses T (N, 4, 4) in the other frame; they are scaled, their rotations are not."""
+        return se3.from_parts(self.R @ T[:, :3, :3], self.s * T[:, :3, 3] @ self.R.T + self.t)
+
 
 def product(a: Similarity, b: Similarity) -> Similarity:
     """``a`` after ``b``."""

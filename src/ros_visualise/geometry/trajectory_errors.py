@@ -19,6 +19,7 @@ import numpy.typing as npt
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations, se3
+from ros_visualise.geometry.similarity import Similarity
 
 Indices = npt.NDArray[np.intp]
 Stamps = npt.NDArray[np.int64]
@@ -157,24 +158,6 @@ ALIGNMENTS = ("none", "origin", "se3", "sim3")
 _FLAT = 1e-14  # of the largest singular value: below it, positions lie on a line
 
 
-@dataclass(frozen=True)
-class Similarity:
-    """Takes a position p to ``scale * rotation @ p + translation_xyz``.
-
-    ``rotation`` is (3, 3), ``translation_xyz`` (3,) in metres.
-    """
-
-    rotation: Floats
-    translation_xyz: Floats
-    scale: float = 1.0
-
-    def apply(self, T: Floats) -> Floats:
-        """Poses T (N, 4, 4) in the other frame; they are scaled, their rotations are not."""
-        turned = self.rotation @ T[:, :3, :3]
-        moved = self.scale * T[:, :3, 3] @ self.rotation.T + self.translation_xyz
-        return se3.from_parts(turned, moved)
-
-
 def align(T_truth: Floats, T_estimate: Floats, how: str) -> Similarity:
     """The motion, and scale, that aligns an estimate with the truth.
 
@@ -186,10 +169,10 @@ def align(T_truth: Floats, T_estimate: Floats, how: str) -> Similarity:
         ValueError: the positions lie on a line, so the rotation about it is unknown.
     """
     if how == "none":
-        return Similarity(np.eye(3), np.zeros(3))
+        return Similarity(1.0, np.eye(3), np.zeros(3))
     if how == "origin":
         T = T_truth[0] @ se3.inverse(T_estimate[0])
-        return Similarity(T[:3, :3], T[:3, 3])
+        return Similarity(1.0, T[:3, :3], T[:3, 3])
     return fit_similarity(T_estimate[:, :3, 3], T_truth[:, :3, 3], with_scale=how == "sim3")
 
 
@@ -212,7 +195,7 @@ def fit_similarity(points_xyz: Floats, targets_xyz: Floats, with_scale: bool) ->
     rotation = (U * signs) @ Vt
     variance = (spread**2).sum() / len(points_xyz)
     scale = float(singular @ signs / variance) if with_scale else 1.0
-    return Similarity(rotation, target - scale * rotation @ center, scale)
+    return Similarity(scale, rotation, target - scale * rotation @ center)
 
 
 NEES_BAND = (1.2373, 14.4494)

@@ -10,13 +10,13 @@ import numpy as np
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import Floats, Path
 from ros_visualise.geometry import se3
+from ros_visualise.geometry.similarity import Similarity
 from ros_visualise.geometry.trajectory_errors import (
     ALIGNMENTS,
     NEXT,
     Delta,
     Indices,
     PoseErrors,
-    Similarity,
     Stamps,
     absolute_errors,
     align,

@@ -101,7 +101,7 @@ def _how(compared: Comparison, truth: Trajectory) -> str:
         differ = all(frames) and frames[0] != frames[1]
         how = f"not aligned{f', though the frames are {frames[0]} and {frames[1]}' * differ}"
     else:
-        scale = f", scale {compared.alignment.scale:.6f}" if compared.align == "sim3" else ""
+        scale = f", scale {compared.alignment.s:.6f}" if compared.align == "sim3" else ""
         how = f"aligned by {compared.align}{scale}"
     apart = f" at most {compared.apart_s:.4f} s apart" if truth.stamped else ""
     return f"{pairs}{apart}, {how}"
@@ -123,8 +123,8 @@ def _errors(compared: Comparison) -> dict[str, Any]:
         "poses": len(compared.moments),
         "apart_s": compared.apart_s,
         "align": compared.align,
-        "scale": alignment.scale,
-        "T_truth_frame": from_parts(alignment.rotation, alignment.translation_xyz).tolist(),
+        "scale": alignment.s,
+        "T_truth_frame": from_parts(alignment.R, alignment.t).tolist(),
         "delta": str(compared.delta),
         "ate": _values(compared.ate, compared.turns),
         "rpe": _values(compared.rpe, compared.turns),

@@ -74,7 +74,7 @@ class _Seen:
 
 
 @node("corners", params=FilmParams, inputs=TAKES, outputs=GIVES)
-class Corners:
+class GridCorners:
     """Corners: points that can be found again."""
 
     def __init__(self, params: FilmParams) -> None:
@@ -185,7 +185,7 @@ def flow(image: Image, params: object) -> dict[str, Message]:
     )
 
 
-class _View(NamedTuple):
+class _FirstView(NamedTuple):
     """A picture with its corners and their directions (N, 2)."""
 
     bgr: Pixels
@@ -201,13 +201,13 @@ class Epipolar:
         self.reset()
 
     def reset(self) -> None:
-        self._views: deque[_View] = deque(maxlen=_VIEWS)
+        self._views: deque[_FirstView] = deque(maxlen=_VIEWS)
         self._is_shown = False
 
     def step(self, image: Image, params: object) -> dict[str, Message] | None:
         """The motion since the oldest picture with enough corners in common."""
         seen = work_of(image, _Seen)
-        now = _View(seen.bgr, seen.corners, rays_at(seen.K, seen.corners.pixels_uv))
+        now = _FirstView(seen.bgr, seen.corners, rays_at(seen.K, seen.corners.pixels_uv))
         if self._views and self._views[-1].bgr.shape != now.bgr.shape:
             self._views.clear()
         first = next((one for one in self._views if _is_common(one, now)), None)
@@ -321,7 +321,7 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
 
 
 @node("drift", inputs=TAKES, outputs=GIVES)
-class Drift:
+class WayDrift:
     """Drift: the error grows along the way."""
 
     def __init__(self, _: object) -> None:
@@ -393,11 +393,11 @@ LESSON = Lesson(
     can be computed: visual odometry. The steps show how, on a film of {width} × {height} pixels.
     """,
     [
-        Step(Corners),
+        Step(GridCorners),
         Step(flow, "corners"),
         Step(Epipolar, "corners"),
         Step(scale, "epipolar"),
-        Step(Drift, "corners"),
+        Step(WayDrift, "corners"),
     ],
     plays=True,
     export_s=10.0,
@@ -419,7 +419,7 @@ def _reason(why: str) -> str:
     return _REASONS.get(why, f"No motion of the camera was found: {why}.")
 
 
-def _is_common(first: _View, now: _View) -> bool:
+def _is_common(first: _FirstView, now: _FirstView) -> bool:
     common = np.isin(now.corners.ids, first.corners.ids).sum()
     return bool(common >= max(_LEAST, _COMMON * len(first.corners.ids)))
 
