@@ -7,7 +7,8 @@ from functools import cache
 import cv2
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Floats, Pixels
+from ros_visualise.data import CameraInfo, Floats, Header, Imu, Pixels
+from ros_visualise.geometry import se3
 
 HEIGHT = 2.0  # metres
 _SIZE = 320, 240
@@ -45,6 +46,23 @@ class Flight:
         pixels[:2, 2] = -2, -8
         H = self.info.K @ ground @ pixels
         return np.asarray(cv2.warpPerspective(_texture(), H, _SIZE, flags=cv2.INTER_AREA))
+
+
+def place(t: float) -> float:
+    """Number of the drawn image at a time: at rest for 0.7 s, then faster for a second."""
+    gone = max(t - 0.7, 0.0)
+    return 5 * min(gone, 1.0) ** 2 + 10 * max(gone - 1.0, 0.0)
+
+
+def felt(flight: Flight, t: float, h: float = 1e-3) -> Imu:
+    """An exact measurement of an IMU in the camera."""
+    R = [flight.R(place(t + one)) for one in (-h, 0, h)]
+    p = [flight.p(place(t + one)) for one in (-h, 0, h)]
+    force = R[1].T @ ((p[0] - 2 * p[1] + p[2]) / h**2 + np.array([0, 0, 9.80665]))
+    rates = se3.rotation_vector(R[0].T @ R[2]) / (2 * h)
+    return Imu(
+        np.array([0, 0, 0, 1.0]), rates, force, *[np.eye(3)] * 3, Header(round(t * 1e9), "imu")
+    )
 
 
 @cache

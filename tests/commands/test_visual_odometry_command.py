@@ -1,12 +1,17 @@
 """`ros-visualise odometry`: files that other programs read, and what it refuses."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from visual_flight import Flight, felt, place
 
 from ros_visualise.commands import main
+from ros_visualise.data import Header, Image, Transforms, TransformStamped
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
 
 
 @pytest.fixture
@@ -73,3 +78,50 @@ def test_wrong_usage_is_one_line(run, tmp_path, words, why):
     assert (status, said) == (2, "")
     assert why in told
     assert told.count("\n") == 1
+
+
+@pytest.fixture
+def recorded_flight(tmp_path):
+    """A drawn flight: a camera, and an IMU that is turned as the ground is, at the same place."""
+    flight, path = Flight(), tmp_path / "flight.bag"
+    topics = {"/image_raw": "sensor_msgs/msg/Image", "/imu": "sensor_msgs/msg/Imu"}
+    topics |= {"/camera_info": "sensor_msgs/msg/CameraInfo", "/tf_static": "tf2_msgs/msg/TFMessage"}
+    header = Header(0, "imu")
+    same = TransformStamped("camera", np.zeros(3), np.array([0, 0, 0, 1.0]), header)
+    types = {name: TopicType(kind) for name, kind in topics.items()}
+    with open_recorder(str(path), types) as recorder:
+        recorder.write("/tf_static", Transforms((same,)), 10**7)
+        for n in range(1, 260):
+            stamp_ns = n * 10**7
+            recorder.write("/imu", felt(flight, n / 100), stamp_ns)
+            if n % 10 == 0:
+                header = Header(stamp_ns, "camera")
+                recorder.write("/camera_info", replace(flight.info, header=header), stamp_ns)
+                image = Image(flight.image(place(n / 100)), "mono8", header)
+                recorder.write("/image_raw", image, stamp_ns)
+    return flight, path
+
+
+def test_an_imu_in_a_recording_gives_metres(recorded_flight, run, tmp_path):
+    flight, path = recorded_flight
+    out = tmp_path / "way.tum"
+    status, said, _ = run(path, "--imu", "/imu", "--corners", 120, "--out", out, "--json")
+    report, way = json.loads(said), np.loadtxt(out)
+    first, last = (flight.p(place(stamp_s)) for stamp_s in way[[0, -1], 0])
+    assert (status, report["in_metres"]) == (0, True)
+    true = np.linalg.norm(last - first)
+    assert np.linalg.norm(way[-1, 1:4]) == pytest.approx(true, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--imu", "/image_raw"], "no measurements of an IMU on /image_raw"),
+        (["--imu", "/imu0"], "no topic /imu0"),
+        (["--imu", "/imu", "--height", "2"], "omit --height and --scale"),
+    ],
+)
+def test_wrong_use_of_an_imu_is_reported(recorded_flight, run, options, says):
+    status, _, said = run(recorded_flight[1], *options)
+    assert status == 2
+    assert says in said

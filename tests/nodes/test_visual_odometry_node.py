@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from visual_flight import HEIGHT, Flight
+from visual_flight import HEIGHT, Flight, felt, place
 
-from ros_visualise.data import Header, Image, Imu, Transforms, TransformStamped
+from ros_visualise.data import Header, Image, Transforms, TransformStamped
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.nodes.visual_odometry import CameraMotionParams, VisualOdometryNode
@@ -58,23 +58,6 @@ def test_publishes_no_odometry_without_a_scale(images):
     found = answers(CameraMotionParams(corners=120), images[:6])
     assert not any("odometry" in one or "points" in one or "tf" in one for one in found)
     assert "scale unknown" in found[-1]["diagnostics"].statuses[0].message
-
-
-def place(t):
-    """Number of the drawn image at a time: at rest for 0.7 s, then faster for a second."""
-    gone = max(t - 0.7, 0.0)
-    return 5 * min(gone, 1.0) ** 2 + 10 * max(gone - 1.0, 0.0)
-
-
-def felt(flight, t, h=1e-3):
-    """An exact measurement of an IMU in the camera."""
-    R = [flight.R(place(t + one)) for one in (-h, 0, h)]
-    p = [flight.p(place(t + one)) for one in (-h, 0, h)]
-    force = R[1].T @ ((p[0] - 2 * p[1] + p[2]) / h**2 + [0, 0, 9.80665])
-    rates = se3.rotation_vector(R[0].T @ R[2]) / (2 * h)
-    return Imu(
-        np.array([0, 0, 0, 1.0]), rates, force, *[np.eye(3)] * 3, Header(round(t * 1e9), "imu")
-    )
 
 
 def answers_with_imu(seconds, gap=(9.0, 9.0), dark=()):

@@ -69,6 +69,12 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         " unit",
         metavar="TOPIC",
     )
+    imu: str | None = option(
+        None,
+        "topic of an IMU that gives the scale, at rest for half a second at first; its transform to"
+        " the camera is needed",
+        metavar="TOPIC",
+    )
     fps: float = option(
         10.0, "pictures of a folder per second (default: %(default)g)", type=positive, metavar="N"
     )

@@ -13,7 +13,15 @@ import numpy as np
 from ros_visualise.commands.odometry import OdometryOptions
 from ros_visualise.core.errors import DamagedMessage, NoTransform, OpenError, UsageError
 from ros_visualise.core.regular_files import read_text
-from ros_visualise.data import CameraInfo, Floats, Image, NavSatFix, Pixels
+from ros_visualise.data import (
+    CameraInfo,
+    Floats,
+    Image,
+    Imu,
+    NavSatFix,
+    Pixels,
+    Transforms,
+)
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import Locator
 from ros_visualise.messages.calibrations import calibration_topic
@@ -32,11 +40,12 @@ _WHEELS = 0.02  # m, of positions that have no covariance
 
 
 class CameraImage(NamedTuple):
-    """An image, gray (H, W) uint8, and that of the right camera, if any."""
+    """An image, gray (H, W) uint8, that of the right camera, if any, and the camera's frame."""
 
     stamp_ns: int
     gray: Pixels
     right: Pixels | None = None
+    frame: str = ""
 
 
 class Position(NamedTuple):
@@ -55,14 +64,16 @@ class CameraInput:
         infos: of the camera, and of the right one; empty if it is not calibrated.
         cameras: T_left_camera (C, 4, 4).
         notes: damage of the input, a line each.
+        frames: the transforms so far, if an IMU is read.
     """
 
     infos: list[CameraInfo] = field(default_factory=list)
     cameras: Floats = field(default_factory=lambda: np.eye(4)[None])
     notes: list[str] = field(default_factory=list)
+    frames: FrameTree = field(default_factory=FrameTree)
 
-    def read(self) -> Iterator[CameraImage | Position]:
-        """All images and positions, in order."""
+    def read(self) -> Iterator[CameraImage | Position | Imu]:
+        """All images, positions and measurements of an IMU, in order."""
         raise NotImplementedError
 
 
@@ -82,7 +93,7 @@ def open_input(options: OdometryOptions) -> CameraInput:
 class _Folder(CameraInput):
     def __init__(self, folder: Path, options: OdometryOptions) -> None:
         super().__init__()
-        if options.scale or options.right not in (None, "none"):
+        if options.scale or options.imu or options.right not in (None, "none"):
             raise UsageError(f"{folder}: pictures have no topics")
         self._pictures = Pictures(folder, options.fps)
         first = next(image for _, image in self._pictures.read())
@@ -93,7 +104,7 @@ class _Folder(CameraInput):
         if calib and not options.calibration:
             self.infos = [_read_calibration(str(calib), self.size)]
 
-    def read(self) -> Iterator[CameraImage | Position]:
+    def read(self) -> Iterator[CameraImage | Position | Imu]:
         for stamp_ns, image in self._pictures.read():
             yield CameraImage(stamp_ns, _gray(image))
         self.notes = self._pictures.faults
@@ -108,14 +119,24 @@ class _Recorded(CameraInput):
             info, self.size = _look(recording, self._topic)
             self.infos = [info] if info else []
             self._right = ""
-            if info and not options.calibration and options.right != "none":
+            use_right = options.right != "none" and not options.imu
+            if info and not options.calibration and use_right:
                 self._find_right(recording, info, options.right)
-            self._scale = None
-            if options.scale:
-                named = {name.lstrip("/"): name for name in recording.topics}
-                self._scale = named.get(options.scale.lstrip("/"))
-                if self._scale is None:
-                    raise UsageError(f"{self._path}: no topic {options.scale}")
+            self._scale = self._topic_of(recording, options.scale)
+            self._imu = self._topic_of(recording, options.imu)
+            self._moving: list[str] = []
+            if self._imu:
+                if recording.topics[self._imu].type.data_class is not Imu:
+                    raise UsageError(f"{self._path}: no measurements of an IMU on {options.imu}")
+                self.frames = _static_frames(recording)
+                self._moving = [name for name in recording.topics if name.lstrip("/") == "tf"]
+
+    def _topic_of(self, recording: Recording, wanted: str | None) -> str | None:
+        """A topic of the recording by its name, also without the first slash."""
+        named = {name.lstrip("/"): name for name in recording.topics}
+        if wanted and wanted.lstrip("/") not in named:
+            raise UsageError(f"{self._path}: no topic {wanted}")
+        return named[wanted.lstrip("/")] if wanted else None
 
     def _find_right(self, recording: Recording, info: CameraInfo, wanted: str | None) -> None:
         """The other camera of a stereo pair, if there is one."""
@@ -135,8 +156,9 @@ class _Recorded(CameraInput):
                 f"{wanted}: no calibration or transform places it right of {self._topic}"
             )
 
-    def read(self) -> Iterator[CameraImage | Position]:
-        topics = [one for one in (self._topic, self._right, self._scale) if one]
+    def read(self) -> Iterator[CameraImage | Position | Imu]:
+        several = (self._topic, self._right, self._scale, self._imu, *self._moving)
+        topics = [one for one in several if one]
         locator, left, right = Locator(), None, None
         with closing(open_source(self._path)) as recording:
             with closing(recording.read(topics=topics)) as entries:
@@ -145,13 +167,20 @@ class _Recorded(CameraInput):
                         message: Any = content(entry.message)
                     except DamagedMessage:
                         continue
+                    if isinstance(message, Transforms):
+                        with suppress(WrongTransforms):
+                            self.frames.add(message)
+                        continue
+                    if isinstance(message, Imu):
+                        yield message
+                        continue
                     stamp_ns = message.header.stamp_ns or entry.stamp_ns
                     if entry.topic == self._scale:
                         found = locator.locate(message)
                         if found is not None:
                             yield Position(stamp_ns, found[:3], _sigma(message))
                         continue
-                    view = CameraImage(stamp_ns, _gray(message))
+                    view = CameraImage(stamp_ns, _gray(message), frame=message.header.frame_id)
                     if not self._right:
                         yield view
                         continue

@@ -11,12 +11,13 @@ import numpy as np
 from tqdm import tqdm
 
 from ros_visualise.commands.odometry import OdometryOptions
+from ros_visualise.commands.odometry.inertial import InertialSteps
 from ros_visualise.commands.odometry.inputs import CameraImage, CameraInput, Position, open_input
 from ros_visualise.commands.odometry.places import PlaceRecorder
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import counted, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, noticed
-from ros_visualise.data import Header
+from ros_visualise.data import Header, Imu
 from ros_visualise.data import Path as PosePath
 from ros_visualise.estimation.visual.focal import PIXEL_SIGMA, find_focal_length, pinhole
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
@@ -33,7 +34,7 @@ from ros_visualise.vision.threads import fit_threads
 _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
-_WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height or --scale"
+_WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height, --scale or --imu"
 
 
 def find_trajectory(options: OdometryOptions) -> int:
@@ -41,23 +42,30 @@ def find_trajectory(options: OdometryOptions) -> int:
     _check(options)
     found = interruptible(lambda: open_input(options))
     settings, notes = _settings(options), []
+    if options.imu and not found.infos:
+        raise UsageError(f"{options.input}: --imu needs a calibrated camera: give --calibration")
     if not found.infos:
         notes.append(_estimate_focal_length(found, options))
         settings = replace(settings, pixel_sigma=PIXEL_SIGMA)
-    odometry, places = VisualOdometry(found.infos, found.cameras, settings), PlaceRecorder()
+    odometry: VisualOdometry | InertialSteps
+    if options.imu:
+        odometry = InertialSteps(found, options.corners, settings.readout_s)
+    else:
+        odometry = VisualOdometry(found.infos, found.cameras, settings)
+    places = PlaceRecorder()
     stamps_ns: list[int] = []
     reasons: dict[str, int] = {}
     with noticed() as request:
         for one in tqdm(_part(found, options), unit=" images", disable=None, leave=False):
             if request.asked:
                 break
-            if isinstance(one, Position):
-                odometry.measured(*one)
+            if isinstance(one, CameraImage):
+                fit_threads(one.gray)
+                stamps_ns.append(one.stamp_ns)
+            _take(odometry, one)
+            if not isinstance(one, CameraImage):
                 continue
-            fit_threads(one.gray)
-            stamps_ns.append(one.stamp_ns)
-            odometry.step(*one)
-            if not options.keep_drift:
+            if isinstance(odometry, VisualOdometry) and not options.keep_drift:
                 places.look(odometry)
             if odometry.reason:
                 reasons[odometry.reason] = reasons.get(odometry.reason, 0) + 1
@@ -81,6 +89,19 @@ def find_trajectory(options: OdometryOptions) -> int:
     return int(bool(found.notes or odometry.counts["losses"]))
 
 
+def _take(odometry: VisualOdometry | InertialSteps, one: CameraImage | Position | Imu) -> None:
+    """Process an image or a measurement."""
+    if isinstance(odometry, InertialSteps):
+        if isinstance(one, Imu):
+            odometry.feel(one)
+        elif isinstance(one, CameraImage):
+            odometry.step(one)
+    elif isinstance(one, Position):
+        odometry.measured(*one)
+    elif isinstance(one, CameraImage):
+        odometry.step(one.stamp_ns, one.gray, one.right)
+
+
 def _check(options: OdometryOptions) -> None:
     """Reject wrong usage before anything is read."""
     outs = [Path(name) for name in options.out]
@@ -90,6 +111,8 @@ def _check(options: OdometryOptions) -> None:
     if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(f"--plot {options.plot}: give a name that ends in {kinds}")
+    if options.imu and (options.height or options.scale):
+        raise UsageError("--imu gives the scale: omit --height and --scale")
     if options.corners < 50:
         raise UsageError(f"--corners {options.corners}: give at least 50")
     targets = [*outs, *(one for one in (options.covariances, options.plot) if one)]
@@ -109,7 +132,7 @@ def _settings(options: OdometryOptions) -> VisualSettings:
 
 def _has_unit(options: OdometryOptions, found: CameraInput) -> bool:
     """True if lengths are to be metres."""
-    return bool(options.height or options.scale) or len(found.infos) > 1
+    return bool(options.height or options.scale or options.imu) or len(found.infos) > 1
 
 
 def _estimate_focal_length(found: CameraInput, options: OdometryOptions) -> str:
@@ -130,12 +153,13 @@ def _estimate_focal_length(found: CameraInput, options: OdometryOptions) -> str:
     )
 
 
-def _part(found: CameraInput, options: OdometryOptions) -> Iterator[CameraImage | Position]:
+def _part(found: CameraInput, options: OdometryOptions) -> Iterator[CameraImage | Position | Imu]:
     """The part of the input that is wanted."""
     first_ns, count = None, 0
     for one in found.read():
-        first_ns = one.stamp_ns if first_ns is None else first_ns
-        gone_s = (one.stamp_ns - first_ns) / 1e9
+        stamp_ns = one.header.stamp_ns if isinstance(one, Imu) else one.stamp_ns
+        first_ns = stamp_ns if first_ns is None else first_ns
+        gone_s = (stamp_ns - first_ns) / 1e9
         if options.duration is not None and gone_s > (options.start or 0.0) + options.duration:
             return
         if gone_s < (options.start or 0.0):
@@ -194,7 +218,7 @@ def _report(
     poses: list[VisualPose],
     stamps_ns: list[int],
     reasons: dict[str, int],
-    odometry: VisualOdometry,
+    odometry: VisualOdometry | InertialSteps,
 ) -> dict[str, Any]:
     last = poses[-1]
     change = se3.about_itself(last.p)

@@ -30,8 +30,9 @@ from ros_visualise.estimation.inertial.tracks import (
     CornerTracks,
     TriangulatedTracks,
     begin_points,
+    chi_squared,
     correct_by_points,
-    gate,
+    limit,
     project,
     together,
     triangulate,
@@ -47,6 +48,8 @@ _LEAST_VIEWS = 3  # of a corner
 _MOST = 50  # corners in one correction
 _MISFIT = 3.0  # standard deviations, of the residuals of a corner after a first correction
 _LEAST, _AGREED = 6, 0.5  # corners, and their part of all, that agree
+_GATE = 2.0  # standard deviations of a normal distribution, for the chi-squared test
+_USUAL_FIT, _LEARNING, _MOST_NOISE = 0.009, 0.1, 4.0  # squares by row; part; times the usual noise
 _LARGEST = 3.5  # standard deviations, of a correction of the robot
 _STEPS = 3  # of a correction that changes much
 _FITS = 1.0  # standard deviations of directions, below which it does not
@@ -111,11 +114,24 @@ class InertialFilter:
         self.tracks = CornerTracks()
         self.point_ids: Ids = np.zeros(0, np.int64)
         self.used, self.contradicted = 0, False
+        self._level = 1.0
+
+    @property
+    def noise(self) -> CornerNoise:
+        """The noise of corners, by how well they fitted lately."""
+        return self.settings.noise.scaled(self._level)
+
+    def _learn(self, ratios: Floats) -> None:
+        """Raise or lower the noise of corners: blur and noise make them worse."""
+        if len(ratios) >= _LEAST:
+            wanted = self._level * np.sqrt(np.median(ratios) / _USUAL_FIT)
+            wanted = np.clip(wanted, 1.0, _MOST_NOISE)
+            self._level += float(wanted - self._level) * _LEARNING
 
     @property
     def sigma(self) -> float:
         """Standard deviation of directions within a window."""
-        white, walk = self.settings.noise
+        white, walk = self.noise
         return float(np.sqrt(white**2 + walk**2 * self.settings.views / 3))
 
     # time
@@ -201,9 +217,9 @@ class InertialFilter:
         if not len(self.point_ids):
             return 0
         at = np.searchsorted(ids, self.point_ids)
-        every, own = np.arange(len(self.point_ids)), self.settings
-        self.state.drag_points(own.noise.walk)
-        good = correct_by_points(self.state, every, rays[at], own.noise.white)
+        every = np.arange(len(self.point_ids))
+        self.state.drag_points(self.noise.walk)
+        good = correct_by_points(self.state, every, rays[at], self.noise.white)
         self._drop_points(~good)
         return int(good.sum())
 
@@ -239,9 +255,11 @@ class InertialFilter:
             error = error + step
             R, p = se3.moved(error[state.views].reshape(-1, VIEW), state.R, state.p)
             found = triangulate(R, p, seen)
-            projected = project(R, p, found, own.noise).since(error[state.views])
-            usable = self._is_usable(found)
-            good = usable & gate(state, projected)
+            projected = project(R, p, found, self.noise).since(error[state.views])
+            usable, chi2 = self._is_usable(found), chi_squared(state, projected)
+            if not n:
+                self._learn(chi2[usable] / projected.rows[usable])
+            good = usable & (chi2 < limit(projected.rows, _GATE))
             if n:
                 good &= found.misfit < _MISFIT * self.sigma
             self.contradicted = bool(good.sum() < _AGREED * usable.sum() and usable.sum() >= _LEAST)

@@ -32,6 +32,7 @@ from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
 
 _PERIOD_NS = 70_000_000  # shortest time between views
 _REST_NS, _STEP_NS = 500_000_000, 100_000_000  # of rest before the start, and its steps
+_LEAST_REST_NS = 80_000_000  # of a rest with which all begins
 _QUIET_FORCE, _QUIET_RATES = 0.15, 0.02  # m/s^2 and rad/s: spread at rest
 _SAME_FORCE, _SLOW = 0.1, 0.05  # m/s^2 and rad/s: of means at rest
 _STILL_PX, _STILL_LEVELS = 0.7, 1.5  # of corners, or gray levels, since the rest began
@@ -101,7 +102,7 @@ class InertialOdometry:
         self._tracker = CornerTracker(corners)
         self._queue: deque[_Image] = deque()
         self._rest = _Rest()
-        self._before_ns = self._view_ns = self._held_ns = self._since_ns = 0
+        self._before_ns = self._view_ns = self._held_ns = self._since_ns = self._first_ns = 0
         self._last: InertialPose | None = None
 
     @property
@@ -131,6 +132,7 @@ class InertialOdometry:
         """The pose of an image."""
         self.counts["images"] += 1
         stamp_ns = image.stamp_ns
+        self._first_ns = self._first_ns or stamp_ns
         if stamp_ns <= self._before_ns:
             return None
         fault = self._judge.fault(image.gray)
@@ -143,7 +145,8 @@ class InertialOdometry:
             if self.filter is not None:
                 return self._answer(stamp_ns, self.filter.propagate(stamp_ns), fault)
             self._begin(stamp_ns, self._rest.judge(self._imu, stamp_ns, image.gray, None))
-            return self._answer(stamp_ns, True, self.reason)
+            own = self.filter
+            return self._answer(stamp_ns, own is None or own.propagate(stamp_ns), self.reason)
         rays = directions_at_once(corners, self._info, self._readout_s, seconds)
         few = slice(self._count)
         view = SeenCorners(
@@ -154,22 +157,30 @@ class InertialOdometry:
         self._tracker.refill()
         if self.filter is None:
             self._begin(stamp_ns, is_still)
-            return self._answer(stamp_ns, True, self.reason)
+            own = self.filter
+            if own is None or is_still:
+                return self._answer(stamp_ns, True, self.reason)
+            return self._answer(stamp_ns, own.see(*view), "")
         is_reached = self._go_on(self.filter, view, is_still)
         return self._answer(stamp_ns, is_reached, self._fault(self.filter, view, is_still))
 
     # the start
 
     def _begin(self, stamp_ns: int, is_still: bool) -> None:
-        """Begin once the robot has rested: scale and gravity come from that."""
+        """Begin once the robot has rested: scale and gravity come from that.
+
+        What begins with a rest may be shorter: robots are switched on at rest.
+        """
         rest = self._rest
-        if not is_still or rest.until_ns - max(rest.from_ns, self._since_ns) < _REST_NS:
-            self.reason = "waiting for the robot to rest" if not is_still else "at rest"
+        from_ns, until_ns = max(rest.from_ns, self._since_ns), rest.until_ns
+        self.reason = "at rest" if is_still else "waiting for the robot to rest"
+        if not is_still and rest.ended[0] == self._first_ns:
+            from_ns, until_ns = rest.ended
+        if until_ns - from_ns < (_REST_NS if is_still else _LEAST_REST_NS):
             return
-        from_ns = max(rest.from_ns, self._since_ns)
-        first = start_at_rest(self._imu, from_ns, stamp_ns, self.settings.imu)
+        first = start_at_rest(self._imu, from_ns, until_ns, self.settings.imu)
         if first is not None:
-            self._start(first, stamp_ns)
+            self._start(first, until_ns)
 
     def _start(self, first: FirstEstimate, rest_ns: int) -> None:
         """Begin at an estimate, where the last one ended, and rest until a time."""
@@ -269,10 +280,12 @@ class _Rest:
 
     Attributes:
         from_ns, until_ns: first and last image of this rest, which has begun if they differ.
+        ended: those of the last one.
     """
 
     def __init__(self) -> None:
         self.from_ns = self.until_ns = 0
+        self.ended = 0, 0
         self._small: Pixels | None = None
         self._moved, self._force = np.zeros(2), np.zeros(3)
 
@@ -292,6 +305,8 @@ class _Rest:
         if is_known and self._is_quiet(imu, stamp_ns) and self._stays(small, corners):
             self.until_ns = stamp_ns
             return True
+        if self.until_ns > self.from_ns:
+            self.ended = self.from_ns, self.until_ns
         self.from_ns = self.until_ns = stamp_ns
         self._small, self._moved = small, np.zeros(2)
         return False

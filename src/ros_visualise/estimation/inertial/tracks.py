@@ -209,14 +209,13 @@ def project(
     return ProjectedTracks(2 * is_seen.sum(axis=1) - 3, rest[..., 0], rest[..., 4:], point)
 
 
-def gate(state: SlidingState, found: ProjectedTracks, sigmas: float = 2.0) -> Mask:
-    """(F,) True for corners that fit the state, by the chi-squared test of their residuals."""
+def chi_squared(state: SlidingState, found: ProjectedTracks) -> Floats:
+    """(F,) squares of the residuals of corners, by the covariance that the state expects."""
     P = state.P[state.views, state.views]
     S = found.H @ P @ np.swapaxes(found.H, 1, 2) + np.eye(found.H.shape[1])
     whitened = np.linalg.solve(S, found.residual[..., None])[..., 0]
-    chi2 = (found.residual * whitened).sum(axis=1)
-    is_good: Mask = chi2 < limit(found.rows, sigmas)
-    return is_good
+    chi2: Floats = (found.residual * whitened).sum(axis=1)
+    return chi2
 
 
 def limit(count: Indices, sigmas: float) -> Floats:
