@@ -48,6 +48,7 @@ _LEAST_VIEWS = 3  # of a corner
 _MOST = 50  # corners in one correction
 _MISFIT = 3.0  # standard deviations, of the residuals of a corner after a first correction
 _LEAST, _AGREED = 6, 0.5  # corners, and their part of all, that agree
+_FIRST_NOISE = 2.5  # times the usual noise, until it is known better
 _GATE = 2.0  # standard deviations of a normal distribution, for the chi-squared test
 _USUAL_FIT, _LEARNING, _MOST_NOISE = 0.009, 0.1, 4.0  # squares by row; part; times the usual noise
 _LARGEST = 3.5  # standard deviations, of a correction of the robot
@@ -114,7 +115,7 @@ class InertialFilter:
         self.tracks = CornerTracks()
         self.point_ids: Ids = np.zeros(0, np.int64)
         self.used, self.contradicted = 0, False
-        self._level = 1.0
+        self._level = _FIRST_NOISE
 
     @property
     def noise(self) -> CornerNoise:
