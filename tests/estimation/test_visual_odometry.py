@@ -87,6 +87,31 @@ def test_a_camera_at_rest_shows_no_motion(images):
     assert odometry.reason == "waiting for motion"
 
 
+class Rising(Flight):
+    """A camera that looks straight down and rises by a twentieth of its height an image."""
+
+    def p(self, n):
+        return np.array([4.0, 0.0, HEIGHT * 1.05**n])
+
+    def R(self, n):  # noqa: N802
+        return np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
+
+
+def test_rising_from_a_plane_shows_no_motion_yet():
+    odometry, found = flown(Rising().image(number) for number in range(9))
+    assert found == [None] * 9
+    assert odometry.reason == "waiting for a motion to the side"
+
+
+def test_finds_its_way_again_after_a_loss(images):
+    dark = np.zeros_like(images[0])
+    odometry, found = flown([*images, *[dark] * 12, *images])
+    assert odometry.counts["losses"] == 1
+    assert [one.is_lost for one in found[16:32]] == [False] * 2 + [True] * 14
+    assert not found[-1].is_lost
+    assert np.trace(found[-1].covariance) > np.trace(found[17].covariance)
+
+
 def test_corners_are_followed_to_a_tenth_of_a_pixel(images):
     tracker = CornerTracker(100)
     tracker.follow(np.ascontiguousarray(images[0][10:, 10:]))

@@ -48,6 +48,7 @@ _R_BASE_CAMERA = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # looking ahea
 _ODOMETRY_M, _FIX_M = 0.02, 2.0  # standard deviations of positions
 _MOVES_S = 5.0  # time constant of the error of a camera's attitude on the robot
 _UNKNOWN = 1e6  # variance of a velocity while lost
+_AT_REST = 1e-3  # rad: a camera that turns more on the robot is on a gimbal
 _SCALE = 0.03  # of a velocity, as a fraction
 _FOLLOWED, _NEW, _LOST = (80, 220, 80), (220, 160, 60), (60, 60, 240)  # BGR
 
@@ -142,8 +143,9 @@ class VisualOdometryNode:
         self._locator = Locator()
         self._T_odom_first = np.eye(4)
         self._last: tuple[int, Floats] | None = None
-        self._keyframes = 0
+        self._start_ns, self._keyframes = -1, 0
         self._is_placed = True
+        self._is_gimbal = False
 
     def step(
         self,
@@ -193,9 +195,12 @@ class VisualOdometryNode:
             return self._see_with_imu(image, gray, info, frames)
         T_base_camera = self._mounting(header, frames)
         if self._odometry is None:
-            self._T_odom_first = T_base_camera
             self._odometry = self._begin(info, T_base_camera)
         pose = self._odometry.step(header.stamp_ns, gray)
+        if pose is not None and self._odometry.start_ns != self._start_ns:
+            self._start_ns = self._odometry.start_ns
+            first = Header(self._start_ns, header.frame_id)
+            self._T_odom_first = self._mounting(first, frames)
         self._odometry.done.clear()
         reason = self._odometry.reason
         if reason:
@@ -287,9 +292,10 @@ class VisualOdometryNode:
         self, odometry: VisualOdometry, pose: VisualPose, T_base_camera: Floats
     ) -> dict[str, Any]:
         first = self._T_odom_first
+        self._is_gimbal |= not np.allclose(first, T_base_camera, atol=_AT_REST)
         T = first @ se3.from_parts(pose.R, pose.p) @ se3.inverse(T_base_camera)
         ahead = se3.adjoint(first[:3, :3], first[:3, 3])
-        covariance = ahead @ pose.covariance @ ahead.T + self._by_mounting(T)
+        covariance = ahead @ pose.covariance @ ahead.T + self._by_mounting(T, T_base_camera)
         change = se3.about_itself(T[:3, 3])
         covariance = change @ covariance @ change.T
         linear, angular, of_twist = self._twist(odometry, pose, T, T_base_camera)
@@ -299,15 +305,19 @@ class VisualOdometryNode:
         moved = TransformStamped(base, position, quat, at)
         return {"odometry": message, "tf": Transforms((moved,))}
 
-    def _by_mounting(self, T: Floats) -> Floats:
+    def _by_mounting(self, T: Floats, T_base_camera: Floats) -> Floats:
         """(6, 6) covariance of the twist of a pose by the camera's attitude on the robot.
 
-        Seen by a camera that is turned by e, a motion is turned: E T E^-1.
+        Seen by a camera that is turned by e, a motion is turned: E T E^-1. A gimbal errs anew at
+        each image, so the two turns, about the first place of the camera and about the last, do
+        not cancel then.
         """
-        turn = np.zeros((6, 3))
-        turn[3:] = np.eye(3)
-        turn -= se3.adjoint(T[:3, :3], T[:3, 3])[:, 3:]
-        covariance: Floats = np.deg2rad(self._params.camera_turn) ** 2 * turn @ turn.T
+        if self._is_gimbal:
+            places = self._T_odom_first[:3, 3], (T @ T_base_camera)[:3, 3]
+            turns = np.hstack([se3.adjoint(np.eye(3), one)[:, 3:] for one in places])
+        else:
+            turns = np.eye(6)[:, 3:] - se3.adjoint(T[:3, :3], T[:3, 3])[:, 3:]
+        covariance: Floats = np.deg2rad(self._params.camera_turn) ** 2 * turns @ turns.T
         return covariance
 
     def _twist(

@@ -20,7 +20,7 @@ from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.visual.rolling import directions_at_once
 from ros_visualise.estimation.visual.scale import ScaleFinder
-from ros_visualise.estimation.visual.starting import FirstMotion, first_motions
+from ros_visualise.estimation.visual.starting import STILL, FirstMotion, first_motions
 from ros_visualise.estimation.visual.stretch import Stretch, VisualPose
 from ros_visualise.estimation.visual.window import (
     Keyframe,
@@ -39,6 +39,7 @@ _FEWER = 0.7  # of a keyframe's points in view, below which another one is neede
 _LEAST_USED = 12  # points that locate an image
 _AGREED = 0.5  # of those in view
 _EXACT, _WEAK = 1e-3, 0.3  # fractions: of a baseline that defines the unit, or is replaced
+_FLAT, _ALONG = 0.04, 0.85  # thickness of a plane, by its depth; cosine of a way along its normal
 _AS_GOOD = 1.15  # residuals of two first motions that cannot be told apart
 _BELIEVED = 6  # keyframes of a stretch; a shorter one was a mistake
 _MOST_WAITING = 600  # images between the first two keyframes
@@ -92,6 +93,7 @@ class VisualOdometry:
     Attributes:
         reason: why the last image has no pose; empty if it has one.
         counts: numbers of images, keyframes and losses.
+        start_ns: stamp of the first view, in whose frame all poses are.
         motion_covariance: (6, 6) of the twist from the image before to the last, in its axes.
         done: poses that change no more, in order of their stamps; to be cleared by who takes them.
     """
@@ -105,7 +107,7 @@ class VisualOdometry:
         self.settings = settings or VisualSettings()
         self.counts = {"images": 0, "keyframes": 0, "losses": 0}
         self.done: list[VisualPose] = []
-        self.reason = "waiting for motion"
+        self.reason = STILL
         self._infos = infos
         self._cameras = np.eye(4)[None] if cameras is None else cameras
         self._model = model_of(infos[0], -1)
@@ -124,7 +126,7 @@ class VisualOdometry:
         self.motion_covariance = np.eye(6)
         self._residuals: deque[float] = deque(maxlen=1000)
         self._speed = 0.0
-        self._key = self._failures = self._before_ns = self._seen_ns = 0
+        self._key = self._failures = self._before_ns = self._seen_ns = self.start_ns = 0
 
     def measured(self, stamp_ns: int, position: Floats, sigma: float) -> None:
         """Note a position (3,) of something that moves with the camera, in any frame."""
@@ -142,7 +144,7 @@ class VisualOdometry:
         image = _Image(stamp_ns, gray, right, corners, rays)
         if self._stretch is not None:
             return self._go_on(self._stretch, image)
-        return self._begin(image) if right is None else self._begin_by_two(image)
+        return self._begin(image, before_ns) if right is None else self._begin_by_two(image)
 
     def finish(self) -> list[VisualPose]:
         """All poses that are not taken yet, at the end."""
@@ -198,11 +200,21 @@ class VisualOdometry:
 
     # the first motion
 
-    def _begin(self, image: _Image) -> VisualPose | None:
+    def _at_stamp(self, first: _Image, image: _Image) -> _Image:
+        """The first image, its corners as if all rows were read at once, by where they go then."""
+        _, a, b = np.intersect1d(first.corners.ids, image.corners.ids, True, return_indices=True)
+        corners, after = first.corners.chosen(a), image.corners.pixels_uv[b]
+        turned = FollowedCorners(corners.ids, corners.pixels_uv, 2 * corners.pixels_uv - after)
+        rays = self._rays(turned, (image.stamp_ns - first.stamp_ns) / 1e9)
+        return first._replace(corners=corners, rays=rays)
+
+    def _begin(self, image: _Image, before_ns: int) -> VisualPose | None:
         """Begin a map, if this image shows a motion since the first one."""
         first = self._first
         if first is None:
             return self._wait(image, self.reason)
+        if self.settings.readout_s and first.stamp_ns == before_ns:
+            self._first = first = self._at_stamp(first, image)
         common, a, b = np.intersect1d(first.corners.ids, image.corners.ids, return_indices=True)
         motions = first_motions(first.rays[a], image.rays[b], self._sigma)
         if isinstance(motions, str):
@@ -220,6 +232,9 @@ class VisualOdometry:
         turns = [np.linalg.norm(se3.rotation_vector(one.newest.R)) for one in windows]
         good = [n for n, score in enumerate(scores) if score < _AS_GOOD * min(scores)]
         window = windows[min(good, key=lambda n: turns[n])]  # of a plane's, the likely one
+        if _is_ambiguous(window):
+            self._waiting.append(image._replace(gray=_NO_PIXELS))
+            return self._coast(image.stamp_ns, "waiting for a motion to the side")
         stretch = self._open(window, first.stamp_ns)
         for one in window.frames[:-1]:
             stretch.covariances[one.key] = np.zeros((6, 6))
@@ -281,6 +296,8 @@ class VisualOdometry:
 
     def _open(self, window: KeyframeWindow, stamp_ns: int) -> Stretch:
         start = self._coasted(stamp_ns) if self._is_begun else self._last
+        if not self._is_begun:
+            self.start_ns = stamp_ns
         self._stretch = Stretch(window, start, len(self._cameras) > 1)
         self._stretch.scale_sigma = self.settings.height_sigma * bool(self.settings.height)
         self._scales.restart()
@@ -395,6 +412,24 @@ class VisualOdometry:
         change = se3.about_origin(self._last.p)
         covariance = self._last.covariance + change @ own @ change.T
         return self._last._replace(stamp_ns=stamp_ns, covariance=covariance, is_lost=True)
+
+
+def _is_ambiguous(window: KeyframeWindow) -> bool:
+    """True if the way is along the normal of a plane: both motions that fit it are alike then.
+
+    A turn by degrees fits as well, with a plane and a way that are tilted.
+    """
+    rays, rho = np.insert(window.points.values[:, :2], 2, 1.0, axis=1), window.points.values[:, 2]
+    m: Floats = np.zeros(3)
+    w: Floats = np.ones(len(rho))
+    off: Floats = np.abs(rho)
+    for _ in range(5):  # a plane m'x = 1 is seen at the inverse depths m'ray
+        m = np.asarray(np.linalg.lstsq(rays * w[:, None], rho * w, rcond=None)[0])
+        off = np.abs(rays @ m - rho)
+        w = 1 / (1 + off / max(float(np.median(off)), 1e-12))
+    way = window.newest.p - window.frames[0].p
+    along = abs(float(m @ way)) / max(float(np.linalg.norm(m) * np.linalg.norm(way)), 1e-12)
+    return bool(np.median(off) < _FLAT * np.median(rho) and along > _ALONG)
 
 
 _Rigid = tuple[Floats, Floats]

@@ -18,7 +18,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.bundle import Mask
 
-_STILL = "waiting for motion"
+STILL = "waiting for motion"
 _LEAST = 30  # corners in both views
 _AGREED = 0.5  # of them
 _PARALLAX = 0.015  # rad, that of near corners: what is left when the rotation is taken out
@@ -44,7 +44,7 @@ def first_motions(first: Floats, second: Floats, sigma: float) -> list[FirstMoti
     if len(first) < _LEAST:
         return "too few corners"
     if (np.linalg.norm(second - first, axis=1) < _AT_REST * sigma).mean() > _RESTING:
-        return _STILL
+        return STILL
     reason, found = "no motion fits", []
     for R, t, agree in (*_of_points(first, second, sigma), *_of_a_plane(first, second, sigma)):
         turned = first @ R[:, :2].T + R[:, 2]
@@ -52,9 +52,9 @@ def first_motions(first: Floats, second: Floats, sigma: float) -> list[FirstMoti
         is_near = away > max(_PARALLAX, 4 * sigma)
         if agree.mean() < _AGREED:
             is_moving = is_near.mean() > _COVERED
-            reason = "things move in most of the image" if is_moving else _STILL
+            reason = "things move in most of the image" if is_moving else STILL
         elif _cells(first, agree & is_near) < _COVERED * _cells(first, agree):
-            reason = _STILL
+            reason = STILL
         else:
             found.append(FirstMotion(R, t, agree))
     return found or reason
