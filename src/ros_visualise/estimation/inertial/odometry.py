@@ -64,7 +64,7 @@ class InertialPose(NamedTuple):
     is_lost: bool
 
 
-class _Image(NamedTuple):
+class _SeenImage(NamedTuple):
     stamp_ns: int
     gray: Pixels
     T_base_camera: Floats
@@ -100,7 +100,7 @@ class InertialOdometry:
         self._info, self._count, self._readout_s = info, corners, readout_s
         self._imu, self._judge = ImuBuffer(), PictureJudge()
         self._tracker = CornerTracker(corners)
-        self._queue: deque[_Image] = deque()
+        self._queue: deque[_SeenImage] = deque()
         self._rest = _Rest()
         self._before_ns = self._view_ns = self._held_ns = self._since_ns = self._first_ns = 0
         self._last: InertialPose | None = None
@@ -116,7 +116,7 @@ class InertialOdometry:
 
     def see(self, stamp_ns: int, gray: Pixels, T_base_camera: Floats, turning: Floats) -> None:
         """Take an image (H, W), uint8; see `SeenCorners` for the rest."""
-        self._queue.append(_Image(stamp_ns, gray, T_base_camera, turning))
+        self._queue.append(_SeenImage(stamp_ns, gray, T_base_camera, turning))
 
     def ready(self) -> Iterator[tuple[int, InertialPose | None]]:
         """Stamps and poses of the images that the IMU has reached; None before the start."""
@@ -128,7 +128,7 @@ class InertialOdometry:
             image = self._queue.popleft()
             yield image.stamp_ns, self._take(image)
 
-    def _take(self, image: _Image) -> InertialPose | None:
+    def _take(self, image: _SeenImage) -> InertialPose | None:
         """The pose of an image."""
         self.counts["images"] += 1
         stamp_ns = image.stamp_ns
