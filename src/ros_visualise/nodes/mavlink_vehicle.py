@@ -25,7 +25,7 @@ class MavlinkVehicleParams:
     system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)
     gps: bool = param(
         True,
-        "it has GPS; without it, it flies by the poses that it is sent (EKF2_GPS_CTRL is 0)",
+        "use GPS; without it, the vehicle flies by the poses that it is sent (EKF2_GPS_CTRL is 0)",
         restart=True,
     )
     fixed_frame: str = param("map", "frame whose x axis points east; without it, that of odom does")
