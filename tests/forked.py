@@ -91,6 +91,11 @@ class Forked(subprocess.Popen):  # type: ignore[type-arg]
         self._child_created = True
         self._close_pipe_fds(p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite)
 
+    def __exit__(self, kind: Any, *more: Any) -> None:
+        if kind:  # or it would be waited for
+            self.kill()
+        super().__exit__(kind, *more)
+
     def _try_wait(self, wait_flags: int) -> tuple[int, int]:
         self._status.setblocking(not wait_flags & os.WNOHANG)
         try:
