@@ -47,11 +47,7 @@ def find_trajectory(options: OdometryOptions) -> int:
     if not found.infos:
         notes.append(_estimate_focal_length(found, options))
         settings = replace(settings, pixel_sigma=PIXEL_SIGMA)
-    odometry: VisualOdometry | InertialSteps
-    if options.imu:
-        odometry = InertialSteps(found, options.corners, settings.readout_s)
-    else:
-        odometry = VisualOdometry(found.infos, found.cameras, settings)
+    odometry = _odometry(found, options, settings)
     places = PlaceRecorder()
     stamps_ns: list[int] = []
     reasons: dict[str, int] = {}
@@ -71,9 +67,7 @@ def find_trajectory(options: OdometryOptions) -> int:
                 reasons[odometry.reason] = reasons.get(odometry.reason, 0) + 1
     poses = [one for one in odometry.finish() if one.in_metres or not _has_unit(options, found)]
     if not poses:
-        why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
-        if odometry.done:
-            why = "the scale could not be found; without --height and --scale lengths have no unit"
+        why = _main_reason(odometry, reasons)
         raise OpenError(f"{options.input}: no trajectory in {len(stamps_ns)} images: {why}")
     poses, again = places.correct(poses, stamps_ns[0])
     save(_files(poses, stamps_ns, options), options.overwrite)
@@ -87,6 +81,21 @@ def find_trajectory(options: OdometryOptions) -> int:
     if request.asked:
         return STOPPED
     return int(bool(found.notes or odometry.counts["losses"]))
+
+
+def _odometry(
+    found: CameraInput, options: OdometryOptions, settings: VisualSettings
+) -> VisualOdometry | InertialSteps:
+    if options.imu:
+        return InertialSteps(found, options.corners, settings.readout_s)
+    return VisualOdometry(found.infos, found.cameras, settings)
+
+
+def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, int]) -> str:
+    """Why no image has a pose."""
+    if odometry.done:
+        return "the scale could not be found; without --height and --scale lengths have no unit"
+    return max(reasons, key=lambda reason: reasons[reason], default="too few images")
 
 
 def _take(odometry: VisualOdometry | InertialSteps, one: CameraImage | Position | Imu) -> None:
@@ -245,11 +254,13 @@ def _lines(report: dict[str, Any]) -> list[str]:
         f"length:    {report['length']:.3f}{unit}",
         f"end:       +-{report['end_sigma']:.3f}{unit}, +-{report['end_sigma_deg']:.2f} degrees",
     ]
-    lines += [f"no pose:   {count} ({why})" for why, count in report["without_pose"].items()]
+    lines += [
+        f"no pose:   {count} at first ({why})" for why, count in report["without_pose"].items()
+    ]
     if report["losses"]:
         lines.append(f"lost:      {counted(report['losses'], 'time')}")
     return lines
 
 
 def _unit(in_metres: bool) -> str:
-    return " m" if in_metres else ", without a unit"
+    return " m" if in_metres else " units"
