@@ -1,6 +1,7 @@
 """Several images in one run give what each gives alone, also from a process that serves others."""
 
 import os
+import socket
 import threading
 from collections import Counter
 
@@ -163,6 +164,18 @@ def test_images_of_several_clients_are_run_in_batches(server, own, monkeypatch):
         one.join(60)
     assert sizes == {4: 1}  # filled up
     assert [answers[number][1].max(initial=0) > 0.6 for number in range(3)] == [True, True, False]
+
+
+def test_a_served_network_is_waited_for_beside_rospy(server):
+    image = {"images": helipads(1)[0]}
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(60)  # as rospy does
+    try:
+        found = RemoteSession(str(OWN_MODEL), server, lost)
+        for _ in range(2):
+            assert len(found.run(image, NAMES)) == 5
+    finally:
+        socket.setdefaulttimeout(before)
 
 
 def test_a_served_network_knows_what_the_file_says(server, own, tmp_path):

@@ -137,6 +137,7 @@ class RemoteSession:
             self._connection.send(request)
             if handle is not None:
                 send_handle(self._connection, handle, None)
+                os.set_blocking(self._connection.fileno(), True)  # it takes rospy's timeout
             answer = self._connection.recv()
         except (OSError, EOFError):
             self._fail("the process that runs networks ended")

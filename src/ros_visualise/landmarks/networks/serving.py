@@ -102,6 +102,7 @@ class NetworkServer:
             client.send(self._open(known, *rest))
         elif kind == "share":
             handle = recv_handle(client)
+            os.set_blocking(client.fileno(), True)  # it takes rospy's timeout
             known.memory = mmap.mmap(handle, rest[0])
             os.close(handle)
             client.send(None)
