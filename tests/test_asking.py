@@ -40,6 +40,7 @@ def test_without_a_command_it_shows_help(capsys):
     ("words", "meant"),
     [
         (["vido", "x.mp4"], "COMMAND: invalid choice 'vido'; did you mean video?"),
+        (["--port", "8080"], "give a command, file, folder, device or URL before --port"),
         (["demo", "--vew", "none"], "no option --vew; did you mean --view?"),
         (["demo", "--view", "wb"], "--view: invalid choice 'wb'; did you mean web?"),
         (["demo", "huski"], "scene: invalid choice 'huski'; did you mean husky?"),

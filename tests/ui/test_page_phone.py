@@ -24,4 +24,9 @@ def test_an_image_and_the_timeline_fit(chromium, page, size):
     for name in ("Search the page", "Undo", "Redo", "Layouts"):  # however many panels there are
         button = tab.get_by_role("button", name=name).bounding_box()
         assert 0 <= button["x"] <= width - button["width"]
+    tab.get_by_role("button", name="Panels").tap()
+    offered = tab.get_by_role("menu").get_by_role("listitem")
+    assert offered.count() >= 17
+    offered.filter(has_text="Topics").tap()
+    tab.get_by_role("tab", name="Topics").wait_for(timeout=60_000)
     context.close()

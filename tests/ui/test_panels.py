@@ -96,6 +96,9 @@ def test_edges_are_dragged_over_frames_and_moved_by_keys(browse):
     assert side.bounding_box()["width"] == pytest.approx(width + 100, abs=8)
     edge.press("ArrowRight")
     wait_in(tab, lambda: side.bounding_box()["width"] < width + 90)
+    for part in (".rv-panel", ".rv-panel", ".rv-rail", ".rv-timeline", ".rv-panel"):
+        tab.keyboard.press("F6")
+        assert tab.locator(f"{part} :focus").count() == 1
     tab.reload()
     side.wait_for(timeout=60_000)
     assert side.bounding_box()["width"] == pytest.approx(width + 64, abs=30)

@@ -190,6 +190,11 @@ def test_foreign_states_are_a_plot_all_the_same(plot):
     assert not dialogs
 
 
+def test_a_curve_without_numbers_says_so(plot):
+    tab = plot(panes=[{"curves": [f'="{X}" * 0 / 0']}])
+    tab.get_by_role("status").get_by_text("no finite numbers").wait_for(timeout=60_000)
+
+
 def test_spectra_and_one_curve_against_another(plot):
     panes = [{"kind": "spectrum", "curves": [X]}, {"kind": "xy", "x": X, "curves": [Y]}]
     tab = plot(panes=panes)

@@ -164,6 +164,13 @@ def frames_of(*transforms):
     return frames
 
 
+def test_without_transforms_the_fixed_frame_is_that_of_the_most_topics():
+    frames = Frames()
+    for topic, frame in {"/a": "truth", "/b": "", "/c": "", "/d": "slam", "/e": "slam"}.items():
+        frames.see(frame, topic)
+    assert frames.fixed == "slam"
+
+
 def test_the_fixed_frame_is_the_outermost_of_rep_105():
     assert Frames().fixed == ""
     frames = Frames()

@@ -132,6 +132,8 @@ class _Parser(argparse.ArgumentParser):
         argparse fills an optional argument at the first gap, so one after an option is left over.
         """
         options = [name for name in self._option_string_actions if name.startswith("--")]
+        if self._subparsers is not None:
+            self._check_first(args[0] if args else "")
         given = list(args or () if self._subparsers is None else ())  # of a command, that is
         for text in given[: given.index("--")] if "--" in given else given:
             name = text.partition("=")[0]
@@ -145,6 +147,13 @@ class _Parser(argparse.ArgumentParser):
         if extra:  # the error of a command names its own help
             self.error(f"unrecognized arguments: {' '.join(extra)}")
         return found, extra
+
+    def _check_first(self, given: str) -> None:
+        """Report an option that comes before its command."""
+        name = given.partition("=")[0]
+        own = self._option_string_actions
+        if name.startswith("-") and not any(one.startswith(name) for one in own):
+            self.error(f"give a command, file, folder, device or URL before {name}")
 
     def error(self, message: str) -> NoReturn:
         found = _CHOICE.search(message)

@@ -221,10 +221,11 @@ class FrameTree:
 
     def _unconnected(self, target: str, source: str) -> str:
         names = self._names()
+        if not names:
+            return f"no transform from {source} to {target}: no transforms yet"
         absent = [repr(name) for name in (source, target) if name not in names]
         if absent:
-            known = f"known frames: {', '.join(sorted(names))}" if names else "no frames yet"
-            why = f"no frame {' or '.join(absent)}; {known}"
+            why = f"no frame {' or '.join(absent)}; known frames: {', '.join(sorted(names))}"
         else:
             tops = [list(self._ancestors(name))[-1] for name in (source, target)]
             why = f"separate trees: {source} is in that of {tops[0]}, {target} in that of {tops[1]}"

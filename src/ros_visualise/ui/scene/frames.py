@@ -78,9 +78,9 @@ class Frames:
     """The known frames, from transforms and messages, and the fixed one among them.
 
     ``chosen`` is the fixed frame that a person chose, or None: then it is the outermost one that
-    REP 105 names, the root of the tree, or the frame of the first message. ``awaited`` is the one
-    before a time jump, which stays until it is known again. ``joints`` holds the newest positions
-    of joints by name, in radians or metres.
+    REP 105 names, the root of the tree, or without transforms the frame of the most topics.
+    ``awaited`` is the one before a time jump, which stays until it is known again. ``joints`` holds
+    the newest positions of joints by name, in radians or metres.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class Frames:
         self.joints: dict[str, float] = {}
         self.chosen: str | None = None
         self.awaited = ""
-        self._seen: list[str] = []
+        self._seen: dict[str, set[str]] = {}  # frame -> the topics that name it
         self._odd: set[str] = set()  # reported faults of transforms
 
     def add(self, message: TransformStamped | Transforms, static: bool) -> list[str]:
@@ -114,10 +114,9 @@ class Frames:
             return f"{child!r} has several parents: {there}"
         return ""
 
-    def see(self, frame: str) -> None:
-        """Add a frame that a message named."""
-        if _name(frame) not in self._seen:
-            self._seen.append(_name(frame))
+    def see(self, frame: str, topic: str = "") -> None:
+        """Add a frame that a message of a topic named."""
+        self._seen.setdefault(_name(frame), set()).add(topic)
 
     def forget(self) -> None:
         """Forget the transforms that move, as time jumped."""
@@ -137,13 +136,11 @@ class Frames:
             return self.chosen
         if self.awaited and self.awaited not in in_tree:
             return self.awaited
-        for known in (in_tree, self._seen):
-            for name in _REP_105:
-                if name in known:
-                    return name
-            if known:
-                return self._largest_root() if known is in_tree else known[0]
-        return ""
+        named = next((name for name in _REP_105 if name in (in_tree or self._seen)), None)
+        if named or in_tree:
+            return named or self._largest_root()
+        seen = list(self._seen.items())  # other threads may add to them
+        return max(seen, key=lambda one: (one[0] != "", len(one[1])), default=("",))[0]
 
     @property
     def robot(self) -> str | None:

@@ -205,7 +205,7 @@ class Scene:
     def _take(self, topic: str, message: Any) -> None:
         entry = self._topics.provide(topic, type(message))
         if entry.kind is not Text:
-            self.frames.see(message.header.frame_id)
+            self.frames.see(message.header.frame_id, topic)
         if DRAWINGS[entry.kind].gathers:
             self._topics.drawing(topic).gather(message, self.time.now_ns)
         if entry.wanted:

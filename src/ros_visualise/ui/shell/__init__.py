@@ -17,7 +17,7 @@ from ros_visualise.ui.shell.workspace import LAYOUT, Workspace, read_layout
 
 _FOLDER = Path(__file__).parent
 _STYLES = [_FOLDER / "page.css", *sorted((_FOLDER / "panels").glob("*.css"))]
-_SCRIPTS = ("rv.js", "nodes.js", "files.js")
+_SCRIPTS = ("rv.js", "nodes.js", "files.js", "regions.js")
 
 
 class Shell:

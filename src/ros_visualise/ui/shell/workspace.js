@@ -84,8 +84,14 @@ export default {
           <q-btn flat dense no-caps color="primary" label="restore the default layout" @click="restore" /></div>
       </div>
       <div class="rv-rail" role="toolbar" aria-label="Panels" :aria-orientation="isNarrow ? 'horizontal' : 'vertical'">
+        <q-btn v-if="isNarrow" flat dense no-caps icon="apps" label="Panels">
+          <q-menu auto-close><q-list dense>
+            <q-item v-for="(kind, name) in kinds" :key="name" clickable @click="press(name)"><q-item-section avatar><q-icon :name="kind.icon" :color="isOpen(name) ? 'primary' : undefined" /></q-item-section>
+              <q-item-section>{{ kind.title }}</q-item-section></q-item>
+          </q-list></q-menu>
+        </q-btn>
         <div class="rv-kinds">
-          <q-btn v-for="(kind, name) in kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.help ? kind.title + ': ' + kind.help : kind.title"
+          <q-btn v-for="(kind, name) in isNarrow ? {} : kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.help ? kind.title + ': ' + kind.help : kind.title"
             :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
         </div>
         <q-btn flat dense icon="search" aria-label="Search the page" title="Search (Ctrl+K)" @click="search" />

@@ -22,6 +22,9 @@ const isText = (one) => typeof one === "string" && one.length < 600;
 const formula = (name) => (name.startsWith("=") ? name.slice(1) : `"${name}"`);
 const isRange = (range) => Array.isArray(range) && range.length === 2 && range.every((end) => end >= 0 && end <= 100) && range[0] < range[1];
 
+// Rows with a number in each at first, but none after it.
+const isEmpty = (rows, width) => rows.length > 0 && rows.every((value, i) => i % width === 0 || Number.isNaN(value));
+
 function paneOf(given) {
   const { kind, curves, own, x, y, xs } = given ?? {};
   return {
@@ -250,10 +253,11 @@ export default {
       const { pane, name } = this.asked[header.view];
       this.origin = header.origin;
       this.found.set(pane.id + name, { ...header, rows });
-      if ((this.errors[pane.id + name] ?? "") !== header.error) this.errors[pane.id + name] = header.error;
+      const error = header.error || (isEmpty(rows, header.width) && header.share !== 0 ? `${name}: no finite numbers` : "");
+      if ((this.errors[pane.id + name] ?? "") !== error) this.errors[pane.id + name] = error;
       const there = this.asked.map((one) => this.found.get(one.pane.id + one.name));
       this.share = Math.min(1, ...there.map((one) => one?.share ?? 1));
-      this.fault = there.find((one) => one?.error)?.error ?? "";
+      this.fault = this.asked.map((one) => this.errors[one.pane.id + one.name]).find(Boolean) ?? "";
       this.draw();
       this.askValues();
     },

@@ -70,7 +70,10 @@ export default {
     words() { return (this.shown.notes ?? []).join(". "); },
     reasons() { return this.missing.join("\n"); },
     missing() { return this.shown.missing ?? []; },
-    notShown() { return this.missing.length > 1 ? `${this.missing.length} topics` : this.missing[0].split(": ")[0]; },
+    notShown() {
+      const what = this.missing.length > 1 ? `${this.missing.length} topics` : this.missing[0].split(": ")[0];
+      return this.missing.every((one) => one.includes(": no transform ")) ? `${what} (no transform to ${this.shown.fixed})` : what;
+    },
     heads() {
       const found = {};
       let group = "";
