@@ -49,6 +49,17 @@ def test_geojson():
     assert features[2]["geometry"]["coordinates"] == [[8.25, 47.5, 500.0], [8.3, 47.6]]
 
 
+def test_ellipses_are_polygons_wherever_they_are():
+    flat, unknown = np.diag([4.0, 0, 1]), np.array([0.0, 0.0, math.nan])
+    island = np.array([-17.0, 179.99999, 5.0])
+    places = [GeoPlace("a", "", island, COVARIANCE), GeoPlace("b", "", unknown, flat)]
+    features = json.loads(write(".geojson", places, ()))["features"]
+    east = [row[0] for row in features[1]["geometry"]["coordinates"][0]]
+    assert np.ptp(east) < 0.001 and min(east) > 179.9  # not around the Earth
+    x, y = np.array(features[3]["geometry"]["coordinates"][0]).T  # without a height
+    assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0
+
+
 def test_kml_and_gpx_are_xml_with_the_names_escaped():
     kml = ET.fromstring(write(".kml"))
     space = {"k": "http://www.opengis.net/kml/2.2"}

@@ -28,7 +28,8 @@ from ros_visualise.geometry.geodesy import LocalPlane
 
 _CHI2_95 = 5.991  # of two dimensions
 _CORNERS = 36
-_DIGITS = ((1, 8), (0, 8), (2, 3))  # of longitude, latitude and height
+_LEAST_M = 0.01  # semi-axis of an outline: without an area it is no valid polygon
+_DIGITS = ((1, 9), (0, 9), (2, 3))  # of longitude, latitude and height
 _NO_XML = dict.fromkeys([*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF])
 _DATED_NS = 10**18  # in 2001; stamps before it count from the start of something
 _KML, _GPX = "http://www.opengis.net/kml/2.2", "http://www.topografix.com/GPX/1/1"
@@ -65,12 +66,15 @@ class GeoPlace:
     def outline(self) -> Floats:
         """(37, 3) closed polygon of the ellipse, anticlockwise: latitude, longitude, height."""
         major, minor, azimuth = self.ellipse
+        major, minor = max(major, _LEAST_M), max(minor, _LEAST_M)
         angles = np.linspace(0, -2 * np.pi, _CORNERS + 1)
         along, across = major * np.cos(angles), minor * np.sin(angles)
         c, s = math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth))
         enu = np.column_stack([along * s + across * c, along * c - across * s, 0 * angles])
-        outline = LocalPlane(*self.place).from_enu(enu)
-        outline[-1], outline[:, 2] = outline[0], self.place[2]
+        latitude, longitude, height = self.place.tolist()
+        level = height if math.isfinite(height) else 0.0
+        outline = LocalPlane(latitude, longitude, level).from_enu(enu)
+        outline[-1], outline[:, 2] = outline[0], height
         return outline
 
     @property
@@ -120,9 +124,10 @@ def to_geojson(places: Iterable[GeoPlace], tracks: Iterable[GeoTrack] = ()) -> s
         values = one.values | {"covariance_m2": one.covariance_m2.ravel().tolist()}
         features.append(_feature("Point", _lon_lat(one.place[None])[0], values))
         named = {"name": f"{one.name} 95%", "class": one.kind, "of": one.name}
-        features.append(_feature("Polygon", [_lon_lat(one.outline)], named))
+        features.append(_feature("Polygon", [_lon_lat(_near(one.outline, one.place[1]))], named))
     for track in tracks:
-        features.append(_feature("LineString", _lon_lat(track.places), {"name": track.name}))
+        along = _lon_lat(_near(track.places, track.places[0, 1]))
+        features.append(_feature("LineString", along, {"name": track.name}))
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 
@@ -131,8 +136,14 @@ def _feature(kind: str, coordinates: Any, values: Mapping[str, Any]) -> dict[str
     return {"type": "Feature", "geometry": geometry, "properties": dict(values)}
 
 
+def _near(places: Floats, longitude: float) -> Floats:
+    """Places with longitudes within 180 degrees of one, so that no line goes around the Earth."""
+    longitudes = longitude + (places[:, 1] - longitude + 180) % 360 - 180
+    return np.column_stack([places[:, 0], longitudes, places[:, 2]])
+
+
 def _lon_lat(places: Floats) -> list[list[float]]:
-    """Longitude, latitude and height, to a millimetre."""
+    """Longitude, latitude and height, to a millimetre and better."""
     rows = zip(*(places[:, n].round(digits).tolist() for n, digits in _DIGITS), strict=True)
     return [list(row if math.isfinite(row[2]) else row[:2]) for row in rows]
 
@@ -188,7 +199,7 @@ def _gpx(places: Sequence[GeoPlace], tracks: Sequence[GeoTrack]) -> bytes:
 
 def _point(parent: ET.Element, kind: str, place: Floats, stamp_ns: int) -> ET.Element:
     latitude, longitude, height = place.tolist()
-    point = ET.SubElement(parent, kind, lat=f"{latitude:.8f}", lon=f"{longitude:.8f}")
+    point = ET.SubElement(parent, kind, lat=f"{latitude:.9f}", lon=f"{longitude:.9f}")
     if math.isfinite(height):
         _text(point, ele=f"{height:.3f}")
     if stamp_ns >= _DATED_NS:
