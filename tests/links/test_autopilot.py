@@ -16,6 +16,7 @@ from ros_visualise.data import Header, PoseWithCovarianceStamped
 from ros_visualise.geometry import rotations
 from ros_visualise.links import vehicle
 from ros_visualise.links.mavlink import MavlinkStream
+from ros_visualise.links.telemetry import Telemetry
 from ros_visualise.links.wires import parse
 from ros_visualise.nodes.autopilot import AutopilotLink, AutopilotParams
 
@@ -103,6 +104,52 @@ def test_telemetry_is_in_the_axes_of_ros(ends):
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     [transform] = ends.wait_for("tf").transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+
+
+def test_absurd_telemetry_is_ignored():
+    nan, huge, most = math.nan, 1e30, 2**31 - 1
+    messages = [
+        v2.MAVLink_attitude_message(1, nan, 0, 0, 0, 0, 0),
+        v2.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, huge),
+        v2.MAVLink_local_position_ned_message(1, huge, 0, 0, 0, 0, 0),
+        v2.MAVLink_global_position_int_message(1, most, 0, 0, 0, 0, 0, 0, 0),
+        v2.MAVLink_gps_raw_int_message(1, 3, 0, -most, 0, 80, 120, 10, 0, 14),
+        v2.MAVLink_gps_raw_int_message(1, 3, 0, 0, most, 80, 120, 10, 0, 14),
+        v2.MAVLink_highres_imu_message(0, nan, 0, 9.8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 63),
+        v2.MAVLink_odometry_message(
+            0, 1, 12, 0, 0, 0, [1, 0, 0, 0], huge, 0, 0, 0, 0, 0, [nan] * 21, [nan] * 21, 0, 0
+        ),
+    ]
+    own = Telemetry()
+    list(own.attitude(v2.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0), 1))
+    assert [one.get_type() for one in messages if list(own.take(one, 2))] == []
+    assert own.geodetic is own.position_xyz is None
+    unknown = v2.MAVLink_gps_raw_int_message(
+        1, 3, 0, 0, 0, 80, 120, 10, 0, 14, 0, 2**32 - 1, 2**32 - 1
+    )
+    ((_, fix),) = own.take(unknown, 2)
+    assert fix.covariance_type == 0  # its accuracy is unknown
+
+
+def test_odometry_of_other_computers_on_board_is_not_the_vehicles(ends):
+    ends.start()
+    vehicle = ends.vehicle()
+    ends.wait_until_known()
+    nan, camera = [math.nan] * 21, v2.MAVLink(None, 1, 197)  # MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+    odometry = v2.MAVLink_odometry_message(
+        0, 1, 12, 77, 0, 0, [1, 0, 0, 0], *[0.0] * 6, nan, nan, 0, 0
+    )
+    text = v2.MAVLink_statustext_message(6, b"from another")
+    for message in (odometry, text):
+        vehicle._line.send(message.pack(camera))
+    found = []
+
+    def heard():
+        found.extend(ends.tick())
+        return any(name == "text" for name, _ in found)
+
+    wait_for(heard, "text")
+    assert {one.position_xyz[1] for name, one in found if name == "odom"} <= {20.0}
 
 
 def test_mode_clock_and_link_are_shown(ends):

@@ -9,7 +9,7 @@ Source: mavlink.io, common messages.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -45,6 +45,9 @@ OUTPUTS: dict[str, type[Any]] = {
 }
 """Topics of a vehicle -> their messages."""
 
+FROM_ANY = ("STATUSTEXT", "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION")
+"""Messages that other components of a vehicle send for it too, such as its gimbal."""
+
 Answer = tuple[str, Any]
 _G = 9.80665e-3
 _UNKNOWN = np.zeros((3, 3))
@@ -59,6 +62,9 @@ SIX_ENU = np.kron(np.eye(2), _SWAP)
 _YAW_IN_VEHICLE = 32  # of GIMBAL_DEVICE_FLAGS
 _PREFERRED_NS = 1_000_000_000
 _KEPT_S, _NEAR_S = 5.0, 0.3  # of poses
+_FARTHEST_M, _HIGHEST_M = 1e7, 1e6
+_LARGEST = 1e4  # of angles, rates and accelerations
+_NO_ACCURACY = 0xFFFFFFFF
 
 
 class Telemetry:
@@ -101,8 +107,10 @@ class Telemetry:
         if make is not None:
             yield from make(self, message, stamp_ns)
 
-    def attitude(self, m: Any, stamp_ns: int) -> Iterator[Answer]:
+    def attitude(self, m: Any, stamp_ns: int) -> Iterable[Answer]:
         """ATTITUDE."""
+        if not _is_sane([m.roll, m.pitch, m.yaw]):
+            return ()
         x, y, z, w = rotations.from_rpy([m.roll, m.pitch, m.yaw])
         return self._turn(np.array([w, x, y, z]), m, stamp_ns)
 
@@ -111,10 +119,11 @@ class Telemetry:
         return self._turn(np.array([m.q1, m.q2, m.q3, m.q4]), m, stamp_ns)
 
     def _turn(self, quat_wxyz: Floats, m: Any, stamp_ns: int) -> Iterator[Answer]:
-        if not 0.5 < np.linalg.norm(quat_wxyz) < 1.5:  # NaN too
+        rates = [m.rollspeed, m.pitchspeed, m.yawspeed]
+        if not (0.5 < np.linalg.norm(quat_wxyz) < 1.5 and _is_sane(rates)):  # NaN too
             return
         self.quat_xyzw = to_attitude(quat_wxyz)
-        self._rates = to_flu([m.rollspeed, m.pitchspeed, m.yawspeed])
+        self._rates = to_flu(rates)
         yield (
             "attitude",
             Imu(
@@ -130,7 +139,7 @@ class Telemetry:
         """LOCAL_POSITION_NED."""
         at, along = to_enu([m.x, m.y, m.z]), to_enu([m.vx, m.vy, m.vz])
         is_second = stamp_ns - self._odometry_ns < _PREFERRED_NS
-        if self.quat_xyzw is None or is_second or not np.isfinite([*at, *along]).all():
+        if self.quat_xyzw is None or is_second or not _is_sane([*at, *along], _FARTHEST_M):
             return
         linear = rotations.to_matrix(self.quat_xyzw).T @ along
         yield from self._placed(at, self.quat_xyzw, linear, self._rates, np.zeros((6, 6)), stamp_ns)
@@ -139,13 +148,14 @@ class Telemetry:
         """ODOMETRY in the local frame, with its covariance."""
         at, quat = to_enu([m.x, m.y, m.z]), np.asarray(m.q, np.float64)
         norm = np.linalg.norm(quat)
-        if m.frame_id != 1 or not np.isfinite(at).all() or not 0.5 < norm < 1.5:
-            return
-        self._odometry_ns, self.quat_xyzw = stamp_ns, to_attitude(quat)
         linear, angular = (
             np.nan_to_num(to_flu(one))
             for one in ([m.vx, m.vy, m.vz], [m.rollspeed, m.pitchspeed, m.yawspeed])
         )
+        is_placed = m.frame_id == 1 and _is_sane(at, _FARTHEST_M) and 0.5 < norm < 1.5
+        if not (is_placed and _is_sane([*linear, *angular])):
+            return
+        self._odometry_ns, self.quat_xyzw = stamp_ns, to_attitude(quat)
         covariance = _covariance(m.pose_covariance)
         yield from self._placed(at, self.quat_xyzw, linear, angular, covariance, stamp_ns)
 
@@ -173,12 +183,16 @@ class Telemetry:
         """HIGHRES_IMU in SI units; SCALED_IMU and ArduPilot's RAW_IMU in thousandths."""
         force, rate = (1.0, 1.0) if m.get_type() == "HIGHRES_IMU" else (_G, 1e-3)
         quat = self.quat_xyzw
+        angular = rate * to_flu([m.xgyro, m.ygyro, m.zgyro])
+        linear = force * to_flu([m.xacc, m.yacc, m.zacc])
+        if not _is_sane([*angular, *linear]):
+            return
         yield (
             "imu",
             Imu(
                 np.array([0.0, 0.0, 0.0, 1.0]) if quat is None else quat,
-                rate * to_flu([m.xgyro, m.ygyro, m.zgyro]),
-                force * to_flu([m.xacc, m.yacc, m.zacc]),
+                angular,
+                linear,
                 orientation_covariance=_NONE if quat is None else _UNKNOWN,
                 header=Header(stamp_ns, BODY),
             ),
@@ -188,11 +202,12 @@ class Telemetry:
         """GPS_RAW_INT; heights above the ellipsoid where they come, else above the sea."""
         high = m.alt_ellipsoid or m.alt
         accuracy = np.array([m.h_acc, m.h_acc, m.v_acc]) * 1e-3
-        is_known = bool((accuracy > 0).all())
+        is_known = min(m.h_acc, m.v_acc) > 0 and max(m.h_acc, m.v_acc) < _NO_ACCURACY
+        where = (m.lat * 1e-7, m.lon * 1e-7, high * 1e-3)
+        if not _is_on_earth(where):
+            return
         fix = NavSatFix(
-            m.lat * 1e-7,
-            m.lon * 1e-7,
-            high * 1e-3,
+            *where,
             covariance=np.diag(accuracy**2) if is_known else _UNKNOWN,
             covariance_type=_APPROXIMATED if is_known else 0,
             status=_STATUS.get(m.fix_type, _FIX),
@@ -203,6 +218,8 @@ class Telemetry:
     def fused(self, m: Any, stamp_ns: int) -> Iterator[Answer]:
         """GLOBAL_POSITION_INT: the vehicle's own estimate, its height above the sea."""
         where = (m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3)
+        if not _is_on_earth(where):
+            return
         self.geodetic = np.array(where)
         yield "global_position", NavSatFix(*where, header=Header(stamp_ns, BODY))
 
@@ -242,7 +259,7 @@ class Telemetry:
         return "tf", Transforms((one,))
 
 
-_MAKERS: dict[str, Callable[[Telemetry, Any, int], Iterator[Answer]]] = {
+_MAKERS: dict[str, Callable[[Telemetry, Any, int], Iterable[Answer]]] = {
     "ATTITUDE": Telemetry.attitude,
     "ATTITUDE_QUATERNION": Telemetry.quaternion,
     "LOCAL_POSITION_NED": Telemetry.local,
@@ -257,6 +274,16 @@ _MAKERS: dict[str, Callable[[Telemetry, Any, int], Iterator[Answer]]] = {
     "GIMBAL_DEVICE_ATTITUDE_STATUS": Telemetry.gimbal,
     "MOUNT_ORIENTATION": Telemetry.mount,
 }
+
+
+def _is_sane(values: Sequence[float] | Floats, largest: float = _LARGEST) -> bool:
+    """False for NaN and what no vehicle measures."""
+    return bool((np.abs(values) < largest).all())
+
+
+def _is_on_earth(where: Sequence[float]) -> bool:
+    latitude, longitude, height = map(abs, where)
+    return latitude <= 90 and longitude <= 180 and height < _HIGHEST_M
 
 
 def _covariance(upper: Any) -> Floats:

@@ -16,7 +16,7 @@ from ros_visualise.links import guidance
 from ros_visualise.links.commands import Commander, Step, check_permission
 from ros_visualise.links.line import MavlinkLine, line_at
 from ros_visualise.links.mavlink import dialect
-from ros_visualise.links.telemetry import Answer, Telemetry
+from ros_visualise.links.telemetry import FROM_ANY, Answer, Telemetry
 from ros_visualise.links.wires import Peer
 
 log = logging.getLogger(__name__)
@@ -215,7 +215,7 @@ class Vehicle:
             self._synchronize(message)
         elif message.get_type() == "COMMAND_ACK" and component == _AUTOPILOT:
             self._commander.answer(message)
-        else:
+        elif component == _AUTOPILOT or message.get_type() in FROM_ANY:
             self._answers.extend(self.telemetry.take(message, self._stamp_ns(message)))
 
     def _keep(self, frame: bytes) -> None:
@@ -255,10 +255,10 @@ class Vehicle:
     def _stamp_ns(self, message: Any) -> int:
         """The time at which a message was measured, by our clock; else that of its arrival."""
         now_ns = _now_ns()
-        since_ms = getattr(message, "time_boot_ms", 0)
-        if self.clock.offset_ns is None or not since_ms:
+        since_us = 1000 * getattr(message, "time_boot_ms", 0) or getattr(message, "time_usec", 0)
+        if self.clock.offset_ns is None or not since_us:
             return now_ns
-        stamp_ns = int(since_ms * 1_000_000 + self.clock.offset_ns)
+        stamp_ns = int(since_us * 1000 + self.clock.offset_ns)
         return stamp_ns if abs(now_ns - stamp_ns) < _LOST_S * 1e9 else now_ns
 
     def watch(self) -> None:

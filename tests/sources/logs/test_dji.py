@@ -71,15 +71,24 @@ STYLES = {
     "GPS(-41.36214,36.27423,16) BAROMETER:19.621",
     "barometer in metres": "HOME(-41.3,36.2) 2017.08.05 14:11:51\n"
     "GPS(-41.36214,36.27423,0.0M) BAROMETER:19.621M",
+    "decimal commas": "[latitude: 36,27423] [longitude: -41,36214] "
+    "[rel_alt: 46,000 abs_alt: 19,621]",
+    "decimal commas in GPS": "GPS (-41,36214, 36,27423, 15), D 24,2m, H 19,621m",
+    "capitals": "[Latitude: 36.27423] [Longitude: -41.36214] [Altitude: 19.621]",
 }
 
 
 @pytest.mark.parametrize("style", STYLES)
-@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
 def test_styles(opened, style, ending):
     [fix] = read(opened(STYLES[style], ending=ending))
     assert (fix.latitude, fix.longitude, fix.altitude) == (36.27423, -41.36214, 19.621)
     assert (fix.status, fix.header.frame_id) == (0, "gps")
+
+
+def test_an_absurd_altitude_is_unknown(opened):
+    [fix] = read(opened("[latitude: 36.5] [longitude: -4.5] [rel_alt: 2 abs_alt: 99999999999]"))
+    assert math.isnan(fix.altitude) or fix.altitude == 2
 
 
 def test_a_longitude_that_can_be_no_latitude_tells_the_order(opened):

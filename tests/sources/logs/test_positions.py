@@ -56,6 +56,14 @@ def test_a_table_with_angles_and_feet(tmp_path):
     np.testing.assert_allclose(R @ [0, -1, 0], [1, 0, 0], atol=1e-9)
 
 
+def test_a_table_with_semicolons_and_decimal_commas(tmp_path):
+    text = "time;latitude;longitude;altitude\r0;47,5;8,25;400,5\r1;47,6;8,25;401\r"
+    found, loss = read(tmp_path / "a.csv", text)
+    fixes = [message for _, message in found["/fix"]]
+    assert [(one.latitude, one.altitude) for one in fixes] == [(47.5, 400.5), (47.6, 401)]
+    assert not loss
+
+
 @pytest.mark.parametrize(
     ("times", "expected"),
     [

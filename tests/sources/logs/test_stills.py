@@ -4,6 +4,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from PIL.ExifTags import GPS
+from PIL.TiffImagePlugin import IFDRational
 
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.stills import read_still, still_series
@@ -77,3 +78,20 @@ def test_what_is_not_known_is_not_made_up(tmp_path, caplog):
     assert caplog.text.count("rotated since it was taken") == 2
     absurd = write(tmp_path / "absurd.jpg", XMP.format(yaw="1e999/0"))
     assert np.isnan(read_still(absurd).angles_deg).all()
+
+
+def test_odd_positions(tmp_path):
+    def place(**changes):
+        exif = PIL.Image.Exif()
+        gps = {"LatitudeRef": "S", "Latitude": (33, 30.6), "LongitudeRef": "west\0"}
+        gps |= {"Longitude": (70, 15, 0), "Altitude": 5.0} | changes
+        exif.get_ifd(0x8825).update({GPS[f"GPS{name}"]: value for name, value in gps.items()})
+        PIL.Image.new("RGB", (40, 30)).save(tmp_path / "a.jpg", exif=exif)
+        return read_still(tmp_path / "a.jpg").place[:2]
+
+    assert place() == pytest.approx((-33.51, -70.25))
+    undefined = (IFDRational(33, 1), IFDRational(30, 1), IFDRational(0, 0))
+    for changes in ({"Latitude": undefined}, {"LatitudeRef": ""}, {"LongitudeRef": "X"}):
+        assert np.isnan(place(**changes)).all()
+    absurd = write(tmp_path / "b.jpg", XMP.format(yaw=0).replace("+130.50", "9" * 400))
+    assert read_still(absurd).place[2] == 120

@@ -38,7 +38,7 @@ from ros_visualise.sources.series import Series, fix_series
 from ros_visualise.vision.lens_table import lens_of_focal
 
 _NS = 1_000_000_000
-_NUMBER = r"([-+]?\d+(?:\.\d+)?)"
+_NUMBER = r"([-+]?\d+(?:[.,]\d+)?)"  # some apps write decimals as the phone's language does
 _START = re.compile(r"\s*\d+\s*\n[\d:,. ]+-->")
 _HEAD_BYTES = 1000
 _SUBTITLE = re.compile(  # without bounds, it would take years where lines are empty
@@ -52,15 +52,20 @@ _DATE = re.compile(
 _NO_TEXT = re.compile("[\0\ufffd]")
 _FIGURES = re.compile(r"[-+.\d]+")
 _TURNS = ("yaw", "pitch", "roll")
-_GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[,)]")
-_LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
-_LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]")
-_ABSOLUTE = re.compile(rf"\babs_alt\s*:?\s*{_NUMBER}\s*[\]\s]")
+_GPS = tuple(
+    re.compile(rf"\bGPS\s*\(\s*{number}\s*[,;]\s*{number}\s*[,;)]")
+    for number in (r"([-+]?\d+,\d+)", r"([-+]?\d+(?:\.\d+)?)")
+)
+_LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]", re.IGNORECASE)
+_LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]", re.IGNORECASE)
+_ABSOLUTE = re.compile(rf"\babs_alt\s*:?\s*{_NUMBER}\s*[\]\s]", re.IGNORECASE)
 _RELATIVE = re.compile(
-    rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,mM]|\bH\s+{_NUMBER}\s*m"
+    rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,m]|\bH\s+{_NUMBER}\s*m",
+    re.IGNORECASE,
 )
 _ANGLES = tuple(re.compile(rf"\bgb_{name}\s*:?\s*{_NUMBER}\s*[\]\s,]") for name in _TURNS)
 _FOCAL = re.compile(rf"\bfocal_len\s*:?\s*{_NUMBER}\s*\]")
+_LARGEST = 1e5
 _LONGEST_MM = 100.0  # above it, focal lengths are in tenths
 
 
@@ -170,7 +175,7 @@ def _decode(data: bytes) -> str:
     """Text of a file: UTF-16 where it begins with that mark, else UTF-8."""
     is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     text = data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
-    return text.replace("\r\n", "\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _split(text: str) -> Iterator[tuple[re.Match[str], str]]:
@@ -192,16 +197,22 @@ def _parse(start: re.Match[str], text: str) -> _Subtitle:
 
 def _position(text: str) -> tuple[float, float]:
     """Latitude and longitude; ``GPS(...)`` has the longitude first, but not in all models."""
-    pair = _GPS.search(text)
+    pair = next(filter(None, (one.search(text) for one in _GPS)), None)
     if pair is None:
         return _number(_LATITUDE, text), _number(_LONGITUDE, text)
-    longitude, latitude = float(pair[1]), float(pair[2])
+    longitude, latitude = _float(pair[1]), _float(pair[2])
     return (longitude, latitude) if abs(latitude) > 90 else (latitude, longitude)
 
 
 def _number(pattern: re.Pattern[str], text: str) -> float:
     found = pattern.search(text)
-    return float(next(filter(None, found.groups()))) if found else math.nan
+    return _float(next(filter(None, found.groups()))) if found else math.nan
+
+
+def _float(text: str) -> float:
+    """A number with a point or a comma; NaN for what no drone measures."""
+    number = float(text.replace(",", "."))
+    return number if abs(number) < _LARGEST else math.nan
 
 
 def _date(text: str) -> tuple[int | None, bool]:

@@ -15,7 +15,7 @@ import io
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -63,8 +63,8 @@ def begins_gpx(head: bytes) -> bool:
 
 def begins_positions(head: bytes) -> bool:
     """True if a file that begins so is a table of positions."""
-    first = head.partition(b"\n")[0].decode("utf-8-sig", "replace")
-    return b"\0" not in head and {"latitude", "longitude"} <= _found(_split(first)).keys()
+    text = head.decode("utf-8-sig", "replace")
+    return b"\0" not in head and {"latitude", "longitude"} <= _found(_names(text)).keys()
 
 
 def open_gpx(path: Path) -> SeriesRecording:
@@ -88,13 +88,13 @@ def open_gpx(path: Path) -> SeriesRecording:
 def open_positions(path: Path) -> SeriesRecording:
     """Open a table of positions; raises OpenError."""
     text = _data(path).decode("utf-8-sig", "replace")
-    first = text.partition("\n")[0]
-    rows = csv.reader(io.StringIO(text), delimiter=_delimiter(first))
-    columns = _found(next(rows, []))
+    columns = _found(_names(text))
     table, loss = [], Loss()
+    try:
+        rows = list(_rows(text))[1:]
+    except csv.Error as error:
+        raise OpenError(f"{path}: not a readable table: {error}") from None
     for row in rows:
-        if not row:
-            continue
         found = {
             name: row[place] if name == "time" else _scaled(row[place], unit)
             for name, (place, unit) in columns.items()
@@ -158,12 +158,19 @@ def _stamps_ns(seconds: Floats) -> tuple[npt.NDArray[np.int64], list[str]]:
     return np.arange(len(seconds)) * 10**9, ["points without a time: taken as one each second"]
 
 
-def _split(line: str) -> list[str]:
-    return next(csv.reader([line], delimiter=_delimiter(line)), [])
+def _names(text: str) -> list[str]:
+    """Words of the first line."""
+    try:
+        return next(_rows(text), [])
+    except csv.Error:  # a word of more than 128 KiB
+        return []
 
 
-def _delimiter(line: str) -> str:
-    return max(",;\t", key=line.count)
+def _rows(text: str) -> Iterator[list[str]]:
+    """The rows that are not empty."""
+    first = re.split("[\r\n]", text, maxsplit=1)[0]
+    lines = io.StringIO(text, newline=None)  # any ends of lines
+    return filter(None, csv.reader(lines, delimiter=max(",;\t", key=first.count)))
 
 
 def _found(names: Sequence[str]) -> dict[str, tuple[int, float]]:
@@ -182,7 +189,7 @@ def _found(names: Sequence[str]) -> dict[str, tuple[int, float]]:
 
 def _scaled(text: str, unit: float) -> float:
     try:
-        return float(text) * unit
+        return float(text.replace(",", ".")) * unit
     except ValueError:
         return math.nan
 

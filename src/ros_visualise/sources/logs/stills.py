@@ -144,12 +144,12 @@ def _xmp(picture: Any) -> dict[str, float]:
         upper, _, lower = value.partition("/")
         with suppress(ZeroDivisionError):
             found.setdefault(name, float(upper) / float(lower or 1))
-    return found
+    return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
 def _position(gps: Mapping[int, Any], xmp: Mapping[str, float]) -> tuple[float, float]:
-    latitude = _degrees(gps.get(_LAT), gps.get(_LAT_REF), "S")
-    longitude = _degrees(gps.get(_LON), gps.get(_LON_REF), "W")
+    latitude = _degrees(gps.get(_LAT), gps.get(_LAT_REF), "NS")
+    longitude = _degrees(gps.get(_LON), gps.get(_LON_REF), "EW")
     own = [xmp.get(f"drone-dji:Gps{name}") for name in ("Latitude", "Longitude", "Longtitude")]
     for found in ((own[0], own[1]), (own[0], own[2]), (latitude, longitude)):
         place = np.array(found, np.float64)  # NaN for None
@@ -182,14 +182,16 @@ def _errors(gps: Mapping[int, Any], xmp: Mapping[str, float]) -> _Triple:
     return (horizontal, horizontal, 2 * horizontal) if horizontal > 0 else _UNKNOWN
 
 
-def _degrees(value: Any, reference: Any, negative: str) -> float:
-    """Degrees of three rationals."""
+def _degrees(value: Any, reference: Any, letters: str) -> float:
+    """Degrees of three rationals; unknown without a letter for the hemisphere."""
+    letter = str(reference).strip("\0 ").upper()[:1]
     try:
-        degrees, minutes, seconds = (float(one) for one in value)
+        degrees, minutes, seconds = (*(float(one) for one in value), 0.0, 0.0)[:3]
     except (TypeError, ValueError, ZeroDivisionError):
         return math.nan
-    sign = -1 if str(reference).strip("\0 ").upper().startswith(negative) else 1
-    return sign * (degrees + minutes / 60 + seconds / 3600)
+    if not letter or letter not in letters:
+        return math.nan
+    return (degrees + minutes / 60 + seconds / 3600) * (1 if letter == letters[0] else -1)
 
 
 def _number(value: Any) -> float:
