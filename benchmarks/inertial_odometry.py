@@ -55,7 +55,7 @@ def simulated(profile: Profile, seed: int, seconds: float) -> tuple[Any, Iterato
     settings = ROBOTS.find("quadrotor").params()
     known = {spec.name for spec in specs(settings)}
     errors = {name: value for name, value in settings_of(profile).items() if name in known}
-    settings = update(settings, errors)
+    settings = update(settings, errors | {"map_to_odom": False})
     simulation = Simulation("quadrotor", "field", seed, None, settings)
 
     def messages() -> Iterator[Any]:

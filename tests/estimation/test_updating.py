@@ -10,7 +10,7 @@ from world import CAMERA, DOWN, HERE, Sensor, World, tags_on_ground
 
 from ros_visualise.estimation import updating
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.measuring import CAMERAS, Pair, measure
+from ros_visualise.estimation.measuring import CAMERAS, Pair, camera_of, measure
 from ros_visualise.estimation.robot import RobotState, core
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
@@ -70,3 +70,17 @@ def test_landmarks_updated_together_are_as_if_one_by_one(seen, monkeypatch):
     np.testing.assert_allclose(together.landmarks_R, one_by_one.landmarks_R, atol=1e-9)
     np.testing.assert_array_equal(together.robot.p, state.robot.p)
     np.testing.assert_array_equal(together.P[: core(), : core()], state.P[: core(), : core()])
+
+
+def test_a_gimbal_keeps_the_camera_level_while_a_late_clock_turns_the_robot(seen):
+    rates, late_s = np.array([0.3, -0.4, 0.5]), 0.08
+    robot = RobotState(v=np.array([1.0, 2, 0]), rates=rates)
+    view = replace(seen[0], turning=-seen[0].R_base_camera.T @ rates)
+    late = camera_of(view, robot.with_own(CAMERAS[0], np.array([late_s, 0, 0, 0, 0])))
+    now = camera_of(view, robot)
+    turned = se3.exp(np.concatenate([np.zeros(3), late_s * rates]))[0][:3, :3]
+    np.testing.assert_allclose(late.R, now.R, atol=5e-4)  # the axes of the rates turn, too
+    np.testing.assert_allclose(late.p, turned @ view.p_base_camera + late_s * robot.v, atol=1e-9)
+    fixed = replace(view, turning=np.zeros(3))
+    np.testing.assert_allclose(camera_of(fixed, robot).by_camera[3:, 0], rates)
+    np.testing.assert_allclose(now.by_camera[3:, 0], 0, atol=1e-12)

@@ -12,6 +12,7 @@ from ros_visualise.graph.pipelines import (
     image_pipeline,
     simulation_pipeline,
 )
+from ros_visualise.graph.visual_odometry import with_visual_odometry
 from ros_visualise.nodes import find, find_node, load, node
 from ros_visualise.running.graphs import parse_insertion
 from ros_visualise.simulation.rendering import choose_backend
@@ -302,3 +303,23 @@ def test_the_demo_goes_on_where_nothing_can_render(monkeypatch, caplog):
     choose_backend.cache_clear()
     assert source.name == "landscape"
     assert "MUJOCO_GL=off forbids rendering" in caplog.text
+
+
+def test_odometry_by_eye_is_what_a_navigator_corrects_and_rests_first():
+    graph = with_visual_odometry(simulation_pipeline("quadrotor"), True, True)
+    graph = with_tags(graph, None, "map.yaml")
+    eye, navigator = graph.node("visual_odometry"), graph.node("landmark_navigator")
+    assert eye.inputs["image"] == "/image_raw"  # before the filters
+    assert (eye.inputs["imu"], eye.inputs["reference"]) == ("/imu/data", "/odom")
+    assert "tf" not in eye.outputs  # base_link has a parent
+    assert navigator.inputs["odometry"] == eye.outputs["odometry"]
+    assert navigator.params.imu is False
+    assert graph.source.params.mission_delay > 0.5
+
+
+def test_odometry_by_eye_is_added_only_if_asked_for_or_needed():
+    simulated = simulation_pipeline("quadrotor")
+    assert with_visual_odometry(simulated, None, True) is simulated
+    assert with_visual_odometry(simulated, False, True) is simulated
+    with pytest.raises(UsageError, match="--visual-odometry: needs images"):
+        with_visual_odometry(alone(find_node("path")), True, False)

@@ -373,3 +373,20 @@ def test_a_camera_that_freezes_is_said_once(params, caplog):
         node.step(params, detections=image, frames=tree())
     [line] = [record.getMessage() for record in caplog.records]
     assert "is the camera frozen?" in line
+
+
+@pytest.mark.parametrize("grows", [0.0, 0.04])
+def test_an_odometry_that_does_not_know_its_velocity_counts_by_the_growth_of_its_pose(grows):
+    node, frames, unknown = LandmarkNavigator(NavigatorParams()), tree(), np.eye(6) * 1e6
+    for number in range(11):
+        at = np.array([40.0, number / 10, 0])
+        grown = np.diag([0, 0, 0, 0, 0, 1e-4])
+        grown[:3, :3] = grows * number * np.eye(3)
+        change = np.eye(6)
+        change[:3, 3:] = [[0, at[2], -at[1]], [-at[2], 0, at[0]], [at[1], -at[0], 0]]
+        one = replace(odometry(1 + number / 10, 0), position_xyz=at, twist_covariance=unknown)
+        one = replace(one, pose_covariance=change @ grown @ change.T)
+        found = node.step(NavigatorParams(), odometry=one, frames=frames)
+    sigma = np.sqrt(np.diag(found["pose"].covariance)[:2])
+    # a heading of 0.01 rad moves 40 m by 0.4, but does not grow
+    assert sigma == pytest.approx(np.sqrt(grows * 10), abs=0.05)

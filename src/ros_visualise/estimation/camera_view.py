@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ros_visualise.core.errors import RosVisualiseError
-from ros_visualise.data import Detection, Detections, Floats, Hypothesis
-from ros_visualise.geometry import rotations
+from ros_visualise.core.errors import NoTransform, RosVisualiseError
+from ros_visualise.data import Detection, Detections, Floats, Header, Hypothesis
+from ros_visualise.geometry import rotations, se3
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
 _CORNERS = 4  # of a tag
+_TURNED_NS = 20_000_000  # over which the turning of a camera on the robot is measured
 _NO_NOISE = np.zeros((8, 8))
 
 
@@ -75,6 +77,7 @@ class CameraView:
         skipped: names of the others, with the reason.
         print: fingerprint of all corners and poses; equal ones mean the same image.
         camera: its number, see `ros_visualise.estimation.measuring.CAMERAS`.
+        turning: (3,) angular velocity of the camera on the robot, rad/s in its own axes.
     """
 
     stamp_ns: int
@@ -84,6 +87,24 @@ class CameraView:
     skipped: dict[str, str]
     print: bytes
     camera: int = 0
+    turning: Floats = field(default_factory=lambda: np.zeros(3))
+
+
+def turning_of(frames: FrameTree, base: str, header: Header, T_base_camera: Floats) -> Floats:
+    """(3,) angular velocity of a camera on the robot, rad/s in its own axes, as on a gimbal.
+
+    Args:
+        frames: with the camera's frame.
+        base: frame of the robot.
+        header: of the image.
+        T_base_camera: (4, 4) at the image.
+    """
+    try:
+        before = frames.lookup(base, header.frame_id, header.stamp_ns - _TURNED_NS)
+    except NoTransform:  # the first of the moving transforms
+        return np.zeros(3)
+    turned = se3.rotation_vector(before[:3, :3].T @ T_base_camera[:3, :3])
+    return turned / (_TURNED_NS / 1e9)
 
 
 def view_of(
@@ -93,6 +114,7 @@ def view_of(
     floor_px: float = 0.0,
     moving: Container[str] = (),
     camera: int = 0,
+    turning: Floats | None = None,
 ) -> CameraView:
     """The view given by detections.
 
@@ -103,6 +125,7 @@ def view_of(
         floor_px: smallest standard deviation of corners.
         moving: classes that are not landmarks.
         camera: its number.
+        turning: see `CameraView`; None: it is fixed.
     """
     sights, skipped = [], {}
     found = [one for one in detections.detections if one.hypotheses]
@@ -121,7 +144,8 @@ def view_of(
     skipped |= {name: "duplicate in the image" for name, count in often.items() if count > 1}
     kept = tuple(sight for sight in sights if sight.name not in skipped)
     R, p = T_base_camera[:3, :3], T_base_camera[:3, 3]
-    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found), camera)
+    rates = np.zeros(3) if turning is None else turning
+    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found), camera, rates)
 
 
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:

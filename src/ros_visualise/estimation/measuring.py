@@ -78,12 +78,15 @@ def camera_of(view: CameraView, robot: RobotState) -> CameraPose:
         R_base = cv2.Rodrigues(late_s * robot.rates)[0] @ R_base
         p_base = p_base + late_s * robot.v
     R = R_base @ view.R_base_camera
+    if late_s and view.turning.any():  # a gimbal keeps it level while the body turns
+        R = R @ cv2.Rodrigues(late_s * view.turning)[0]
     if own[TURN].any():
         R = R @ cv2.Rodrigues(own[TURN])[0]
     p = R_base @ view.p_base_camera + p_base
     by_camera = np.empty((6, 4))
-    by_camera[:3, 0] = robot.v + cross(p_base) @ robot.rates
-    by_camera[3:, 0] = robot.rates
+    mount = R @ view.turning
+    by_camera[:3, 0] = robot.v + cross(p_base) @ robot.rates + cross(p) @ mount
+    by_camera[3:, 0] = robot.rates + mount
     by_camera[:3, 1:], by_camera[3:, 1:] = cross(p) @ R, R
     return CameraPose(R, p, by_camera)
 

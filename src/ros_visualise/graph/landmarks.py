@@ -19,6 +19,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.estimation.sensors import SENSORS
 from ros_visualise.graph import IMAGE_NODES, SOURCE_TOPICS, Graph, Node, place
+from ros_visualise.graph.visual_odometry import visual_odometry_of
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.worlds import WORLDS
@@ -117,11 +118,14 @@ def with_landmarks(
         for number, topic in enumerate(topics[1:], 2)
         for name in detectors
     ]
+    visual = visual_odometry_of(graph)
     odometry = _first(graph, Odometry, "/odom")
     beside = inputs | ({"odom": odometry} if odometry else {})
     if navigate:
-        graph = _leaving_odom(graph)
-        found.append(_navigator(graph, inputs, odometry))
+        graph = graph if visual else _leaving_odom(graph)
+        found.append(_navigator(graph, inputs, visual or odometry))
+        if visual:  # which has used the IMU
+            found[-1] = found[-1].configured({"imu": False})
         found += _pose_error(graph, found[-1])
     elif has_frames(graph):
         found.append(place(find_node(LOCALIZER), beside))

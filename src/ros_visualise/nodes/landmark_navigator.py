@@ -28,7 +28,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.estimation import messages
-from ros_visualise.estimation.camera_view import view_of
+from ros_visualise.estimation.camera_view import turning_of, view_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.landmark_map import MapMode
@@ -38,7 +38,7 @@ from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.estimation.rejections import Rejections
 from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
-from ros_visualise.geometry import rigid, se3
+from ros_visualise.geometry import rigid, rotations, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.track import LandmarkTrack
@@ -111,6 +111,7 @@ class LandmarkNavigator:
     def _forget(self) -> None:
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None
+        self._last: Odometry | None = None
         self._shown_ns: int | None = None
         self._state, self._images, self._is_due = "", 0, False
         self._mounted: dict[str, Mounting] = {}
@@ -173,7 +174,8 @@ class LandmarkNavigator:
         if header.frame_id not in self._cameras:
             self._cameras.append(header.frame_id)
         camera = min(self._cameras.index(header.frame_id), len(CAMERAS) - 1)
-        view = view_of(detections, T, prefix, p.corner_floor, p.moving_classes, camera)
+        turning = turning_of(frames, self._base_frame, header, T)
+        view = view_of(detections, T, prefix, p.corner_floor, p.moving_classes, camera, turning)
         navigator.see(view)
 
     def _feel(self, navigator: Navigator, imu: Imu, frames: FrameTree) -> None:
@@ -238,7 +240,8 @@ class LandmarkNavigator:
             given = _known(self._given, self._common)
             self._navigator = Navigator(self._settings, given, start, self._common)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
-        variances = _variances(odometry.twist_covariance)
+        variances = _variances(odometry, self._last)
+        self._last = odometry
         now = self._navigator.odometry(header.stamp_ns, pose, variances)
         if now is None:
             return {}
@@ -302,11 +305,39 @@ class LandmarkNavigator:
         return {"landmarks": landmarks, "markers": markers}
 
 
-def _variances(covariance: Floats) -> Floats:
-    """(4,) variances of velocity and yaw rate, as an odometry reports them; 0 if it does not."""
-    values = np.diag(covariance)[[0, 1, 2, 5]]
+def _variances(odometry: Odometry, last: Odometry | None) -> Floats:
+    """(4,) variances of velocity and yaw rate, as an odometry reports them; 0 if it does not.
+
+    Where it does not report them for the velocity, or as unknown, those of its pose count by what
+    they have grown since the last message: an odometry by eye that is lost reports them so.
+    """
+    values = np.diag(odometry.twist_covariance)[[0, 1, 2, 5]]
     known = np.isfinite(values) & (values > 0) & (values < _UNKNOWN)
-    return np.where(known, values, 0.0)
+    if known.all() or last is None:
+        return np.where(known, values, 0.0)
+    return np.where(known, values, _growth(odometry, last))
+
+
+def _growth(odometry: Odometry, last: Odometry) -> Floats:
+    """(4,) growth of the covariance of a pose as that of velocities; at least 0.
+
+    It is that of the twists: a heading error alone does not grow while the robot moves.
+    """
+    seconds = (odometry.header.stamp_ns - last.header.stamp_ns) / 1e9
+    both = (odometry.pose_covariance, odometry), (last.pose_covariance, last)
+    if seconds <= 0 or not all(np.isfinite(one).all() for one, _ in both):
+        return np.zeros(4)
+    now, before = (
+        change @ covariance @ change.T
+        for covariance, one in both
+        for change in (se3.about_origin(one.position_xyz),)
+    )
+    here = se3.about_itself(odometry.position_xyz)
+    grown = here @ (now - before) @ here.T
+    R = rotations.to_matrix(odometry.quat_xyzw)
+    linear, angular = (np.diag(R.T @ grown[part, part] @ R) for part in (slice(3), slice(3, 6)))
+    values: Floats = np.maximum([*linear, angular[2]], 0.0) / seconds**2
+    return values
 
 
 def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:

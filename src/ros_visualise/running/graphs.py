@@ -26,6 +26,7 @@ from ros_visualise.graph.pipelines import (
 )
 from ros_visualise.graph.presets import preset
 from ros_visualise.graph.vehicles import guiding_vehicles, with_vehicles
+from ros_visualise.graph.visual_odometry import with_visual_odometry
 from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.running.arguments import parse_setting
@@ -162,6 +163,7 @@ def graph_of(selection: Selection, options: NodeOptions) -> Graph:
     with ExitStack() as undo:
         vehicles = options.mavlink if isinstance(options, NetworkOptions) else ()
         graph = with_vehicles(selection.graph(undo), vehicles)
+        graph = with_visual_odometry(graph, options.visual_odometry, options.navigate is not None)
         graph = with_tags(graph, options.landmarks, options.navigate)
         graph = guiding_vehicles(_with_nodes(graph, options.node))
         if options.preset:

@@ -184,6 +184,11 @@ class NodeOptions(SettingOptions):
         const="",
         metavar="MAP.yaml",
     )
+    visual_odometry: bool | None = option(
+        None,
+        "estimate the robot's motion from the images and an IMU, for --navigate to correct"
+        " (default: on with --navigate where the source has an IMU, but no odometry)",
+    )
     node: Sequence[str] = option(
         [],
         "add a node: a built-in one, or your own as FILE.py:NAME; AFTER names the node "

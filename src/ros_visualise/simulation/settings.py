@@ -33,6 +33,9 @@ class _CommonParams:
     command_timeout: float = setting(
         0.5, "duration of a velocity command unless repeated, seconds", min=0.05, max=60
     )
+    mission_delay: float = setting(
+        0.0, "time at rest before the first mission, seconds", min=0, max=3600
+    )
     mission_timeout: float = setting(
         30.0, "time without progress after which a mission fails, seconds", min=1, max=3600
     )

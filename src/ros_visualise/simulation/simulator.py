@@ -93,7 +93,8 @@ class Simulation:
         fixed = frames.fixed_frames(self._model, mount, self.start_pose, odom, mounted)
         description = describe(self._model, fixed)
         self._latched = description, fixed, scenery(self._model, self.world.assets)
-        if self._mission is not None:
+        self._delayed = self._mission if self.settings.mission_delay else None
+        if self._mission is not None and self._delayed is None:
             self._robot.start(self._mission)
 
     @property
@@ -104,7 +105,7 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """True after the mission has ended."""
-        return self._robot.mission.finished
+        return self._delayed is None and self._robot.mission.finished
 
     @property
     def failure(self) -> str:
@@ -151,6 +152,7 @@ class Simulation:
                 while orders:
                     self._obey(orders.popleft())
                 stamp_ns = self._steps * self._step_ns
+                self._start_delayed(stamp_ns)
                 if self.pad is not None:
                     self.pad.advance(stamp_ns / 1e9)
                 control(stamp_ns / 1e9)
@@ -161,6 +163,12 @@ class Simulation:
                     yield from self._tell_change(stamp_ns)
         finally:
             self.close()
+
+    def _start_delayed(self, stamp_ns: int) -> None:
+        """Start the mission that waits, when it is time."""
+        if self._delayed is not None and stamp_ns >= self.settings.mission_delay * 1e9:
+            self._robot.start(self._delayed)
+            self._delayed = None
 
     def _tell_change(self, stamp_ns: int) -> Iterator[SensorOutput]:
         if self.doing != self._status:

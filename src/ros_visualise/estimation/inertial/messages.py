@@ -6,6 +6,7 @@ import numpy as np
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Header, Imu, Odometry, Pixels
+from ros_visualise.estimation.camera_view import turning_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.inertial.filter import InertialSettings
 from ros_visualise.estimation.inertial.odometry import InertialOdometry, InertialPose
@@ -18,7 +19,6 @@ WHITE_PX, WALK_PX = 0.45, 0.375
 """Standard deviations of corners, pixels, see `CornerNoise`: larger than those of one corner, as
 corners of an image err alike.
 """
-_TURNED_NS = 20_000_000  # over which the turning of a camera on the robot is measured
 _MOVES_S = 5.0  # time constant of the error of a camera that moves on the robot
 
 
@@ -78,12 +78,7 @@ class InertialInput:
             self.problem = f"the image is not used: {error}"
             return
         self.problem = ""
-        try:
-            before = frames.lookup(self._base_frame, name, stamp_ns - _TURNED_NS)
-        except NoTransform:  # the first of the moving transforms
-            before = T
-        turned = se3.rotation_vector(before[:3, :3].T @ T[:3, :3])
-        self.odometry.see(stamp_ns, gray, T, turned / (_TURNED_NS / 1e9))
+        self.odometry.see(stamp_ns, gray, T, turning_of(frames, self._base_frame, header, T))
 
 
 def odometry_of(pose: InertialPose, frame: str, base_frame: str) -> Odometry:

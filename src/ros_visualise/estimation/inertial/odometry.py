@@ -41,6 +41,7 @@ _LOST_NS, _WRONG_NS = 1_000_000_000, 4_000_000_000  # without these: it may, or 
 _FASTEST_MOUNT = 20.0  # rad/s
 _MOST_WAITING = 15  # images, for the IMU
 _LOST_SPEED, _LOST_TURN = 1.0, 0.3  # m/s and rad/s: what may happen in a gap of the IMU
+_MOVES = "waiting for the robot to rest: keep it still for half a second"
 _THIN = 1 / 8  # size of images that are compared at rest
 
 
@@ -173,7 +174,7 @@ class InertialOdometry:
         """
         rest = self._rest
         from_ns, until_ns = max(rest.from_ns, self._since_ns), rest.until_ns
-        self.reason = "at rest" if is_still else "waiting for the robot to rest"
+        self.reason = "at rest" if is_still else _MOVES
         if not is_still and rest.ended[0] == self._first_ns:
             from_ns, until_ns = rest.ended
         if until_ns - from_ns < (_REST_NS if is_still else _LEAST_REST_NS):
