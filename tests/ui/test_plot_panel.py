@@ -11,7 +11,7 @@ import pytest
 from page_client import wait_in
 from scene_messages import odometry
 
-from ros_visualise.data import Odometry
+from ros_visualise.data import Odometry, Text
 from ros_visualise.graph.pipelines import recording_pipeline
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.local import LocalRuntime
@@ -28,7 +28,9 @@ SMALL = 0.1234567890123
 def recorded(tmp_path_factory):
     """Twenty seconds: a sawtooth about zero, and a number that needs all digits."""
     path = tmp_path_factory.mktemp("plots") / "odom.mcap"
-    with open_recorder(str(path), {"/odom": TopicType(Odometry.type_name)}) as recorder:
+    topics = {"/odom": TopicType(Odometry.type_name), "/said": TopicType(Text.type_name)}
+    with open_recorder(str(path), topics) as recorder:
+        recorder.write("/said", Text("The landing begins"), 1012 * 10**9)
         for number in range(COUNT):
             at = number * STEP_S
             place = [0.1 * ((number % 7) - 3), SMALL * number, 0]
@@ -190,9 +192,14 @@ def test_foreign_states_are_a_plot_all_the_same(plot):
     assert not dialogs
 
 
-def test_a_curve_without_numbers_says_so(plot):
+def test_a_curve_without_numbers_says_so_and_messages_are_searched(plot, runtime):
     tab = plot(panes=[{"curves": [f'="{X}" * 0 / 0']}])
     tab.get_by_role("status").get_by_text("no finite numbers").wait_for(timeout=60_000)
+    tab.keyboard.press("Control+k")
+    tab.get_by_role("searchbox", name="Search the page").fill("landing")
+    tab.get_by_role("option", name="message 0:12.00 /said The landing begins").click()
+    wait_in(tab, lambda: runtime.playback.state.position_s == 12)
+    tab.get_by_role("tab", name="/said").wait_for(timeout=60_000)
 
 
 def test_spectra_and_one_curve_against_another(plot):

@@ -22,6 +22,7 @@ from ros_visualise.ui.live.notices import Notices
 from ros_visualise.ui.live.publish import PublishHub
 from ros_visualise.ui.live.robot import RobotHub
 from ros_visualise.ui.live.settings import by_name
+from ros_visualise.ui.live.texts import RecordedTexts
 from ros_visualise.ui.live.thumbnails import Thumbnails
 from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.page.browser import Browser
@@ -40,7 +41,7 @@ from ros_visualise.ui.shell.workspace import LAYOUT, read_layout
 log = logging.getLogger(__name__)
 
 _ANSWERING = 8  # threads: some read a recording
-_QUERIES = ("recorded", "graph", "frames", "ticks", "thumbnail")
+_QUERIES = ("recorded", "graph", "frames", "ticks", "thumbnail", "texts")
 
 
 class Page:
@@ -93,6 +94,7 @@ class Page:
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._runtime: Runtime | None = None
         self._thumbnails: Thumbnails | None = None
+        self._texts: RecordedTexts | None = None
         self._ended = threading.Event()
 
     @property
@@ -129,9 +131,10 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        if self._thumbnails is not None:
-            self._thumbnails.close()
-        self._thumbnails = Thumbnails(runtime)
+        for before in (self._thumbnails, self._texts):
+            if before is not None:
+                before.close()
+        self._thumbnails, self._texts = Thumbnails(runtime), RecordedTexts(runtime)
         marks = self._server.clock.marks = self._marks()
         self._notes.follow(marks)
         self._server.show(runtime)
@@ -166,6 +169,9 @@ class Page:
             at_s = query.seconds("at")
             jpeg = await self._querys.do(partial(self._thumbnails.at, at_s))
             return Answer(jpeg, "image/jpeg")
+        if asked == "texts" and self._texts is not None:
+            words = query.text("words")
+            return as_json(await self._querys.do(partial(self._texts.find, words)))
         raise Refusal(f"unknown query{did_you_mean(asked, _QUERIES)}", 404)
 
     def spin(self, timeout_s: float) -> None:
@@ -180,8 +186,9 @@ class Page:
         self._server.close()
         self._querys.close()
         self._files.close()
-        if self._thumbnails is not None:
-            self._thumbnails.close()
+        for shown in (self._thumbnails, self._texts):
+            if shown is not None:
+                shown.close()
         if self._browser is not None:
             self._browser.close()
 

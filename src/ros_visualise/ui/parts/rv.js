@@ -107,6 +107,15 @@
     }
   }
 
+  // A time as people read it: 0:12.94, 1:02:03.40.
+  function asClock(seconds) {
+    const whole = Math.max(0, Math.round(seconds * 100));
+    const two = (value) => String(value).padStart(2, "0");
+    const [hours, minutes] = [Math.floor(whole / 360000), Math.floor(whole / 6000) % 60];
+    const rest = `${two(Math.floor(whole / 100) % 60)}.${two(whole % 100)}`;
+    return hours ? `${hours}:${two(minutes)}:${rest}` : `${minutes}:${rest}`;
+  }
+
   const isTyping = (target) => !!target?.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]");
   const past = new EditHistory();
   document.addEventListener("keydown", (event) => {
@@ -152,6 +161,7 @@
     root,
     live,
     ask,
+    asClock,
     isTyping,
     dropped,
     monitored,

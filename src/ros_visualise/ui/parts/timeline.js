@@ -2,14 +2,7 @@
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 0];
 const SKIP_S = 5;
 const MARGIN = 10;
-
-function clock(seconds) {
-  const whole = Math.max(0, Math.round(seconds * 100));
-  const two = (value) => String(value).padStart(2, "0");
-  const [hours, minutes] = [Math.floor(whole / 360000), Math.floor(whole / 6000) % 60];
-  const rest = `${two(Math.floor(whole / 100) % 60)}.${two(whole % 100)}`;
-  return hours ? `${hours}:${two(minutes)}:${rest}` : `${minutes}:${rest}`;
-}
+const clock = rv.asClock;
 
 export default {
   template: `

@@ -1,7 +1,10 @@
-// Search (Ctrl-K): panels, buttons, topics, fields, parameters, actions, files, marks and times; Enter opens the first.
+// Search (Ctrl-K): panels, buttons, topics, fields, parameters, actions, files, marks, times, and the texts of
+// messages; Enter opens the first.
 const MOST = 12;
 const MOST_TOPICS = 100; // whose fields are found
-const WORDS = { parameters: "parameter", actions: "action", topics: "topic", panels: "panel", fields: "field", files: "file", controls: "button", time: "go to" };
+const MOST_TEXTS = 6;
+const [SHORTEST, WAIT_MS, AGAIN_MS] = [3, 200, 500]; // of what is looked up in texts
+const WORDS = { parameters: "parameter", actions: "action", topics: "topic", panels: "panel", fields: "field", files: "file", controls: "button", time: "go to", lines: "log", texts: "message" };
 const SKIPPED = new Set("a all an and another change do find for get go how i in into is it make me my of on other see show the to use want with".split(" "));
 const CONTROLS = "button[aria-label], select[aria-label], input[aria-label], .q-btn";
 const NOT_CONTROLS = ".rv-search *, .rv-kinds *, .rv-close, [role=tab], [data-name] *, .rv-fields *";
@@ -55,17 +58,17 @@ export default {
   template: `
     <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()" @hide="hidden">
       <q-card class="rv-search" role="search">
-        <input ref="field" v-model="words" type="search" placeholder="Panel, button, topic, field, parameter, file or time" aria-label="Search the page"
+        <input ref="field" v-model="words" type="search" placeholder="Panel, button, topic, parameter, file, time or text" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
         <div id="rv-found" role="listbox" aria-label="Results">
-          <button v-for="(one, i) in found" :key="one.kind + one.name" role="option" :aria-selected="String(i === at)"
+          <button v-for="(one, i) in found" :key="one.kind + one.name + (one.key ?? '')" role="option" :aria-selected="String(i === at)"
             :class="{ 'rv-chosen': i === at }" :title="one.help" @click="choose(one)"><small>{{ one.word }}</small> {{ one.name }}</button>
           <p v-if="words && !found.length">No results</p>
         </div>
       </q-card>
     </q-dialog>`,
   props: { kinds: Object, readOnly: Boolean },
-  data: () => ({ isOpen: false, words: "", at: 0, fields: {}, files: [], controls: [] }),
+  data: () => ({ isOpen: false, words: "", at: 0, fields: {}, files: [], controls: [], lines: [], texts: [] }),
   computed: {
     all() {
       if (!this.isOpen) return [];
@@ -88,11 +91,18 @@ export default {
       const time = Number.isNaN(to) || this.readOnly ? [] : [{ kind: "time", word: WORDS.time, name: words, to }];
       const several = tokens(words);
       const meant = several.filter((word) => !SKIPPED.has(word));
-      return words ? [...time, ...ranked(this.all, meant.length ? meant : several)].slice(0, MOST) : [];
+      const names = words ? ranked(this.all, meant.length ? meant : several) : [];
+      const said = [...this.lines.filter(({ name }) => several.every((word) => name.toLowerCase().includes(word))).slice(-MOST_TEXTS), ...this.texts].slice(0, MOST_TEXTS);
+      return words ? [...time, ...names.slice(0, MOST - said.length), ...said] : [];
     },
   },
   watch: {
-    words() { this.at = 0; },
+    words() {
+      this.at = 0;
+      this.texts = [];
+      clearTimeout(this.asking);
+      this.asking = setTimeout(() => this.askTexts(this.words.trim()), WAIT_MS);
+    },
     isOpen() { this.isOpen ? this.gather() : this.leave(); },
   },
   mounted() {
@@ -127,12 +137,23 @@ export default {
           ask();
         },
       });
+      this.lines = [];
+      const take = ({ lines = [] }) => this.lines.push(...lines.map(({ number, node, text }) => ({ kind: "lines", word: WORDS.lines, name: `${node} ${text}`, key: number, text })));
+      this.log = rv.live("/live/monitor", { open: () => this.log.send({ show: "log" }), message: take });
       if (this.readOnly) return;
       this.opening = rv.live("/live/files", { message: (messages) => messages.forEach(({ files }) => files && (this.files = files)) });
     },
     leave() {
-      this.plots?.close();
-      this.opening?.close();
+      clearTimeout(this.asking);
+      for (const live of [this.plots, this.opening, this.log]) live?.close();
+    },
+    // The texts of a recording's messages, again while it is being read.
+    async askTexts(words) {
+      if (words.length < SHORTEST || this.readOnly || rv.clock.state.live) return;
+      const { found = [], share = 1 } = await rv.ask({ ask: "texts", words }).catch(() => ({}));
+      if (!this.isOpen || words !== this.words.trim()) return;
+      this.texts = found.map(([to, topic, text], i) => ({ kind: "texts", word: WORDS.texts, name: `${rv.asClock(to)}  ${topic}  ${text}`, to, topic, key: i }));
+      if (share < 1) this.asking = setTimeout(() => this.askTexts(words), AGAIN_MS);
     },
     move(by) {
       this.at = Math.min(Math.max(this.at + by, 0), this.found.length - 1);
@@ -149,6 +170,11 @@ export default {
         parameters: () => this.reveal(one.node, one.name),
         actions: () => this.reveal(one.node, one.name),
         time: () => rv.clock.seek(one.to),
+        lines: () => rv.open("log", { words: one.text }),
+        texts: () => {
+          rv.clock.seek(one.to);
+          rv.open("messages", { topic: one.topic });
+        },
       })[one.kind]();
       this.isOpen = false;
       this.words = "";

@@ -6,7 +6,7 @@ const taken = new Map(); // panel -> its topics
 function timeOf(stamp) {
   const seconds = Number(stamp) / 1e9;
   if (seconds > 1e8) return new Date(seconds * 1000).toLocaleTimeString("en-GB") + (seconds % 1).toFixed(3).slice(1);
-  return `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(2).padStart(5, "0")}`;
+  return rv.asClock(seconds);
 }
 
 export default {

@@ -98,7 +98,7 @@ export default {
     insert() {
       const { area } = this.$refs;
       const at = rv.clock.state.position ?? 0;
-      const time = `${Math.floor(at / 60)}:${(at % 60).toFixed(2).padStart(5, "0")} `;
+      const time = `${rv.asClock(at)} `;
       area.setRangeText(time, area.selectionStart, area.selectionEnd, "end");
       this.text = area.value;
       this.write();
