@@ -38,9 +38,17 @@ pygments_dark_style = "github-dark"
 
 def setup(app):
     """Make pages from declarations, and rewrite links that leave this folder."""
-    app.connect("builder-inited", lambda app: generated.write(lessons=not os.environ.get("QUICK")))
+    is_quick = bool(os.environ.get("QUICK"))
+    app.connect("builder-inited", lambda app: generated.write(lessons=not is_quick))
+    if is_quick:
+        app.connect("html-page-context", _without_tree, priority=400)  # before the theme's
     app.connect("source-read", links.resolve)
     app.connect("html-page-context", _without_edit)
+
+
+def _without_tree(app, name, template, context, doctree):
+    """The tree of all pages beside each page, which takes most of the time of a build."""
+    context["toctree"] = lambda **_: ""
 
 
 def _without_edit(app, name, template, context, doctree):

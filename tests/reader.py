@@ -16,7 +16,17 @@ from documents import PACKAGE
 from ros_visualise.commands import COMMANDS, main
 from ros_visualise.running.options import PlayingOptions
 
-ELSEWHERE = ("pip", "make", "roslaunch", "rosrun", "rosbag", "ros2", "sudo", ".venv-train/bin/pip")
+ELSEWHERE = (
+    "pip",
+    "make",
+    "curl",
+    "roslaunch",
+    "rosrun",
+    "rosbag",
+    "ros2",
+    "sudo",
+    ".venv-train/bin/pip",
+)
 """Programs whose calls other tests make."""
 
 QUICKLY = ["--view", "none", "--rate", "0", "--duration", "0.3"]

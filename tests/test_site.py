@@ -28,7 +28,7 @@ ORIGIN = "git@github.com:me/mine.git"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The built site, without the lessons, which tests/lessons exports."""
+    """The built site, without the lessons, which tests/lessons exports, and the tree of pages."""
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", PACKAGE / "docs", folder]
     origin = {"GIT_CONFIG_KEY_0": "remote.origin.url", "GIT_CONFIG_VALUE_0": ORIGIN}
@@ -67,11 +67,11 @@ def test_reference_comes_from_the_declarations(site: Path, page: str, words: lis
 
 QUESTIONS = {
     "record to mcap": "howto/record-a-camera",
-    "convert bag to mp4": "howto/make-a-film-of-a-bag",
+    "convert bag to mp4": "howto/convert-a-bag-to-video",
     "calibrate camera": "howto/calibrate-a-camera",
     "wrong colors bayer": "howto/fix-wrong-colours",
     "slow page": "howto/speed-up-a-slow-page",
-    "remote machine": "howto/open-the-page-elsewhere",
+    "remote machine": "howto/open-a-remote-page",
     "px4 log": "howto/play-a-flight-log",
     "print tags": "howto/print-tags",
     "landing pad": "tutorials/landing",
@@ -81,7 +81,7 @@ QUESTIONS = {
     "trajectory error": "tutorials/trajectory",
     "train network": "tutorials/train",
     "camera not found": "howto/show-a-camera",
-    "visual odometry": "howto/find-the-way-of-a-camera",
+    "visual odometry": "howto/run-visual-odometry",
     "mosaic": "howto/make-a-mosaic",
     "mavlink": "howto/connect-an-autopilot",
     "gpu": "howto/run-networks-on-a-gpu",

@@ -22,8 +22,9 @@ LABEL = re.compile(r"[A-Z][a-z]{2,}")
 
 CODE = re.compile(
     r"\\[dwsbA(\[]|\(\?|</|/>|^[\w ]+ = |==|&&|\|\||=>|;$|px\b|var\(--|^[a-z -]+: [a-z0-9]"
+    r"|^(SELECT|WITH|PRAGMA|COPY|CREATE|EXPLAIN) |\$event|^[a-z]\w*\(|/[A-Z]\w+ [/\[{]"
 )
-"""What is no prose: a regular expression, markup, a statement, a style."""
+"""What is no prose: a regular expression, markup, a statement, a style, SQL, PDF."""
 
 QUOTED = re.compile(r"""(["'`])((?:(?!\1)[^\\]|\\.)*?)\1""")
 
@@ -44,21 +45,22 @@ def texts() -> Iterator[Text]:
 
 
 def _python(path: Path) -> Iterator[Text]:
-    tree = ast.parse(path.read_text())
-    skipped = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.JoinedStr):
-            skipped |= {one for one in ast.walk(node) if one is not node}
-    for node in ast.walk(tree):
-        where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
+    file, skipped = path.relative_to(ROOT), set()
+    for node in ast.walk(ast.parse(path.read_text())):  # parents first
+        if isinstance(node, ast.Expr):
+            skipped.add(node.value)
+        elif isinstance(node, ast.Assert) and node.msg is not None:
+            skipped.add(node.msg)
+        elif isinstance(node, ast.JoinedStr):
+            skipped.update(one for one in ast.walk(node) if one is not node)
         if isinstance(node, ast.Constant | ast.JoinedStr) and node not in skipped:
             said = " ".join(_template(node).split())
             if _is_prose(path, said):
-                yield Text(where, said)
-        elif isinstance(node, ast.ClassDef | ast.FunctionDef):
+                yield Text(f"{file}:{node.lineno}", said)
+        elif isinstance(node, ast.ClassDef | ast.FunctionDef) and node.decorator_list:
             decorators = {ast.unparse(one).partition("(")[0] for one in node.decorator_list}
             if DECLARES & decorators and (doc := ast.get_docstring(node)):
-                yield Text(where, doc.partition("\n")[0])
+                yield Text(f"{file}:{node.lineno}", doc.partition("\n")[0])
 
 
 def _is_prose(path: Path, said: str) -> bool:

@@ -136,7 +136,7 @@ def test_a_film_gets_its_poses_from_a_recording_beside_it(find, tmp_path, caplog
     recorder.close()
     options = ["--beside", beside, "--offset", "film=0.5", "--set", "georeference.lens=70"]
     assert find(film, *options, "--geo", out)[0] == 0
-    assert "taken as fixed to base_link, 90 degrees below" in caplog.text
+    assert "assumed fixed to base_link, 90 degrees below" in caplog.text
     (row,) = csv.DictReader(out.read_text().splitlines())
     place = [float(row[name]) for name in ("latitude", "longitude", "height")]
     np.testing.assert_allclose(LocalPlane(*PLACE, 100).to_enu(place), [7, 0, 0], atol=0.3)

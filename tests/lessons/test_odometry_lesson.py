@@ -132,7 +132,7 @@ def is_true_of_flow(text, seen, last):
     )
     far = np.linalg.norm((there - start)[:, 0], axis=1)
     count, median, most = shown(text, "N corners of the previous picture are found") + shown(
-        text, "moved by N pixels in the median, N at most"
+        text, "moved by a median of N pixels, and at most by N"
     )
     assert count == len(far)
     assert median == pytest.approx(np.median(far), abs=0.2)
@@ -177,9 +177,9 @@ def is_true_of_drift(text, film):
     J[:3, 3:] = -se3.cross(poses[-1].p)
     spread = np.diag(J @ poses[-1].covariance @ J.T)
     holds(text, "After N pictures with N keyframes", len(film), odometry.counts["keyframes"])
-    holds(text, "the way is N long", way)
-    holds(text, "uncertain by N (", np.sqrt(spread[:3].sum()))
-    holds(text, "of the way) and N°", np.degrees(np.sqrt(spread[3:].sum())))
+    holds(text, "the trajectory is N long", way)
+    holds(text, "deviation of its end is N (", np.sqrt(spread[:3].sum()))
+    holds(text, "of its length) and N°", np.degrees(np.sqrt(spread[3:].sum())))
     holds(text, "lost N times", odometry.counts["losses"])
 
 
@@ -202,7 +202,9 @@ def test_a_flight_is_explained_as_it_was_flown():
     assert np.linalg.norm(se3.rotation_vector(motion.R @ R)) < np.radians(2.5)
     near, far = shown(texts["scale"], "Eight of ten points are N to N steps away")
     assert 2.0 / np.linalg.norm(p) < near < far < 10.0 / np.linalg.norm(p)
-    half, end = (shown(texts["drift"], one)[0] for one in ("half-way it was N and", "by N ("))
+    half, end = (
+        shown(texts["drift"], one)[0] for one in ("half-way it was N and", "its end is N (")
+    )
     assert 0 < half < end
 
 

@@ -85,5 +85,5 @@ def test_one_end_of_a_line_is_no_other_one():
     robot = simulation_pipeline("quadrotor")
     with pytest.raises(UsageError, match="given twice"):
         as_vehicle(robot, ["udp://:14550", "udp://:14550"])
-    with pytest.raises(UsageError, match="--mavlink-vehicle has it; give it udpout://"):
+    with pytest.raises(UsageError, match="--mavlink-vehicle uses it too; give that one udpout://"):
         with_vehicles(as_vehicle(robot, ["udp://:14550"]), ["udp://:14550"])

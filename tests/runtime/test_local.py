@@ -583,9 +583,9 @@ def test_what_a_node_says_at_the_end_is_recorded_after_all_else(tmp_path):
 
 
 WRONG = {
-    "pixels": (lambda image: image.pixels, "answers with image: ndarray, but declares image"),
-    "a tuple": (lambda image: (image, image), "answers with image: tuple"),
-    "another output": (lambda image: {"edges": image}, "answers with edges: Image"),
+    "pixels": (lambda image: image.pixels, "returns image: ndarray, but declares image"),
+    "a tuple": (lambda image: (image, image), "returns image: tuple"),
+    "another output": (lambda image: {"edges": image}, "returns edges: Image"),
 }
 
 

@@ -54,7 +54,7 @@ def test_a_file_gives_way_points(tmp_path: Path):
         ("shape: square\nlaps: 1.5", "laps cannot be 1.5: give a whole number"),
         (f"shape: square\nlaps: {10**30}", "from 0 to 1000000"),
         (f"shape: square\nspeed: {10**400}", "speed cannot be"),
-        ("shape: square\nsize: [1, 2, 3]", "size cannot be [1, 2, 3]: give a number or two"),
+        ("shape: square\nsize: [1, 2, 3]", "size cannot be [1, 2, 3]: give one or two numbers"),
         ("shape: square\nland: 1", "give true or false"),
         ("land_on: roof", "land_on cannot be 'roof': give pad, or omit it"),
         ("land_on: 3", "land_on cannot be 3: give pad"),

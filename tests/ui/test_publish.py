@@ -79,7 +79,7 @@ def test_a_rate_ends_with_a_stop_and_when_the_browser_leaves(hub, told):
         ({"values": {"linear": {"x": "1"}}}, "linear.x: must be a number"),
         ({"values": {"linear": {"w": 1}}}, "no field 'w'"),
         ({"values": {"linear": 5}}, "must be an object"),
-        ({"topic": "/other"}, "no node takes it"),
+        ({"topic": "/other"}, "no node subscribes to it"),
         ({"type": POSE}, "/cmd_vel is of type geometry_msgs/msg/Twist"),
         ({"topic": "cmd_vel"}, "invalid topic"),
         ({"rate": 1e9}, "invalid topic, rate or values"),

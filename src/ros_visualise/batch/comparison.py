@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 METRICS: Mapping[str, str] = {
-    "recordings": "1 for a recording that only one of the results has",
+    "recordings": "1 for a recording that is in only one of the results",
     "failures": "new failures of a recording",
     "messages": "difference in the number of messages of a topic",
     "rate": "relative difference in its rate",
@@ -36,7 +36,7 @@ METRICS: Mapping[str, str] = {
     "position_m": "rms distance of poses",
     "rotation_deg": "rms angle of poses",
     "ate_m": "increase of the rms distance from the truth",
-    "nees": "increase of the mean NEES by the truth",
+    "nees": "increase of the mean NEES against the truth",
     "images": "mean difference in brightness, contrast and sharpness, relative",
     "fields": "largest difference in numeric fields",
     "cpu": "ratio of processor times",

@@ -88,7 +88,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "errors BIGINT -: errors outside of messages",
         "step_ms DOUBLE ms: median duration of a step",
         "p50_ms DOUBLE ms: median time from the source to the end of a step",
-        "p99_ms DOUBLE ms: 99th percentile of that time",
+        "p99_ms DOUBLE ms: 99th percentile of the time from the source to the end of a step",
     ),
     "detections": declare(
         *_MADE,

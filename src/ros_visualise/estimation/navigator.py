@@ -207,8 +207,8 @@ class Navigator:
     def _is_present(self, sensor: str, stamp_ns: int) -> bool:
         verdict = self._stamps.judge(sensor, stamp_ns)
         if verdict is Verdict.WILD:
-            self._dropped[f"{sensor}: stamp of another time"] += 1
-            log.warning("%s: ignoring a stamp of another time, %.3f s", sensor, stamp_ns / 1e9)
+            self._dropped[f"{sensor}: stamp far from all others"] += 1
+            log.warning("%s: ignoring a stamp far from all others, %.3f s", sensor, stamp_ns / 1e9)
         if verdict is Verdict.RESET:
             self.reset()
             self._stamps.judge(sensor, stamp_ns)

@@ -87,8 +87,8 @@ class OdometryErrorParams:
     )
     odom_axes: float = param(
         0.5,
-        "rotation of the axes of the odometry's motions to the robot's (standard deviation),"
-        " degrees: wheels move along the ground, also under a tilted body",
+        "misalignment between the axes of the odometry and of the robot (standard deviation),"
+        " degrees: wheels follow the ground even if the body tilts",
         min=0,
         max=45,
         slider=(0, 5),
@@ -106,7 +106,7 @@ class OdometryErrorParams:
     )
     max_speed: float = param(
         30.0,
-        "largest speed of the robot, m/s; faster odometry has jumped",
+        "largest speed of the robot, m/s; faster odometry counts as a jump",
         min=0.1,
         max=1000,
         slider=(1, 50),
@@ -141,7 +141,7 @@ class ImuErrorParams:
     )
     imu_clock: float = param(
         2e-3,
-        "delay of the IMU's rates against the odometry (standard deviation), seconds",
+        "delay of the IMU's rates relative to the odometry (standard deviation), seconds",
         min=0,
         max=0.5,
         slider=(0, 0.02),
@@ -193,7 +193,7 @@ class CameraErrorParams:
     )
     camera_turn_time: float = param(
         20.0,
-        "time constant of that error, seconds, as on a gimbal; 0: it is constant",
+        "time constant of the error of the mounting, seconds, such as a gimbal's; 0: constant",
         min=0,
         max=1e5,
         slider=(0, 100),
@@ -245,7 +245,7 @@ class NavigatorParams(
     )
     min_parallax: float = param(
         0.1,
-        "smallest distance between those sightings, as a fraction of the landmark's range",
+        "minimum distance between the sightings of a new landmark, as a fraction of its range",
         min=0,
         max=10,
         slider=(0, 1),
@@ -254,7 +254,7 @@ class NavigatorParams(
 
     ground_roughness: float = param(
         0.05,
-        "standard deviation of heights on the ground from its mean, metres",
+        "standard deviation of the ground's height around its mean, metres",
         min=1e-3,
         max=100,
         slider=(0.01, 1),

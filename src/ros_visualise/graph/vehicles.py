@@ -36,7 +36,9 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
         if address in addresses[: number - 1]:
             raise UsageError(f"--mavlink {address}: given twice; ?system=2 follows another vehicle")
         if line in own:
-            raise UsageError(f"--mavlink {line}: --mavlink-vehicle has it; give it udpout://")
+            raise UsageError(
+                f"--mavlink {line}: --mavlink-vehicle uses it too; give that one udpout://HOST:PORT"
+            )
         node = _beside(graph, place(find_node(_AUTOPILOT), {}), number)
         settings = {"address": line, "system": system, "simulated": is_simulated}
         graph = graph.joined(node).configured({node.name: settings})

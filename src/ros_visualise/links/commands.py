@@ -45,7 +45,7 @@ def check_permission() -> None:
     """Raise UsageError unless vehicles may be commanded."""
     if not _is_permitted:
         raise UsageError(
-            "vehicles are not commanded from here; to allow it, use --allow-control"
+            "commands to vehicles are not allowed here; start with --allow-control"
             " (ROS: allow_control:=true)"
         )
 
@@ -86,7 +86,7 @@ def go_to(autopilot: int, own: Telemetry, goal_xyz: Floats) -> list[Step]:
     """
     place = own.on_earth(goal_xyz)
     if place is None:
-        raise UsageError("no global position of the vehicle; it needs GPS to go to a place")
+        raise UsageError("the vehicle has no global position; it needs GPS to fly to a goal")
     first = [(_SET_MODE, (_CUSTOM, *_GUIDED))] if autopilot == ARDUPILOT else []
     return [*first, (_REPOSITION, (-1.0, _CHANGE_MODE, 0.0, math.nan, *place.tolist()))]
 

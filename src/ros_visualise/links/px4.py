@@ -405,20 +405,20 @@ class Px4Vehicle:
 
     def _arm(self, p: list[float], frame: int) -> str:
         if p[0] not in (0, 1):
-            return "neither arm nor disarm"
+            return "give 1 to arm, 0 to disarm"
         return self._modes.arm() if p[0] == 1 else self._modes.disarm()
 
     def _take_off(self, p: list[float], frame: int) -> str:
         if math.isnan(p[6]):
             return self._modes.enter(Px4Mode.TAKEOFF)
         place = self._place(*self._here, p[6], frame)
-        return "no such place" if place is None else self._modes.take_off(-float(place[2]))
+        return "invalid position" if place is None else self._modes.take_off(-float(place[2]))
 
     def _go_to(self, p: list[float], frame: int) -> str:
         level = self._here if np.isnan(p[4:6]).any() else (p[4], p[5])
         place = self._place(*level, p[6], frame)
         yaw = p[3] if math.isfinite(p[3]) else math.nan
-        return "no such place" if place is None else self._modes.go_to(place, yaw)
+        return "invalid position" if place is None else self._modes.go_to(place, yaw)
 
     def _change_mode(self, p: list[float], frame: int) -> str:
         return self._enter(int(p[1]), int(p[2])) if np.isfinite(p[1:3]).all() else "no such mode"
@@ -435,7 +435,7 @@ class Px4Vehicle:
 
     def _change_speed(self, p: list[float], frame: int) -> str:
         if not 0 < p[1] <= 20:
-            return "no such speed"
+            return "invalid speed"
         self._parameters["MPC_XY_CRUISE"] = p[1]
         return ""
 

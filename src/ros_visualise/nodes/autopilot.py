@@ -56,32 +56,35 @@ class AutopilotParams:
     rate: float = param(20.0, "maximum rate of landing targets, Hz", min=1, max=100)
     pose_rate: float = param(50.0, "maximum rate of poses, Hz", min=1, max=200)
     timeout: float = param(
-        0.5, "age after which a landing target or a pose is not sent, seconds", min=0.01, max=10
+        0.5,
+        "age after which a landing target or a pose is no longer sent, seconds",
+        min=0.01,
+        max=10,
     )
     simulated: bool = param(
         False, "stamps are simulated, so the age of targets and poses is not checked"
     )
     speed: float = param(
-        15.0, "speed above which a pose is a relocalization, m/s", min=0.1, max=200
+        15.0, "speed above which a change of pose counts as a relocalization, m/s", min=0.1, max=200
     )
     camera: str = param(
         "",
-        "optical frame of a camera on the body, whose place is published on tf_static; empty: none",
+        "optical frame of a camera on the body, whose pose is published on tf_static; empty: none",
         restart=True,
     )
     camera_pitch: float = param(
         90.0,
-        "angle of that camera below the horizon, degrees; 90: straight down, with its upper edge"
-        " forward",
+        "angle of this camera below the horizon, degrees; 90: straight down, with the top of its"
+        " image forward",
         min=-90,
         max=90,
         restart=True,
     )
     camera_x: float = param(
-        0.0, "camera's place, metres forward of the body's origin", min=-10, max=10, restart=True
+        0.0, "camera position, metres forward of the body's origin", min=-10, max=10, restart=True
     )
     camera_z: float = param(
-        0.0, "camera's place, metres above the body's origin", min=-10, max=10, restart=True
+        0.0, "camera position, metres above the body's origin", min=-10, max=10, restart=True
     )
 
     take_off_height: float = param(
@@ -89,7 +92,7 @@ class AutopilotParams:
     )
     goal_x: float = param(
         0.0,
-        "place to go to in odom, metres east of its origin",
+        "goal in odom, metres east of its origin",
         min=-1e4,
         max=1e4,
         slider=(-50, 50),
@@ -97,7 +100,7 @@ class AutopilotParams:
     )
     goal_y: float = param(
         0.0,
-        "place to go to in odom, metres north of its origin",
+        "goal in odom, metres north of its origin",
         min=-1e4,
         max=1e4,
         slider=(-50, 50),
@@ -105,7 +108,7 @@ class AutopilotParams:
     )
     goal_z: float = param(
         2.5,
-        "place to go to in odom, metres above its origin",
+        "goal in odom, metres above its origin",
         min=-1e3,
         max=1e3,
         slider=(0, 50),
@@ -221,7 +224,7 @@ class AutopilotLink:
         """Return."""
         self._vehicle.order("return", commands.return_home)
 
-    @action("stop, and hold the place")
+    @action("stop and hold the position")
     def hold(self) -> None:
         """Hold."""
         self._vehicle.order("hold", commands.hold)

@@ -77,7 +77,7 @@ class EdgeParams:
     )
     min_gradient: int = param(
         0,
-        "least Euclidean norm of the gradient on an edge; 0 is off",
+        "minimum Euclidean norm of the gradient on an edge; 0 is off",
         min=0,
         max=800,
         group="method",

@@ -67,7 +67,7 @@ class GeoreferenceParams:
     camera_pitch: float = param(
         90.0,
         "angle below the horizon of a camera that is fixed to base_link, degrees, used if its frame"
-        " is not on /tf; 90: straight down, with its upper edge forward",
+        " is not on /tf; 90: straight down, with the top of its image forward",
         min=-90,
         max=90,
     )
@@ -293,7 +293,7 @@ class Georeference:
             T_gimbal_camera[:3, :3] = R_body_camera(0.0)
             return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera
         self._remarks.say(
-            f"no frame {self._camera}: taken as fixed to {BODY}, {params.camera_pitch:g} degrees"
+            f"no frame {self._camera}: assumed fixed to {BODY}, {params.camera_pitch:g} degrees"
             " below the horizon (camera_pitch)"
         )
         T_base_camera = np.eye(4)

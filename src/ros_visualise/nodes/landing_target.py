@@ -60,8 +60,8 @@ class LandingTargetParams:
     frame: str = param("base_link", "body frame; for ardupilot, _frd is added to its name")
     fixed_frame: str = param(
         "odom",
-        "frame in which the target is still or moves steadily; for px4, east, north, up from PX4's"
-        " local origin, and _ned is added to its name",
+        "frame in which the target is still or moves steadily; for px4 it must point east, north,"
+        " up from PX4's local origin, and _ned is added to its name",
     )
     speed: float = param(
         1.0,
@@ -121,7 +121,7 @@ class LandingTargetParams:
     )
     ground_sigma: float = param(
         0.5,
-        "standard deviation of that height, metres",
+        "standard deviation of ground_height, metres",
         min=0.01,
         max=1e3,
         slider=(0.01, 5),

@@ -79,7 +79,8 @@ class LandmarkParams:
     )
     box_sigma: float = param(
         0.1,
-        "standard deviation of that point, as a fraction of the box's width and height",
+        "standard deviation of the point on the ground, as a fraction of the box's width and"
+        " height",
         min=0.001,
         max=1,
         slider=(0.01, 0.5),

@@ -52,6 +52,7 @@ _TWO_PUBLISH = (
     "another node already publishes {0} -> {1}: starting from its last value; stop it, or play"
     " the recording without its localization"
 )
+_NO_MOUNTING = "no transform to the robot"
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
 _UNKNOWN = 1e3  # variance above which an odometry says that it does not know
 _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
@@ -182,7 +183,9 @@ class LandmarkNavigator:
         mounting = self._mounting("imu", imu.header, frames)
         measured = imu.angular_covariance[0, 0] >= 0 and imu.linear_covariance[0, 0] >= 0
         if mounting is None or not measured:
-            self._unused["imu: not mounted" if mounting is None else "imu: measures nothing"] += 1
+            self._unused[
+                "imu: " + _NO_MOUNTING if mounting is None else "imu: measures nothing"
+            ] += 1
             return
         navigator.imu(imu.header.stamp_ns, imu.angular_xyz, imu.linear_xyz, mounting)
 
@@ -192,7 +195,7 @@ class LandmarkNavigator:
         if self._navigator is None or not getattr(self._params, name, True):
             return
         mounting = self._mounting(name, message.header, frames)
-        found = sensor.read(message, self._params) if mounting else "not mounted"
+        found = sensor.read(message, self._params) if mounting else _NO_MOUNTING
         if mounting is None or isinstance(found, str):
             self._unused[f"{name}: {found}"] += 1
             return
@@ -205,7 +208,7 @@ class LandmarkNavigator:
             try:
                 T = frames.lookup(self._base_frame, frame, header.stamp_ns)
             except NoTransform as error:
-                if not self._unused[f"{name}: not mounted"]:
+                if not self._unused[f"{name}: {_NO_MOUNTING}"]:
                     log.warning("ignoring %s until its frame is known: %s", name, error)
                 return None
             self._mounted[frame] = Mounting(T[:3, :3], T[:3, 3])

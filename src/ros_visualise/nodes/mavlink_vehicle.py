@@ -28,7 +28,7 @@ class MavlinkVehicleParams:
         "use GPS; without it, the vehicle flies by the poses that it is sent (EKF2_GPS_CTRL is 0)",
         restart=True,
     )
-    fixed_frame: str = param("map", "frame whose x axis points east; without it, that of odom does")
+    fixed_frame: str = param("map", "frame whose x axis points east; if it is missing, odom's does")
 
 
 @node(

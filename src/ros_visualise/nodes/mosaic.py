@@ -69,14 +69,14 @@ class MosaicParams:
     )
     spacing: float = param(
         0.1,
-        "least movement of the image on the ground before another one is laid, as a fraction of its"
-        " width; 0 is every image",
+        "minimum movement of the image on the ground before another one is laid, as a fraction of"
+        " its width; 0 is every image",
         min=0,
         max=1,
     )
     min_angle: float = param(
         20.0,
-        "least angle below the horizon; what is seen at a flatter one is omitted, degrees",
+        "minimum angle below the horizon, degrees; ground seen at a flatter one is omitted",
         min=1,
         max=89,
     )
@@ -111,7 +111,7 @@ class MosaicParams:
     splittable=False,
 )
 class Mosaicking:
-    """Lays images on level ground: a map of the places that were seen, also as GeoTIFF.
+    """Projects images onto level ground: a map of all that was seen, also as GeoTIFF.
 
     ``footprint`` is the part of the ground that an image shows, ``picture`` the mosaic, both in
     GeoJSON. The place on the Earth is that of the source's origin, else estimated from fixes.

@@ -25,17 +25,17 @@ class MotionParams:
 
     threshold: float = param(
         25.0,
-        "squared distance from the background at which a pixel moves, in variances; less is more"
-        " sensitive",
+        "squared distance from the background above which a pixel counts as moving, in variances;"
+        " smaller is more sensitive",
         min=1,
         max=1000,
         slider=(4, 100),
     )
     history: int = param(
-        300, "number of images after which what stands still is background", min=2, max=100_000
+        300, "number of images after which a still object becomes background", min=2, max=100_000
     )
     min_side: int = param(
-        12, "least width and height of an object, pixels", min=1, max=4096, slider=(1, 100)
+        12, "minimum width and height of an object, pixels", min=1, max=4096, slider=(1, 100)
     )
     gap: int = param(
         9, "parts of an object that are closer than this are joined, pixels", min=0, max=200

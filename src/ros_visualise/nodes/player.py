@@ -190,7 +190,7 @@ def _offsets_of(recording: JoinedRecording) -> type:
             float,
             param(
                 0.0,
-                f"offset of {path.name}, seconds; later where positive",
+                f"offset of {path.name}, seconds; positive is later",
                 min=-MAX_OFFSET_S,
                 max=MAX_OFFSET_S,
                 slider=(-10, 10),

@@ -57,11 +57,11 @@ class TagParams(PoseParams):
         group="search",
     )
     refine: bool = param(
-        True, "fit of the squares' sides to the image: better corners", group="search"
+        True, "refine the corners by fitting the sides of the squares to the image", group="search"
     )
     min_margin: float = param(
         0.0,
-        "least contrast of a cell: gray levels from the middle between black and white; some"
+        "minimum contrast of a cell: gray levels from the middle between black and white; some"
         " families need more",
         min=0,
         max=127,

@@ -56,8 +56,8 @@ class TrackerParams:
 
     high_score: float = param(
         0.5,
-        "lowest score of a detection that begins a track, 0 to 1; those above the middle of"
-        " low_score and high_score count less",
+        "lowest score of a detection that begins a track, 0 to 1; lower ones, down to the mean of"
+        " this and low_score, count less",
         min=0,
         max=1,
     )
@@ -106,14 +106,18 @@ class TrackerParams:
     )
     min_overlap: float = param(
         0.2,
-        "least overlap of a track with its next detection (intersection over union), both enlarged"
-        " by the uncertainty of the prediction",
+        "minimum overlap of a track with its next detection (intersection over union), both"
+        " enlarged by the uncertainty of the prediction",
         min=0.01,
         max=0.99,
         group="association",
     )
     min_low_overlap: float = param(
-        0.5, "least overlap of a detection of a low score", min=0.01, max=0.99, group="association"
+        0.5,
+        "minimum overlap of a detection with a low score",
+        min=0.01,
+        max=0.99,
+        group="association",
     )
     acceleration: float = param(
         0.25,
@@ -130,7 +134,7 @@ class TrackerParams:
     fixed_frame: str = param("odom", "frame in which the ground is still", group="ground")
     ground_height: float = param(
         0.0,
-        "height of the ground in that frame, metres",
+        "height of the ground in fixed_frame, metres",
         min=-1e4,
         max=1e4,
         slider=(-10, 10),

@@ -273,7 +273,7 @@ class VisualOdometryNode:
             if self._odometry is not None and self._is_placed:
                 raise
             self._is_placed = False
-            self._remarks.say(f"taking the camera as looking ahead: {error}")
+            self._remarks.say(f"assuming that the camera looks ahead: {error}")
             return se3.from_parts(_R_BASE_CAMERA, np.zeros(3))
 
     def _begin(self, info: CameraInfo, T_base_camera: Floats) -> VisualOdometry:

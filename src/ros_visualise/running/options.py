@@ -44,7 +44,7 @@ def mission_option(otherwise: str) -> Any:
 
 def profile_option(default: str | None, otherwise: str) -> Any:
     """An option ``--profile``; ``otherwise`` is the profile without it."""
-    help = f"errors of sensors and world; --set changes single ones (default: {otherwise})"
+    help = f"errors of sensors and world; --set changes individual ones (default: {otherwise})"
     return option(default, help, choices=("ideal", "realistic", "hard"))
 
 
@@ -79,7 +79,7 @@ class ViewingOptions:
     host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
     port: int = option(8080, "port of the page (default: %(default)s)", type=port)
     token: bool = option(
-        True, "let anyone who can reach the page use it (default: its address holds a token)"
+        True, "let anyone who can reach the page use it (default: its address contains a token)"
     )
     open: bool | None = option(
         None, "open the page in a browser (default: from a terminal on a desktop)"
@@ -99,7 +99,8 @@ class ViewingOptions:
     )
     allow_control: bool = option(
         False,
-        "let the page publish any messages (read-only never), and command vehicles of --mavlink",
+        "let the page publish messages and command the vehicles of --mavlink; its read-only address"
+        " never may",
     )
     allow_origin: Sequence[str] = option(
         [],
@@ -254,7 +255,7 @@ class NetworkOptions:
     )
     node_name: str = option(
         "",
-        "name on that network, with a namespace for its topics: uav1/camera",
+        "name on the Zenoh network, with a namespace for its topics: uav1/camera",
         metavar="NAME",
     )
 

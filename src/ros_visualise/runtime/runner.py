@@ -246,7 +246,7 @@ def require_output(declared: NodeType, name: str, message: Any) -> None:
     if name not in outputs or not isinstance(message, outputs[name]):
         wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in outputs.items())
         given = f"{name or 'something'}: {type(message).__name__}"
-        raise DamagedMessage(f"answers with {given}, but declares {wanted or 'nothing'}")
+        raise DamagedMessage(f"returns {given}, but declares {wanted or 'nothing'}")
     require_header(message)
 
 

@@ -42,12 +42,13 @@ class GimbalParams(CameraSensorParams):
     )
     gimbal_error: float = _gimbal(
         0.0,
-        "slow error of the gimbal about each axis, unknown to tf (standard deviation), degrees",
+        "slowly varying error of the gimbal about each axis, missing from tf (standard deviation),"
+        " degrees",
         min=0,
         max=10,
     )
     gimbal_error_time: float = _gimbal(
-        5.0, "time constant of the gimbal's slow error, seconds", min=0.1, max=1e4
+        5.0, "time constant of the gimbal's varying error, seconds", min=0.1, max=1e4
     )
     gimbal_lag: float = _gimbal(
         0.0, "age of the gimbal's angles when they are published on tf, seconds", min=0, max=1

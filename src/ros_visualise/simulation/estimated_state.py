@@ -39,7 +39,7 @@ class ControlParams:
         "pose that missions steer by: the true one, or the estimate of a navigator",
     )
     estimate_timeout: float = setting(
-        1.0, "age of the estimate beyond which the robot holds, seconds", min=0.1, max=60
+        1.0, "age of the estimate beyond which the robot stops, seconds", min=0.1, max=60
     )
     estimate_patience: float = setting(
         20.0, "time without an estimate after which a mission is aborted, seconds", min=1, max=3600

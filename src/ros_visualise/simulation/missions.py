@@ -30,7 +30,7 @@ _LIMITS = {
 _POINT = "a waypoint is [x, y, z] or [x, y, z, yaw] in metres and degrees"
 _FORMS = {
     "shape": f"one of {', '.join(SHAPES)}",
-    "size": "a number or two, in metres",
+    "size": "one or two numbers, in metres",
     "center": "x and y in metres",
     "laps": "a whole number",
     "waypoints": "a list of [x, y, z] or [x, y, z, yaw], metres and degrees",

@@ -141,7 +141,7 @@ def picture_files(path: Path) -> list[Path]:
 def _files(path: Path) -> list[Path]:
     found = picture_files(path)
     if videos := videos_in(path) if path.is_dir() else []:
-        log.warning("%s: pictures alone are read, no videos; to play one: %s", path, videos[0])
+        log.warning("%s: only pictures are played, not videos; to play one: %s", path, videos[0])
     return found
 
 

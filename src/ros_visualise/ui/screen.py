@@ -144,7 +144,9 @@ def parse_place(text: str) -> tuple[int, int]:
     """
     number, slash, of = (text or "1/1").partition("/")
     if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
-        raise UsageError(f"window={text}: give the place of a window as 2/4, the second of four")
+        raise UsageError(
+            f"window={text}: give the position of a window, such as 2/4: the second of four"
+        )
     return int(number), int(of)
 
 

@@ -80,7 +80,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     overlap: float = option(
         10.0,
-        "time that each part begins earlier, to warm up its nodes (default: 10s)",
+        "how much earlier each part begins, to warm up its nodes (default: 10s)",
         type=period,
         metavar="TIME",
     )

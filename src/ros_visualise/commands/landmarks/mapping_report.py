@@ -34,7 +34,7 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
     )
     if found.noise.views >= _LASTING:
-        lines[-1] += f"; their errors last: {found.noise.views:.1f} views of a pass count as one"
+        lines[-1] += f"; successive views share errors: {found.noise.views:.1f} count as one"
     if found.problem.odometry is None and not found.problem.surveyed:
         anchor = escaped(found.problem.names[found.problem.anchor])
         lines.append(f"no tf: the map is in the frame of {anchor}")
@@ -50,7 +50,8 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     ):
         if factor >= _LASTING:
             lines.append(
-                f"survey: {name} deviate {factor:.1f} times as much as given; weighted accordingly"
+                f"survey: {name} deviate {factor:.1f} times as much as their sigma;"
+                " weighted accordingly"
             )
     if _is_longer(found):
         longer, sigma = _shared(found, LONGER)

@@ -71,8 +71,8 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     imu: str | None = option(
         None,
-        "topic of an IMU that gives the scale, at rest for half a second at first; its transform to"
-        " the camera is needed",
+        "topic of an IMU, which gives the scale if the camera is at rest for the first half second;"
+        " its transform to the camera is needed",
         metavar="TOPIC",
     )
     fps: float = option(

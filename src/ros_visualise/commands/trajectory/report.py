@@ -67,8 +67,7 @@ def summary(found: Trajectory) -> list[str]:
         lines.append(f"sorted:     {found.unordered} out of order")
     if found.repeated:
         lines.append(
-            f"stamps:     {found.repeated} repeat that of the pose before; some programs reject"
-            " such files"
+            f"stamps:     {found.repeated} repeat the previous one; some programs reject such files"
         )
     if found.without_attitude:
         lines.append(f"attitude:   {found.without_attitude} missing; written as no rotation")

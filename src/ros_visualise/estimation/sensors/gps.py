@@ -24,7 +24,7 @@ from ros_visualise.estimation.sensors import Expected, Prior, Reading, Sensor
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.geodesy import LocalPlane
 
-SLOW = own_states("slow error of GPS", 3)
+SLOW = own_states("slowly varying error of GPS", 3)
 """Slow error, in standard deviations."""
 JUMP = own_states("jump of GPS", 3)
 """Error of fixes that have contradicted the estimate, metres east, north and up."""
@@ -67,7 +67,7 @@ class GpsErrorParams:
     )
     gps_time: float = param(
         60.0,
-        "time constant of the slow part, seconds",
+        "time constant of the slowly varying part, seconds",
         min=0.1,
         max=1e5,
         slider=(1, 600),
@@ -239,7 +239,7 @@ class GpsModel(Sensor):
             if belief.map.rules.mode is not MapMode.BUILD and params.origin:
                 return "the landmarks confirm the estimate; is gps_origin right?"
             belief.state.inflate(DATUM, shifts)
-            return "the map's place on the Earth is uncertain now"
+            return "the map's position on the Earth is uncertain now"
         shifts[3, 3] = _ASTRAY_RAD**2
         change = se3.about_origin(robot.p)[:, YAW]
         belief.state.inflate(POSE, change @ shifts @ change.T)

@@ -47,14 +47,14 @@ class MagnetometerErrorParams:
     )
     magnetometer_disturbance: float = param(
         10.0,
-        "slow heading error from iron nearby (standard deviation), degrees",
+        "slowly varying heading error from nearby iron (standard deviation), degrees",
         min=0.01,
         max=180,
         slider=(0, 45),
         group="magnetometer",
     )
     magnetometer_time: float = param(
-        20.0, "time constant of the slow error, seconds", min=0.1, max=1e5, group="magnetometer"
+        20.0, "time constant of the varying error, seconds", min=0.1, max=1e5, group="magnetometer"
     )
 
 
@@ -102,7 +102,7 @@ class MagnetometerModel(Sensor):
         """Make the disturbance uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(DISTURBANCE.rows, np.multiply.outer(residual, residual))
-        return "taking it as disturbed"
+        return "treating it as disturbed"
 
 
 SENSOR = MagnetometerModel()

@@ -102,7 +102,7 @@ def find_markers(gray: Pixels, board: Board) -> Markers:
 @lru_cache(maxsize=24)
 def _finder_of(dictionary: str, border: int) -> TagFinder:
     name = f"DICT_{dictionary}"
-    return TagFinder([Family(f"{name}, rim of {border}", _HAMMING, _MARGIN, name, rim=border)])
+    return TagFinder([Family(f"{name}, border of {border}", _HAMMING, _MARGIN, name, rim=border)])
 
 
 def _is_wide(xy: Floats, board: Board) -> bool:

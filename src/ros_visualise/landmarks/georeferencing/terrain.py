@@ -51,7 +51,7 @@ class TerrainSurface:
         at_origin = self._height(np.zeros((1, 2)))[0]
         if base_m is None and np.isnan(at_origin):
             raise OpenError(
-                f"{path}: no heights at {latitude:.5f}, {longitude:.5f}; give a model of that place"
+                f"{path}: no heights at {latitude:.5f}, {longitude:.5f}; give a model of this area"
             )
         self.base_m = float(at_origin) if base_m is None else base_m
         steps = int(np.log(_REACH_M / _NEAREST_M) / np.log(_RATIO))

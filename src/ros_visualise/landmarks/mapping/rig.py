@@ -119,7 +119,7 @@ class MappedCamera:
         if not self.is_known:
             return (
                 f"{what}: its pose relative to {escaped(self.first)} is unknown: not on tf, and too"
-                " few pairs of images of one time"
+                " few pairs of images taken at the same time"
             )
         place = " ".join(f"{value:.4f}" for value in self.T_first_camera[:3, 3])
         where = f"at {place} m +- {self.sigma_m.max():.4f} m from {escaped(self.first)}"

@@ -107,5 +107,7 @@ def _split(
             each[IMAGE_NUMBERS] = np.zeros_like(each[IMAGE_NUMBERS])
         return [[each[name] for name in names] for each in found]
     if any(len(one) != count for one in outputs.values()):
-        raise RosVisualiseError(f"{session.path}: takes several images, but answers for one")
+        raise RosVisualiseError(
+            f"{session.path}: takes several images, but returns results for one"
+        )
     return [[outputs[name][at : at + 1] for name in names] for at in range(count)]

@@ -124,8 +124,8 @@ class RangeParams:
         max=179,
     )
     hue_high: int = param(85, "highest hue", min=0, max=179)
-    saturation: int = param(60, "least saturation", min=0, max=255)
-    value: int = param(40, "least value", min=0, max=255)
+    saturation: int = param(60, "lowest saturation", min=0, max=255)
+    value: int = param(40, "lowest value", min=0, max=255)
 
 
 @node("hue_range", params=RangeParams, inputs=TAKES, outputs=GIVES)

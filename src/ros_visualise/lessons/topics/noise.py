@@ -70,7 +70,7 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
         MSE is the mean of the squared differences.
 
         Here the MSE is {square:.1f}, its square root {root:.1f} levels, and the PSNR {psnr:.2f} dB.
-        20 dB mean an error of a tenth of all levels (255 / 10), 40 dB of a hundredth.
+        20 dB mean an error of a tenth of the full range (255 / 10), 40 dB a hundredth.
         """
     work = _Noisy(clean, added)
     error = mean_square(added, clean)
@@ -105,8 +105,8 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
 
             w(d) = exp(−d² / 2σ²),   σ = {sigma:g}
 
-        Of the standard deviation of independent noise √(Σ w²) / Σ w = {left:.2f} is left, about 1 /
-        (2σ√π) if σ is not small. But edges are averaged too, and become soft. {result}
+        This multiplies the standard deviation of independent noise by √(Σ w²) / Σ w = {left:.2f},
+        about 1 / (2σ√π) if σ is not small. But edges are averaged too, and become soft. {result}
         """
     weights = cv2.getGaussianKernel(round(6 * params.sigma + 1) | 1, params.sigma)
     left = float((weights**2).sum())
@@ -118,8 +118,8 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
 class MedianParams:
     """Size of the window."""
 
-    size: int = param(3, "width of the window, pixels; even counts as the next odd", min=3, max=31,
-                      slider=(3, 15))  # fmt: skip
+    size: int = param(3, "width of the window, pixels; even values are rounded up to odd",
+                      min=3, max=31, slider=(3, 15))  # fmt: skip
 
 
 @node("median", params=MedianParams, inputs=TAKES, outputs=GIVES)
@@ -141,8 +141,8 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
 class BilateralParams:
     """Size of the window, and allowed difference of levels."""
 
-    size: int = param(7, "width of the window, pixels; even counts as the next odd", min=3, max=31,
-                      slider=(3, 15))  # fmt: skip
+    size: int = param(7, "width of the window, pixels; even values are rounded up to odd",
+                      min=3, max=31, slider=(3, 15))  # fmt: skip
     sigma_color: float = param(
         50.0,
         "largest difference of levels that are still averaged",

@@ -50,7 +50,7 @@ class FilmParams:
     """The camera, and its corners."""
 
     count: int = param(150, "number of corners to follow", min=50, max=1000, slider=(50, 400))
-    threshold: float = param(1.0, "least eigenvalue of a corner, percent of the best one's",
+    threshold: float = param(1.0, "lowest eigenvalue of a corner, percent of the best one's",
                              min=0.01, max=100, slider=(0.1, 20))  # fmt: skip
     focal: float = param(0.8, "focal length as a fraction of the image's width, without a "
                          "calibration", min=0.2, max=5, slider=(0.3, 2))  # fmt: skip
@@ -164,8 +164,8 @@ def flow(image: Image, params: object) -> dict[str, Message]:
         and repeated. The fastest corner, at ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels;
         the equations alone, once, give ({first_u:.1f}, {first_v:.1f}). Each corner is also followed
         back: what does not return to where it began is dropped. {count} corners of the previous
-        picture are found in this one (arrows{times}), and moved by {median:.1f} pixels in the
-        median, {most:.1f} at most.
+        picture are found in this one (arrows{times}). They moved by a median of {median:.1f}
+        pixels, and at most by {most:.1f}.
         """
     times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
     return show(
@@ -300,10 +300,10 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
         both pictures stay the same: the points are seen {error:.3f} pixels from their corners on
         average before, {other:.3f} after.
 
-        So one camera alone has no metres. They come from the height over the ground, wheels, GPS,
+        So one camera alone gives no metres. They come from the height over the ground, wheels, GPS,
         an IMU, or a second camera at a known distance. A depth also needs parallax: for the nearer
-        half of these points one pixel changes the depth by {sure:.1f} % in the median, for the
-        other half by {unsure:.1f} %.
+        half of these points one pixel changes the depth by a median of {sure:.1f} %, for the other
+        half by {unsure:.1f} %.
         """
     is_near = z[used] <= np.median(z[used])
     return show(
@@ -322,7 +322,7 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
 
 @node("drift", inputs=TAKES, outputs=GIVES)
 class WayDrift:
-    """Drift: the error grows along the way."""
+    """Drift: the error grows along the trajectory."""
 
     def __init__(self, _: object) -> None:
         self.reset()
@@ -357,17 +357,17 @@ class WayDrift:
         text = """
             Each step is a little wrong, and begins where the previous one ended: the errors add
             up. To keep them small, corners are followed through many pictures, and the views that
-            see the same corners (keyframes) are fitted together. What is left grows, and its
+            see the same corners (keyframes) are fitted together. The remaining error grows, and its
             covariance with it. Lengths are in units of the first step.
 
-            After {images} pictures with {keyframes} keyframes the way is {length:.2f} long, and its
-            end uncertain by {end:.2f} ({share:.1f} % of the way) and {angle:.2f}° (one standard
-            deviation); half-way it was {half:.2f} and {half_angle:.2f}°. The way was lost {losses}
-            times. The figure shows it in the first camera's axes, with ellipses of two standard
-            deviations.
+            After {images} pictures with {keyframes} keyframes the trajectory is {length:.2f} long.
+            The standard deviation of its end is {end:.2f} ({share:.1f} % of its length) and
+            {angle:.2f}°; half-way it was {half:.2f} and {half_angle:.2f}°. Tracking was lost
+            {losses} times. The figure shows the trajectory in the first camera's axes, with
+            ellipses of two standard deviations.
 
-            Only something outside ends the drift: GPS, a landmark on a map, or a place that is
-            known again.
+            Only knowledge from outside ends the drift: GPS, a landmark on a map, or a known place
+            that the camera sees again.
             """
         return show(
             image,
@@ -387,10 +387,11 @@ class WayDrift:
 
 LESSON = Lesson(
     "odometry",
-    "how a camera finds its way: corners, optical flow, epipolar lines, scale, drift",
+    "how a camera estimates its motion: corners, optical flow, epipolar lines, scale, drift",
     """
-    A camera that moves sees near things pass quickly and far things slowly. From this alone its way
-    can be computed: visual odometry. The steps show how, on a film of {width} × {height} pixels.
+    A camera that moves sees near things pass quickly and far things slowly. From this alone its
+    trajectory can be computed: visual odometry. The steps show how, on a film of {width} × {height}
+    pixels.
     """,
     [
         Step(GridCorners),
@@ -404,12 +405,12 @@ LESSON = Lesson(
 )
 
 _ONE = "One picture shows no motion: give a film, or let it play."
-_LOST = "The view has changed too much: hardly any corner of the pictures before is left."
+_LOST = "The view has changed too much: hardly any corner of the previous pictures is left."
 _NOTHING = "No motion: see the step before."
 _REASONS = {
-    "waiting for motion": "The camera is at rest, or only turns: its way and all depths stay "
-    "unknown.",
-    "too few corners": "Too few corners are found again for a motion.",
+    "waiting for motion": "The camera is at rest, or only turns: its trajectory and all "
+    "depths stay unknown.",
+    "too few corners": "Too few corners were found again to compute a motion.",
     "things move in most of the image": "Things move in most of the picture, each in its own way, "
     "so it is not the camera that moves.",
 }

@@ -109,7 +109,7 @@ def by_otsu(image: Image, params: object) -> dict[str, Message]:
 class AdaptiveParams:
     """The window that a pixel is compared with."""
 
-    size: int = param(31, "width of the window, pixels; even counts as the next odd",
+    size: int = param(31, "width of the window, pixels; even values are rounded up to odd",
                       min=3, max=255, slider=(3, 101))  # fmt: skip
     offset: int = param(5, "the threshold is the window's mean minus this", min=-255, max=255,
                         slider=(-20, 40))  # fmt: skip

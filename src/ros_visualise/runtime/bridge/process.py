@@ -304,5 +304,7 @@ def _resolved(graph: Graph, transport: Transport) -> Graph:
     resolved = graph.changed(on_resolved)
     for node in resolved.members:
         if taken := set(node.inputs.values()) & set(node.outputs.values()):
-            raise UsageError(f"{node.name}: would listen to itself on {taken.pop()}; remap one end")
+            raise UsageError(
+                f"{node.name}: {taken.pop()} is both its input and its output; remap one"
+            )
     return resolved

@@ -31,10 +31,14 @@ class GpsParams:
         0.15, "white noise east and north (standard deviation), m", min=0, max=100
     )
     gps_drift: float = _gps(
-        0.8, "slow error east and north (standard deviation), m", min=0, max=100
+        0.8, "slowly varying error east and north (standard deviation), m", min=0, max=100
     )
-    gps_drift_time: float = _gps(60.0, "time constant of the slow error, seconds", min=0.1, max=1e5)
-    gps_vertical: float = _gps(2.0, "factor of the errors in height", min=0, max=10)
+    gps_drift_time: float = _gps(
+        60.0, "time constant of the varying error, seconds", min=0.1, max=1e5
+    )
+    gps_vertical: float = _gps(
+        2.0, "errors in height, as a multiple of those east and north", min=0, max=10
+    )
     gps_latitude: float = _gps(49.0, "latitude of the world's origin, degrees", min=-89, max=89)
     gps_longitude: float = _gps(8.4, "longitude of the world's origin, degrees", min=-180, max=180)
     gps_altitude: float = _gps(116.0, "altitude of the world's origin, m", min=-500, max=9000)

@@ -31,10 +31,13 @@ class ImuParams:
     accel_bias: float = _imu(0.05, "accelerometer bias (standard deviation), m/s^2", min=0, max=5)
     accel_walk: float = _imu(2e-4, "accelerometer bias random walk, m/s^3/sqrt(Hz)", min=0, max=0.1)
     imu_attitude: float = _imu(
-        0.01, "slow error of the attitude about each axis (standard deviation), rad", min=0, max=0.5
+        0.01,
+        "slowly varying error of the attitude about each axis (standard deviation), rad",
+        min=0,
+        max=0.5,
     )
     imu_attitude_time: float = _imu(
-        30.0, "time constant of the attitude's slow error, seconds", min=0.1, max=1e4
+        30.0, "time constant of the attitude's varying error, seconds", min=0.1, max=1e4
     )
 
 

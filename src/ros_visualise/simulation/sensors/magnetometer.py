@@ -41,12 +41,13 @@ class MagnetometerParams:
     )
     mag_disturbance: float = _magnetometer(
         0.0,
-        "slow error by iron and currents nearby, each axis (standard deviation), microtesla",
+        "slowly varying error on each axis from nearby iron and currents (standard deviation),"
+        " microtesla",
         min=0,
         max=100,
     )
     mag_disturbance_time: float = _magnetometer(
-        10.0, "time constant of the slow error, seconds", min=0.1, max=1e4
+        10.0, "time constant of the varying error, seconds", min=0.1, max=1e4
     )
 
 

@@ -52,12 +52,12 @@ class OdometryParams:
     )
     odom_scale_drift: float = _odometry_setting(
         0.0,
-        "slow change of the scale of distances (standard deviation), as a fraction",
+        "slowly varying scale error of distances (standard deviation), as a fraction",
         min=0,
         max=0.5,
     )
     odom_scale_drift_time: float = _odometry_setting(
-        20.0, "time constant of the slow change of the scale, seconds", min=0.1, max=1e4
+        20.0, "time constant of the varying scale error, seconds", min=0.1, max=1e4
     )
     odom_stall_every: float = _odometry_setting(
         0.0,

@@ -17,7 +17,7 @@ from ros_visualise.simulation.sensors.truth import ground_truth
 def fit(fitting: Fitting) -> Measure:
     """Its pose and its frame."""
     pad = fitting.pad
-    assert pad is not None, "its switch is that of the pad"
+    assert pad is not None, "switched on without a pad"
 
     def measure(stamp_ns: int, _: int) -> Mapping[str, Any]:
         pose, speed = (pad.position, pad.attitude), np.array(pad.velocity(stamp_ns / 1e9))

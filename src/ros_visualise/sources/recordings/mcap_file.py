@@ -186,7 +186,7 @@ class McapFile:
         self._found += found
         if self._seen.all() and not self._loss.whole and self._found != +Counter(self.counts):
             missing = max(0, sum(self.counts.values()) - self._found.total())
-            self._loss.add("its statistics count other numbers of messages", missing)
+            self._loss.add("its statistics give another number of messages", missing)
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
         row = self._rows[piece]

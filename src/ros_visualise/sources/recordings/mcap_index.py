@@ -164,11 +164,11 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
         raise DamagedData("its message counts are inconsistent")
     is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])
     if not is_within.all() or not index.counts.keys() <= index.channels.keys():
-        raise DamagedData("it refers to places outside the file")
+        raise DamagedData("it points outside the file")
     if not all(_is_there(file, rows[i]) for i in {0, chunks - 1}):
-        raise DamagedData("its chunks are not at their declared places")
+        raise DamagedData("its chunks are not where it says")
     if not all(_is_extra(file, min(offset, size), n) for offset, n in index.extras):
-        raise DamagedData("its attachments are not at their declared places")
+        raise DamagedData("its attachments are not where it says")
 
 
 def _hides(file: BinaryIO, size: int, index: Index) -> bool:
@@ -225,7 +225,7 @@ def _read_summary(file: BinaryIO, size: int) -> bytes | None:
         return None
     file.seek(max(0, min(start, end) - _DATA_END.size))
     if start >= end or _DATA_END.unpack(file.read(_DATA_END.size))[:2] != (Opcode.DATA_END, 4):
-        raise DamagedData("it is not at its declared place")
+        raise DamagedData("it is not where the file says")
     summary = file.read(end - start)
     checked = footer[: HEAD_BYTES + 16]  # the checksum covers the footer up to itself
     if crc and zlib.crc32(checked, zlib.crc32(summary)) != crc:

@@ -163,7 +163,7 @@ class PublishHub:
         request, runtime = repeated.request, self._runtime
         try:
             if runtime is None or not (runtime.publishes or request.topic in runtime.graph.inputs):
-                raise UsageError(f"{request.topic}: no node takes it")
+                raise UsageError(f"{request.topic}: no node subscribes to it")
             runtime.publish(request.topic, self._made(request, runtime))
         except RosVisualiseError as error:
             self._tell(form, problem=str(error))

@@ -44,7 +44,7 @@ export default {
       </div>
       <div v-if="canRewind" class="rv-controls" :title="kept">
         <q-btn flat dense no-caps icon="sensors" label="Live" :color="state.past ? undefined : 'negative'" :disable="readOnly" :aria-pressed="String(!state.past)"
-          title="Show the present (End)" @mousedown.prevent @click="act({ live: 1 })" />
+          title="Back to live (End)" @mousedown.prevent @click="act({ live: 1 })" />
       </div>
       <div v-if="!state.live" class="rv-controls">
         <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed, from slow motion to fast (< and >)"

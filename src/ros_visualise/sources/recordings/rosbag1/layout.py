@@ -69,7 +69,7 @@ def parse_connection(fields: Fields, data: bytes) -> tuple[int, BagConnection]:
 def parse_chunk_info(fields: Fields, data: bytes) -> Chunk:
     """A chunk as the index at the bag's end has it."""
     if len(data) % _COUNT.size:
-        raise DamagedData("a chunk's counts are cut")
+        raise DamagedData("a chunk's counts are cut off")
     counts = {connection: messages for connection, messages in _COUNT.iter_unpack(data) if messages}
     return Chunk(
         position=records.number(fields, b"chunk_pos"),

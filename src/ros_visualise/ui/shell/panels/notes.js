@@ -53,8 +53,8 @@ export default {
     <div class="rv-notes">
       <div class="rv-bar-top">
         <q-btn flat dense no-caps size="sm" :icon="isEdited ? 'visibility' : 'edit'" :label="isEdited ? 'Read' : 'Edit'" :disable="readOnly" @click="edit" />
-        <q-btn v-if="isEdited" flat dense no-caps size="sm" icon="schedule" label="Time" title="Insert the present time" @mousedown.prevent @click="insert" />
-        <span class="rv-space"></span><small :title="file && 'Kept beside the recording'">{{ isSaved ? file || "Not kept: no file" : "…" }}</small>
+        <q-btn v-if="isEdited" flat dense no-caps size="sm" icon="schedule" label="Time" title="Insert the current time" @mousedown.prevent @click="insert" />
+        <span class="rv-space"></span><small :title="file && 'Saved beside the recording'">{{ isSaved ? file || "Not saved: no file" : "…" }}</small>
       </div>
       <textarea v-if="isEdited" ref="area" v-model="text" aria-label="Notes" maxlength="50000" placeholder="Text or Markdown" @input="write"></textarea>
       <div v-else class="rv-text" aria-label="Notes">
