@@ -180,6 +180,19 @@ def test_seek_while_paused_shows_the_message_of_that_time(clock: FakeClock) -> N
     assert play(playback, regular(10), clock) == [(0, 0), (1, 5), (2, 2), (3, 0)]
 
 
+def test_what_goes_with_a_frame_is_shown_with_it_while_paused(clock: FakeClock) -> None:
+    class Measured(Frames):
+        def read(self, start_ns: int) -> Generator[tuple[int, int], None, None]:
+            yield from ((time_ns, i) for i, time_ns in enumerate(self.times_ns))
+
+    playback = Playback(clock=clock)
+    playback.pause()
+    clock.at(1, lambda: playback.seek(0))
+    clock.at(2, playback.close)
+    items = playback.run(Measured([0, 0, 0, 0, 0.1]), lambda item: item == 2)
+    assert [item for _, item in items] == [0, 1, 2, 0, 1, 2]
+
+
 def test_seek_past_the_end_shows_the_last(clock: FakeClock) -> None:
     playback = Playback(hold=True, clock=clock)
     clock.at(0.05, lambda: playback.seek(1e6))

@@ -349,10 +349,12 @@ class Playback:
         """Wait until the message of that time is due; true if it may pass."""
         with self._changed:
             place_ns = self._line.place_ns(time_ns)
+            is_first = self._line.is_fresh or place_ns == self._line.open_ns
             gap_ns = self._line.gap_ns(place_ns)
             self._done = self._quota.ends_within(gap_ns)
             if self._done or not self._wait_until_due(place_ns, time_ns):
                 return False
+            self._line.open_ns = place_ns if is_first and not is_frame else None
             self._part.passed(time_ns)
             self._requests.steps = max(0, self._requests.steps - is_frame)
             if gap_ns and time_ns > self._position_ns:

@@ -58,7 +58,7 @@ class Film:
             first = next(images, None)
             if first is None:
                 return
-            parts = [_measured(one, max(first[0], start_ns)) for one in self._series]
+            parts = [_measured(one, max(first[0], start_ns), first[0]) for one in self._series]
             whole = chain([first], images)  # after what was measured at the same time
             yield from heapq.merge(*parts, whole, key=lambda timed: timed[0])
 
@@ -145,10 +145,11 @@ def _topic(name: str) -> str:
     return "/imu/data" if name == "imu" else f"/{name}"
 
 
-def _measured(series: Series, start_ns: int) -> Iterator[tuple[int, FilmItem]]:
+def _measured(series: Series, start_ns: int, shown_ns: int) -> Iterator[tuple[int, FilmItem]]:
+    """(Time, item) from a time on; the last one until then comes with the image that is shown."""
     order = np.argsort(series.stamps_ns, kind="stable")
-    begin = int(np.searchsorted(series.stamps_ns[order], start_ns))
-    begin = max(begin - 1, 0) if series.latched else begin
-    for index in order[begin:]:
+    begin = int(np.searchsorted(series.stamps_ns[order], start_ns, "right"))
+    for index in order[max(begin - 1, 0) :]:
         own_ns = int(series.stamps_ns[index])
-        yield max(own_ns, start_ns), FilmItem(series.topic, series.make(int(index)), own_ns)
+        time_ns = own_ns if own_ns > start_ns else shown_ns
+        yield time_ns, FilmItem(series.topic, series.make(int(index)), own_ns)

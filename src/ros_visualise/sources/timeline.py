@@ -23,6 +23,7 @@ class PlaybackTimeline:
     Attributes:
         last_ns: the place of the last message.
         is_fresh: the next message is shown at once, and time goes on from it.
+        open_ns: the place whose messages are shown although it is paused, or None.
 
     Raises:
         ParameterError: the rate is not from 0 to `MAX_RATE`.
@@ -34,6 +35,7 @@ class PlaybackTimeline:
         self.rate, self.running = _checked(rate), True
         self.last_ns = 0
         self.is_fresh = True
+        self.open_ns: int | None = None
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._cycle_ns = 0  # the place where the present loop starts
         self._awaited_ns: int | None = None  # the place of the next message, while it is awaited
@@ -90,7 +92,7 @@ class PlaybackTimeline:
 
     def due_ns(self, place_ns: int, now_ns: int) -> int | None:
         """The monotonic time at which the message of a place is due; None while paused."""
-        if self.is_fresh or (self.running and not self.rate):
+        if self.is_fresh or place_ns == self.open_ns or (self.running and not self.rate):
             return now_ns
         if not self.running:
             return None
