@@ -86,6 +86,38 @@ def test_a_gimbal_that_is_on_tf_aims_the_camera():
     np.testing.assert_allclose(thing.position_xyz, [0, 0, 0], atol=0.2)
 
 
+def test_a_camera_without_attitude_is_taken_to_look_along_its_course():
+    """It flies east at 2 m/s, 40 m high; the image is taken 0.5 s after the last fix."""
+
+    def spread(params, moves=True):
+        node = Georeference(params)
+        node.step(params, map_origin=ORIGIN, frames=FrameTree())
+        node.step(params, lens=LENS, frames=FrameTree())
+        for second in range(5):
+            latitude, longitude, height = PLANE.from_enu([2.0 * second * moves, 0, 40])
+            fix = NavSatFix(latitude, longitude, height, header=Header(second * S, "camera"))
+            node.step(params, fix=fix, frames=FrameTree())
+        stamp = Header(4 * S + S // 2, "camera")
+        found = Detections((box(v=79.5, size=(0.0, 0.0)),), stamp, None, (640, 480))
+        answer = node.step(params, objects=found, frames=FrameTree())
+        (thing,) = answer["positions"].detections if answer else (None,)
+        return thing, node.report()["rejected"]
+
+    nadir = GeoreferenceParams(course=True)
+    thing, _ = spread(nadir)
+    variance = math.radians(30) ** 2  # of the heading
+    cos, sine = math.exp(-variance / 2), math.sqrt((1 - math.exp(-2 * variance)) / 2)
+    np.testing.assert_allclose(thing.position_xyz, [9 + 20 * cos, 0, 0], atol=0.6)
+    east, north, _ = np.sqrt(np.diag(thing.hypotheses[0].covariance)[:3])
+    assert north == pytest.approx(math.hypot(20 * sine, 40 * math.radians(5), 3), rel=0.03)
+    assert east < north
+    ahead, _ = spread(GeoreferenceParams(course=True, camera_pitch=60))
+    assert ahead.position_xyz[0] > thing.position_xyz[0] + 15
+    assert spread(nadir, moves=False) == (None, {"no course": 1})
+    with pytest.raises(NoTransform):
+        spread(PARAMS)
+
+
 def test_boxes_stand_on_their_lower_edge_when_seen_from_the_side():
     """From above they lie at their centre; a point of their own always counts."""
     tall = box(size=(20.0, 100.0))

@@ -172,7 +172,8 @@ def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):
     film.symlink_to(recordings / "video" / "vtest.avi")
     assert telemetry_of(film) == []
     (tmp_path / "film.SRT").write_text(SRT)
-    [series] = telemetry_of(film)
+    [origin, series] = telemetry_of(film)
+    assert (origin.topic, origin.make(0).altitude) == ("map_origin", 0)  # z is the height
     assert series.stamps_ns.tolist() == [1_000_000_000, 4_000_000_000]
     assert series.make(1).longitude == 149.03
 

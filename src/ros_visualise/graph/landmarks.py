@@ -35,6 +35,10 @@ LANDING_INPUT = "landing_target_odom"
 """Input of a source: the pad that it is to land on."""
 
 _ORIGIN, LENS = "/map_origin", "/lens"
+_NO_POSES = (
+    "--geo: needs {}, which this source lacks: positions and attitudes, as in pictures of drones, a"
+    " film with KLV, or a log beside it"
+)
 
 _OBJECTS = {
     "detections": "/objects",
@@ -229,17 +233,21 @@ def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
         UsageError: nothing says where the camera is.
     """
     fixes = [topic for topic in graph.topics_of(NavSatFix) if not topic.endswith(_ORIGIN)]
-    for missing, there in {"fixes": fixes, "tf": has_frames(graph)}.items():
-        if not there:
-            raise UsageError(
-                f"--geo: needs {missing}, which this source lacks: positions and attitudes, as in"
-                " pictures of drones, a film with KLV, or a log beside it"
-            )
+    if not fixes:
+        raise UsageError(_NO_POSES.format("fixes"))
     taken = {"fix": fixes[0], **inputs}
     for port, name in {"map_origin": _ORIGIN, "lens": LENS}.items():
         found = [topic for topic in graph.topics if topic.endswith(name)]  # below a source's name
         taken |= {port: found[0]} if found else {}
     return place(find_node(GEOREFERENCE), taken)
+
+
+def check_poses(graph: Graph) -> None:
+    """Raises UsageError if landmarks are placed on the Earth with no attitude of the camera."""
+    for node in graph.nodes:
+        if node.type.name == GEOREFERENCE and not (has_frames(graph) or node.params.course):
+            hint = ", or assume attitudes by --set georeference.course=true"
+            raise UsageError(_NO_POSES.format("tf") + hint)
 
 
 def _pose_error(graph: Graph, navigator: Node) -> list[Node]:

@@ -28,6 +28,7 @@ from ros_visualise.data import (
 from ros_visualise.geometry.aircraft import R_body_camera
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.se3 import turn_between
+from ros_visualise.landmarks.georeferencing.course import HEADING_RAD, TILT_RAD, Course
 from ros_visualise.landmarks.georeferencing.ground import (
     LevelSurface,
     Surface,
@@ -70,6 +71,11 @@ class GeoreferenceParams:
         " is not on /tf; 90: straight down, with the top of its image forward",
         min=-90,
         max=90,
+    )
+    course: bool = param(
+        False,
+        "where /tf has no attitude, take the camera to look along the course of the fixes,"
+        " camera_pitch below the horizon",
     )
     lens: str = param(
         "",
@@ -197,7 +203,7 @@ class Georeference:
 
     def reset(self) -> None:
         """Forget fixes: time jumped."""
-        self._finder = OriginFinder()
+        self._finder, self._course = OriginFinder(), Course()
         self._place_m2: Floats | None = None
         self._camera = ""
 
@@ -231,6 +237,9 @@ class Georeference:
     def _take_fix(self, fix: NavSatFix, params: GeoreferenceParams, frames: FrameTree) -> None:
         if fix.status >= 0 and fix.covariance.any():
             self._place_m2 = fix.covariance[:2, :2]
+        if _is_by_course(params, frames, self._camera):
+            self._course.take(fix)
+            return
         sigmas = np.array([1.0, 1.0, 2.0]) * params.position_sigma
         fixed = map_frame(params.fixed_frame, frames)
         if not self._finder.take(fix, fixed, (BODY, self._camera), frames, sigmas):
@@ -240,12 +249,20 @@ class Georeference:
         self, found: Detections, params: GeoreferenceParams, frames: FrameTree
     ) -> dict[str, Any] | None:
         stamp_ns, several = found.header.stamp_ns, [d for d in found.detections if d.hypotheses]
-        origin = self._finder.origin
+        is_by_course = _is_by_course(params, frames, self._camera)
+        origin = self._finder.origin or (self._course.origin if is_by_course else None)
         if origin is None:
             self._reject(len(several), "no position yet: give fixes, as on /fix")
             return None
-        fixed = map_frame(params.fixed_frame, frames)
-        T_fixed_camera = self._camera_pose(fixed, stamp_ns, params, frames)
+        if is_by_course:
+            fixed = params.fixed_frame
+            T_fixed_camera = self._course.pose(origin, stamp_ns, params.camera_pitch)
+            if T_fixed_camera is None:
+                self._reject(len(several), "no course: it has not moved yet, or has no fixes")
+                return None
+        else:
+            fixed = map_frame(params.fixed_frame, frames)
+            T_fixed_camera = self._camera_pose(fixed, stamp_ns, params, frames)
         info, lens_sigma = self._lens_of(found, params)
         errors = self._errors(params, origin, lens_sigma, frames, fixed, stamp_ns)
         surface = self._surface_at(origin, params)
@@ -338,6 +355,8 @@ class Georeference:
             moved, turned = _motion(frames, fixed, self._camera, stamp_ns)
         moved, turned = params.time_sigma * moved, params.time_sigma * turned
         tilt, heading = math.radians(params.attitude_sigma), math.radians(params.heading_sigma)
+        if _is_by_course(params, frames, self._camera):
+            tilt, heading = math.hypot(tilt, TILT_RAD), math.hypot(heading, HEADING_RAD)
         return ViewErrors(
             math.hypot(tilt, *turned[:2]),
             math.hypot(heading, turned[2]),
@@ -358,6 +377,10 @@ class Georeference:
             place = float(origin.place[0]), float(origin.place[1])
             self._surface = key, TerrainSurface(Path(params.terrain), *place, base)
         return self._surface[1]
+
+
+def _is_by_course(params: GeoreferenceParams, frames: FrameTree, camera: str) -> bool:
+    return params.course and not {camera, BODY, GIMBAL} & set(frames.frames())
 
 
 def geo_places(placed: Sequence[Detection3D], origin: MapOrigin, stamp_ns: int) -> list[GeoPlace]:

@@ -91,13 +91,30 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL, is_track: bool = Tru
     posed = placed[
         np.isfinite(poses.quats[placed]).all(axis=1) & np.isfinite(poses.places[placed, 2])
     ]
-    if not len(posed):
-        return several
-    latitude, longitude, altitude = poses.places[posed[0]]
-    latitude, longitude = poses.ground_at or (latitude, longitude)
     is_known = bool(np.isfinite(poses.ground_m))
-    base = poses.ground_m if is_known else float(altitude)
-    plane = LocalPlane(latitude, longitude, base)
+    if not len(posed) and not (is_known and is_track):
+        return several
+    latitude, longitude, altitude = poses.places[posed[0] if len(posed) else placed[0]].tolist()
+    latitude, longitude = poses.ground_at or (latitude, longitude)
+    base = poses.ground_m if is_known else altitude
+    start_ns = int(poses.stamps_ns[placed].min())
+    sigmas = np.array([0.0, 0.0, 0.0 if is_known else UNKNOWN_M])
+    header = Header(start_ns, MAP)
+    origin = NavSatFix(latitude, longitude, base, np.diag(sigmas**2), _DIAGONAL, header=header)
+    several = [single("map_origin", origin, start_ns), *several]
+    if len(posed):
+        plane = LocalPlane(latitude, longitude, base)
+        several.insert(1, _transforms(poses, posed, plane, frame, is_track))
+    return several
+
+
+def _transforms(
+    poses: CameraPoses,
+    posed: npt.NDArray[np.intp],
+    plane: LocalPlane,
+    frame: str,
+    is_track: bool,
+) -> Series:
     positions = plane.to_enu(poses.places[posed])
     turns = rotations.from_matrix([plane.rotation_at(*one[:2]) for one in poses.places[posed]])
     quats = rotations.multiply(turns, poses.quats[posed])
@@ -109,18 +126,7 @@ def camera_series(poses: CameraPoses, frame: str = OPTICAL, is_track: bool = Tru
         header = Header(int(stamps_ns[index]), MAP)
         return Transforms((TransformStamped(frame, positions[index], quats[index], header),))
 
-    start_ns = int(stamps_ns.min())
-    sigmas = np.array([0.0, 0.0, 0.0 if is_known else UNKNOWN_M])
-    origin = NavSatFix(
-        float(latitude),
-        float(longitude),
-        float(base),
-        np.diag(sigmas**2),
-        _DIAGONAL,
-        header=Header(start_ns, MAP),
-    )
-    tf = Series("tf", Transforms, stamps_ns, transform)
-    return [single("map_origin", origin, start_ns), tf, *several]
+    return Series("tf", Transforms, stamps_ns, transform)
 
 
 def _filled(stamps_ns: _Times, positions: Floats, quats: Floats) -> tuple[_Times, Floats, Floats]:

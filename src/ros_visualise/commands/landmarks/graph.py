@@ -19,6 +19,7 @@ from ros_visualise.graph.landmarks import (
     OBJECTS,
     RECORDED_TAGS,
     TAGS,
+    check_poses,
     with_landmarks,
 )
 from ros_visualise.graph.pipelines import made_topics, open_input, recorded_source
@@ -62,6 +63,7 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
             follow=options.tracks,
         )
         graph = with_settings(graph, options)
+        check_poses(graph)
         undo.pop_all()  # the graph closes the recording
         return graph
 

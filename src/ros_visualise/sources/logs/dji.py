@@ -4,7 +4,7 @@ Alone it is a recording of ``/gps/fix``. Its stamps are those of the camera's cl
 local time and is read as UTC, where the subtitles have dates; else they are the time in the film.
 Where that clock goes back, the film began at its first date. Altitudes are above the sea where the
 subtitles have them, else above the point of take-off. Beside a film, subtitles with the angles of
-the gimbal give the pose of its camera, and its lens by the focal length.
+the gimbal give the pose of its camera, and its lens by the focal length if they have it.
 """
 
 from __future__ import annotations
@@ -136,14 +136,12 @@ def _camera(film: Path, subtitles: Sequence[_Subtitle]) -> list[Series]:
     stamps_ns = [one.begin_ns for one in subtitles]
     fixes = _fixes("fix", subtitles, stamps_ns)
     quats = optical_quats(angle_quats([one.angles for one in subtitles]))
-    if not np.isfinite(quats).any():
-        return [fixes]
     altitudes = np.array([one.altitude for one in subtitles])
     heights = np.array([one.height for one in subtitles])
     ground = altitudes - heights if np.isfinite(altitudes).any() else 0 * heights
     known = ground[np.isfinite(ground)]
     ground_m = float(known[0]) if len(known) else math.nan
-    up = np.where(np.isfinite(heights) & len(known), ground_m + heights, altitudes)
+    up = np.where(np.isfinite(heights) & bool(len(known)), ground_m + heights, altitudes)
     places = np.column_stack(
         [[one.latitude for one in subtitles], [one.longitude for one in subtitles], up]
     )
