@@ -163,7 +163,7 @@ class CameraErrorParams:
     )
     delay: float = param(
         0.5,
-        "maximum delay of a measurement, seconds; late ones are applied at their own time",
+        "maximum delay of a measurement, seconds; up to it, each is applied at its own time",
         min=0.01,
         max=60,
         slider=(0.1, 2),

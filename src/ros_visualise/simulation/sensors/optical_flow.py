@@ -32,7 +32,7 @@ class OpticalFlowParams:
     """Parameters of an optical flow sensor."""
 
     flow: bool = _flow(True, "switch the optical flow sensor on")
-    flow_rate: float = _flow(20.0, "velocities per second", min=0.1, max=200)
+    flow_rate: float = _flow(20.0, "measurements per second", min=0.1, max=200)
     flow_near: float = _flow(
         0.1, "shortest distance to the ground at which it works, m", min=0, max=10
     )

@@ -30,7 +30,7 @@ class RangefinderParams:
     """Parameters of a rangefinder."""
 
     rangefinder: bool = _range(True, "switch the rangefinder on")
-    range_rate: float = _range(20.0, "distances per second", min=0.1, max=200)
+    range_rate: float = _range(20.0, "measurements per second", min=0.1, max=200)
     range_near: float = _range(0.1, "shortest distance, m", min=0, max=10)
     range_far: float = _range(12.0, "longest distance, m", min=0.1, max=1000)
     range_noise: float = _range(

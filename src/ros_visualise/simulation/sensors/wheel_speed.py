@@ -25,7 +25,7 @@ class WheelSpeedParams:
     wheel_speed: bool = _wheels(
         False, "switch the wheels' speed sensor on; the odometry uses the same wheels"
     )
-    wheel_rate: float = _wheels(20.0, "speeds per second", min=0.1, max=200)
+    wheel_rate: float = _wheels(20.0, "measurements per second", min=0.1, max=200)
     wheel_noise: float = _wheels(
         0.02, "noise of each speed (standard deviation), m/s", min=0, max=10
     )

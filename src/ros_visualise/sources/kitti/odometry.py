@@ -100,7 +100,7 @@ def _read_truth(frames: int, findings: Findings) -> dict[int, Floats]:
     found = {number: T for number, T in enumerate(poses) if T is not None}
     whole = max([frames, *(number for number, line in enumerate(lines, 1) if line.strip())])
     if missing := whole - len(found):
-        why = f"{missing} of {whole} poses are missing or damaged; skipped: as many of /odom, /tf"
+        why = f"{missing} of {whole} poses are missing or damaged; as many of /odom and /tf skipped"
         findings.lose(DamagedFile(path, why), missing * _POSE_TOPICS)
     return found
 
