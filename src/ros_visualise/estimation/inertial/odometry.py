@@ -24,9 +24,11 @@ from ros_visualise.estimation.inertial.starting import (
     SeenCorners,
     start_at_rest,
 )
+from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.visual.rolling import directions_at_once
 from ros_visualise.geometry import se3
+from ros_visualise.landmarks.pose.rays import rays_of
 from ros_visualise.vision.picture import PictureJudge
 from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
 
@@ -39,6 +41,7 @@ _STILL_PX, _STILL_LEVELS = 0.7, 1.5  # of corners, or gray levels, since the res
 _LEAST = 8  # corners that hold the estimate
 _LOST_NS, _WRONG_NS = 1_000_000_000, 4_000_000_000  # without these: it may, or must, be wrong
 _FASTEST_MOUNT = 20.0  # rad/s
+_WIDEST = 0.64  # cosine of 50 degrees, the part of a fisheye that is used
 _MOST_WAITING = 15  # images, for the IMU
 _LOST_SPEED, _LOST_TURN = 1.0, 0.3  # m/s and rad/s: what may happen in a gap of the IMU
 _MOVES = "waiting for the robot to rest: keep it still for half a second"
@@ -149,7 +152,7 @@ class InertialOdometry:
             own = self.filter
             return self._answer(stamp_ns, own is None or own.propagate(stamp_ns), self.reason)
         rays = directions_at_once(corners, self._info, self._readout_s, seconds)
-        few = slice(self._count)
+        few = self._usable(corners)
         view = SeenCorners(
             stamp_ns, corners.ids[few], rays[few], image.T_base_camera, image.turning
         )
@@ -164,6 +167,16 @@ class InertialOdometry:
             return self._answer(stamp_ns, own.see(*view), "")
         is_reached = self._go_on(self.filter, view, is_still)
         return self._answer(stamp_ns, is_reached, self._fault(self.filter, view, is_still))
+
+    def _usable(self, corners: FollowedCorners) -> Indices:
+        """Places of corners in a part of the image where a pixel is about the same direction.
+
+        At the rim of a fisheye it is several times as much at z = 1, and behind it none.
+        """
+        every = np.arange(len(corners.ids))
+        if self._info.distortion_model == "equidistant":
+            every = every[rays_of(corners.pixels_uv, self._info).directions[:, 2] > _WIDEST]
+        return every[: self._count]
 
     # the start
 
