@@ -6,6 +6,7 @@ first, the third must differ too.
 """
 
 import hashlib
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 
@@ -95,6 +96,19 @@ def events():
     return sorted([*several, *others(world)], key=lambda one: (one.arrival_s, one.priority))
 
 
+@cache
+def parted():
+    """The events before and from the change on."""
+    before = [event for event in events() if event.arrival_s < CHANGED_S]
+    return before, events()[len(before) :]
+
+
+@cache
+def until_changed():
+    """A run up to the change, by default."""
+    return drive(parted()[0], base(), start=HERE)
+
+
 def others(world):
     """Sensors in the robot's middle, without noise: pressure, field, range, velocities."""
     for t in np.arange(0.5, END_S, 0.25):
@@ -142,7 +156,13 @@ def path(tmp_path_factory):
 
 def flown(first, then=None):
     """A digest of what is published after the change."""
-    run = drive(events(), first, [(CHANGED_S, then)] if then else [], start=HERE)
+    before, after = parted()
+    if then and first == base():
+        run = deepcopy(until_changed())
+    else:
+        run = drive(before, first, start=HERE)
+    run.params = then or first
+    drive(after, run.params, run=run, start=HERE)
     text = [repr(one) for one in run.poses if one[0] > CHANGED_S + 0.3]
     text += [repr(sorted(run.landmarks)), repr(run.states[-1][1].values)]
     text += [repr(one.hypotheses[0]) for one in run.landmarks.values()]
