@@ -214,12 +214,15 @@ def _rays_in(
     steps = np.arange(_SUB)
     a, b = (a + steps) / _SUB - 0.5, (b + steps[:, None]) / _SUB - 0.5
     nodes = (-1, 0, 1)
-    near = [camera.rays(u + i / 2, v + j / 2) @ pose.R for i in nodes for j in nodes]
     across, down = ([_lagrange(i, 2 * part) for i in nodes] for part in (a, b))
-    weights = np.stack([one * other for one in across for other in down], axis=-1)
-    split = weights.reshape(*u.shape, _SUB**2, 9) @ np.stack(near, axis=-2)
+    split = np.zeros((3, *a.shape))
+    for i, weight in zip(nodes, across, strict=True):
+        near = [np.moveaxis(camera.rays(u + i / 2, v + j / 2) @ pose.R, -1, 0) for j in nodes]
+        for axis in range(3):
+            column = (one[axis, ..., None, None] * of for one, of in zip(near, down, strict=True))
+            split[axis] += weight * sum(column)
     shape = (u.shape[0] * _SUB, u.shape[1] * _SUB)
-    rays = split.reshape(*u.shape, _SUB, _SUB, 3).transpose(4, 0, 2, 1, 3).reshape(3, *shape)
+    rays = split.swapaxes(2, 3).reshape(3, *shape)
     return rays, (v[..., None, None] + b).swapaxes(1, 2).reshape(shape)
 
 
