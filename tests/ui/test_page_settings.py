@@ -26,7 +26,11 @@ def test_reload_and_a_link_lose_nothing(look, page, runtime):
     filters.update({"threshold": 77})
     wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
 
+    # the page that goes writes its address only when the next one has the old one already
+    tab.evaluate("rv.nodes.write = () => {}")
     filters.update({"threshold": 50})
+    wait_in(tab, lambda: tab.evaluate("rv.nodes.values.filters.threshold") == 50)
+    tab.evaluate("addEventListener('pagehide', () => rv.nodes.writeNow())")
     tab.reload()
     wait_in(tab, lambda: tab.url.endswith("#filters/threshold=50"))
     assert filters.current.threshold == 50  # what it was before is not set again

@@ -1,4 +1,4 @@
-"""Things on the map: the newest GeoJSON of each topic, sent at once.
+"""Things on the map: the newest GeoJSON of each topic, sent at once where it has changed.
 
 A browser gets ``{"topic": TOPIC, "geojson": OBJECT}``, null where a topic ended or its text is no
 GeoJSON, and once ``{"tiles": TEMPLATE}``, the address of tiles that the command line names.
@@ -58,11 +58,13 @@ class MapHub:
 
         await send_json(tiles=self.tiles)
         runtime: Runtime | None = None
+        sent: dict[str, str] = {}
         while True:
             topics = _topics(self._runtime.graph) if self._runtime else []
             gone = [topic for topic in feeds if topic not in topics or runtime is not self._runtime]
             for topic in gone:
                 feeds.pop(topic).follow(None)
+                sent.pop(topic, None)
                 await send_json(topic=topic, geojson=None)
             runtime = self._runtime
             for topic in topics:
@@ -71,8 +73,8 @@ class MapHub:
                     feeds[topic].follow(topic)
             for topic, feed in feeds.items():
                 message = feed.take()
-                if isinstance(message, Text):
-                    text = message.text
+                if isinstance(message, Text) and message.text != sent.get(topic):
+                    text = sent[topic] = message.text
                     found = read_object(text) if len(text) <= _LONGEST else None
                     await send_json(topic=topic, geojson=found)
             await asyncio.sleep(_PERIOD_S)

@@ -182,13 +182,19 @@
 
     restoreOnce(run) {
       const opened = this.wasOpened ? location.hash : (location.hash || sessionStorage.getItem("rv-opened") || "");
-      const shown = sessionStorage.getItem("rv-shown");
+      const isOwn = this.isShown(run, opened);
       this.wasOpened = true;
       this.isWriting = false;
-      if (opened.length > 1 && !isForeign() && !this.readOnly && shown !== `${run} ${opened}`) {
+      if (opened.length > 1 && !isForeign() && !this.readOnly && !isOwn) {
         sessionStorage.setItem("rv-opened", opened);
         this.restore(opened);
       } else this.isWriting = true;
+    }
+
+    // Whether this tab wrote an address itself; a page that is loaded again may write one more meanwhile.
+    isShown(run, opened) {
+      const { run: of, now, before, at } = JSON.parse(sessionStorage.getItem("rv-shown") ?? "{}");
+      return of === run && (opened === now || (opened === before && at > performance.timeOrigin - WRITE_MS));
     }
 
     restore(hash) {
@@ -199,14 +205,15 @@
     write() {
       this.writing ??= setTimeout(() => {
         this.writing = null;
-        if (this.isWriting) this.writeNow();
+        if (this.isWriting && this.run) this.writeNow();
       }, WRITE_MS);
     }
 
     writeNow() {
-      const { address } = this;
-      if (`#${address}` !== (location.hash || "#")) history.replaceState(null, "", location.pathname + location.search + (address && `#${address}`));
-      sessionStorage.setItem("rv-shown", `${this.run} #${address}`);
+      const { address, run } = this;
+      const before = location.hash || "#";
+      if (`#${address}` !== before) history.replaceState(null, "", location.pathname + location.search + (address && `#${address}`));
+      sessionStorage.setItem("rv-shown", JSON.stringify({ run, now: `#${address}`, before, at: Date.now() }));
       sessionStorage.removeItem("rv-opened");
     }
   }
