@@ -168,7 +168,7 @@ def is_true_of_scale(text, pair):
 
 
 def is_true_of_drift(text, film):
-    odometry = VisualOdometry([calibration(film[0])], None, VisualSettings(pixel_sigma=1.0))
+    odometry = VisualOdometry([calibration(film[0])], None, VisualSettings(is_guessed=True))
     found = [odometry.step(n * _PERIOD_NS, cv2.cvtColor(one, cv2.COLOR_BGR2GRAY))
              for n, one in enumerate(film)]  # fmt: skip
     poses = [one for one in found if one is not None and not one.is_lost]

@@ -52,7 +52,7 @@ class CornerTracker:
     """Follows corners through the images of a camera.
 
     Args:
-        count: number of corners wanted.
+        count: number of corners wanted; up to half as many again are followed.
 
     Attributes:
         corners: in the last image.
@@ -84,7 +84,7 @@ class CornerTracker:
         self.corners = self.corners.chosen(~np.isin(self.corners.ids, ids))
 
     def refill(self) -> FollowedCorners:
-        """Add new corners in empty cells; all corners then."""
+        """Add new corners in empty cells, drop the newest of crowded ones; all corners then."""
         if self._gray is None:
             return self.corners
         new = _best_of_cells(self._gray, self.corners.pixels_uv, self.count)
@@ -93,6 +93,11 @@ class CornerTracker:
         nowhere = np.full_like(new, np.nan)
         several = zip(self.corners, (ids, new, nowhere), strict=True)
         self.corners = FollowedCorners(*(np.concatenate(pair) for pair in several))
+        most = 3 * self.count // 2
+        if len(self.corners.ids) > most:
+            crowd = _Grid(self._gray.shape, self.count).crowd(self.corners.pixels_uv)
+            least = np.argsort(crowd, kind="stable")[:most]
+            self.corners = self.corners.chosen(np.sort(least))
         return self.corners
 
 
@@ -125,17 +130,42 @@ def flow(
     return pixels, found
 
 
+class _Grid:
+    """Cells of an image, about ``count``."""
+
+    def __init__(self, shape: tuple[int, ...], count: int) -> None:
+        height, width = shape[:2]
+        self.side = max(int(np.sqrt(height * width / count)), 2 * _MARGIN)
+        self.rows, self.columns = height // self.side, width // self.side
+        self.top = (height - self.rows * self.side) // 2
+        self.left = (width - self.columns * self.side) // 2
+
+    def cells(self, pixels_uv: Floats) -> npt.NDArray[np.intp]:
+        """(N,) cells of pixels (N, 2)."""
+        at = ((pixels_uv - [self.left, self.top]) // self.side).astype(int)
+        at = at.clip(0, [self.columns - 1, self.rows - 1])
+        found: npt.NDArray[np.intp] = at[:, 1] * self.columns + at[:, 0]
+        return found
+
+    def crowd(self, pixels_uv: Floats) -> npt.NDArray[np.intp]:
+        """(N,) numbers of earlier pixels (N, 2) in the same cell."""
+        cells = self.cells(pixels_uv)
+        order = np.argsort(cells, kind="stable")
+        _, starts, counts = np.unique(cells[order], return_index=True, return_counts=True)
+        found = np.empty(len(cells), np.intp)
+        found[order] = np.arange(len(cells)) - np.repeat(starts, counts)
+        return found
+
+
 def _best_of_cells(gray: Pixels, taken_uv: Floats, count: int) -> Floats:
     """(N, 2) the best corner of each cell of a grid without one.
 
     Rows of cells, one after the other: so what they need stays in the processor's cache.
     """
-    height, width = gray.shape
-    side = max(int(np.sqrt(height * width / count)), 2 * _MARGIN)
-    rows, columns = height // side, width // side
+    grid = _Grid(gray.shape, count)
+    side, rows, columns, top, left = grid.side, grid.rows, grid.columns, grid.top, grid.left
     if not rows or not columns:
         return np.zeros((0, 2))
-    top, left = (height - rows * side) // 2, (width - columns * side) // 2
     taken = taken_uv.astype(int)
     of_row = taken[:, 1] - top
     best, places = np.empty((rows, columns)), np.empty((rows, columns, 2))
@@ -149,11 +179,10 @@ def _best_of_cells(gray: Pixels, taken_uv: Floats, count: int) -> Floats:
         best[row] = cells[np.arange(columns), at]
         places[row, :, 0] = left + np.arange(columns) * side + at % side
         places[row, :, 1] = start + at // side
-    occupied = np.zeros((rows, columns), bool)
-    at_taken = ((taken_uv - [left, top]) / side).astype(int).clip(0, [columns - 1, rows - 1])
-    occupied[at_taken[:, 1], at_taken[:, 0]] = True
+    occupied = np.zeros(rows * columns, bool)
+    occupied[grid.cells(taken_uv)] = True
     least = max(_LEAST_CORNER, _RELATIVE * float(np.quantile(best, 0.9)))
-    best_uv: Floats = places[(best > least) & ~occupied]
+    best_uv: Floats = places[(best > least) & ~occupied.reshape(rows, columns)]
     return best_uv
 
 

@@ -19,9 +19,10 @@ from ros_visualise.core.printing import counted, print_json, print_result, print
 from ros_visualise.core.signals import STOPPED, noticed
 from ros_visualise.data import Header, Imu
 from ros_visualise.data import Path as PosePath
-from ros_visualise.estimation.visual.focal import PIXEL_SIGMA, find_focal_length, pinhole
+from ros_visualise.estimation.visual.focal import find_focal_length, pinhole
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.estimation.visual.stretch import VisualPose
+from ros_visualise.estimation.visual.turning import TURNING
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import PlottedTrajectory, planes_of, plot_trajectories
@@ -46,7 +47,7 @@ def find_trajectory(options: OdometryOptions) -> int:
         raise UsageError(f"{options.input}: --imu needs a calibrated camera: give --calibration")
     if not found.infos:
         notes.append(_estimate_focal_length(found, options))
-        settings = replace(settings, pixel_sigma=PIXEL_SIGMA)
+        settings = replace(settings, is_guessed=True)
     odometry = _odometry(found, options, settings)
     places = PlaceRecorder()
     stamps_ns: list[int] = []
@@ -95,7 +96,10 @@ def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, in
     """Why no image has a pose."""
     if odometry.done:
         return "the scale could not be found; without --height and --scale lengths have no unit"
-    return max(reasons, key=lambda reason: reasons[reason], default="too few images")
+    why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
+    if why == TURNING and isinstance(odometry, VisualOdometry) and odometry.settings.is_guessed:
+        return f"{why}, or to move over flat ground; --calibration tells them apart"
+    return why
 
 
 def _take(odometry: VisualOdometry | InertialSteps, one: CameraImage | Position | Imu) -> None:

@@ -18,9 +18,8 @@ from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSetti
 
 USUAL = 0.8
 """Focal length of a usual camera, in widths of its image: 64 degrees wide."""
-PIXEL_SIGMA = 1.0
-"""Standard deviation of corners, pixels, with a lens that is not known better."""
-_TRIED = (0.45, 0.55, 0.68, 0.83, 1.0, 1.25, 1.5)
+_TRIED = (0.83, 0.55, 1.25, 0.45, 0.68, 1.0, 1.5)
+_ENOUGH = 2  # tried without any motion
 _AS_GOOD = 1.02  # times the least residual
 _WIDEST = 1.6  # ratio of the longest and the shortest that are as good
 _LEAST_VIEWS = 6
@@ -37,12 +36,15 @@ class FocalLength(NamedTuple):
 
 def find_focal_length(images: Sequence[Pixels]) -> FocalLength:
     """The focal length with which the images fit best."""
-    found = {}
-    settings = VisualSettings(corners=150, pixel_sigma=PIXEL_SIGMA)
-    for widths in _TRIED:
+    found, is_moving = {}, False
+    settings = VisualSettings(corners=150, is_guessed=True)
+    for place, widths in enumerate(_TRIED):
+        if place == _ENOUGH and not is_moving:
+            break
         odometry = VisualOdometry([pinhole(images[0].shape, widths)], None, settings)
         for number, gray in enumerate(images):
             odometry.step(number * 100_000_000, gray)
+        is_moving |= odometry.counts["keyframes"] > 0
         if odometry.counts["keyframes"] >= _LEAST_VIEWS and not odometry.counts["losses"]:
             found[widths] = odometry.residual * widths
     if found:
@@ -50,7 +52,7 @@ def find_focal_length(images: Sequence[Pixels]) -> FocalLength:
         good = [widths for widths, off in found.items() if off <= _AS_GOOD * best]
         if max(good) < _WIDEST * min(good):
             return FocalLength(float(np.exp(np.mean(np.log(good)))), True, min(good), max(good))
-    return FocalLength(USUAL, False, _TRIED[0], _TRIED[-1])
+    return FocalLength(USUAL, False, min(_TRIED), max(_TRIED))
 
 
 def pinhole(shape: Sequence[int], widths: float) -> CameraInfo:

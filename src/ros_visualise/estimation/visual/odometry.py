@@ -22,6 +22,7 @@ from ros_visualise.estimation.visual.rolling import directions_at_once
 from ros_visualise.estimation.visual.scale import ScaleFinder
 from ros_visualise.estimation.visual.starting import STILL, FirstMotion, first_motions
 from ros_visualise.estimation.visual.stretch import Stretch, VisualPose
+from ros_visualise.estimation.visual.turning import TURNING, only_turned
 from ros_visualise.estimation.visual.window import (
     Keyframe,
     KeyframeDistance,
@@ -47,6 +48,7 @@ _PATIENCE = 3  # images in a row that do not fit
 _LONGEST_S = 1.0  # without a usable image
 _LEAST_SPEED, _TURNING = 0.1, 0.2  # units/s and rad/s: what may happen while lost
 _SURELY = 1e-9  # variance of the first pose
+_SIGMA_PX = 0.4, 1.0  # standard deviation of corners, and with a lens that is guessed
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class VisualSettings:
         height_sigma: its standard deviation, as a fraction.
         down: (3,) direction of the ground in the camera's axes, as far as it is known.
         readout_s: time from the first to the last row of an image.
-        pixel_sigma: standard deviation of corners, pixels.
+        is_guessed: the calibration is a guess.
         has_positions: `VisualOdometry.measured` will give the scale.
     """
 
@@ -68,7 +70,7 @@ class VisualSettings:
     height_sigma: float = 0.01
     down: tuple[float, float, float] = (0.0, 1.0, 0.0)
     readout_s: float = 0.0
-    pixel_sigma: float = 0.4
+    is_guessed: bool = False
     has_positions: bool = False
 
 
@@ -112,7 +114,8 @@ class VisualOdometry:
         self._cameras = np.eye(4)[None] if cameras is None else cameras
         self._model = model_of(infos[0], -1)
         K = infos[0].K
-        self._sigma = self.settings.pixel_sigma / float(np.sqrt(K[0, 0] * K[1, 1]))
+        pixel_sigma = _SIGMA_PX[self.settings.is_guessed]
+        self._sigma = pixel_sigma / float(np.sqrt(K[0, 0] * K[1, 1]))
         self._judge, self._tracker = PictureJudge(), CornerTracker(self.settings.corners)
         own = self.settings
         down = np.array(own.down)
@@ -126,7 +129,9 @@ class VisualOdometry:
         self.motion_covariance = np.eye(6)
         self._residuals: deque[float] = deque(maxlen=1000)
         self._speed = 0.0
-        self._key = self._failures = self._before_ns = self._seen_ns = self.start_ns = 0
+        self._key = self._followed = self._failures = self._before_ns = self._seen_ns = (
+            self.start_ns
+        ) = 0
 
     def measured(self, stamp_ns: int, position: Floats, sigma: float) -> None:
         """Note a position (3,) of something that moves with the camera, in any frame."""
@@ -216,7 +221,7 @@ class VisualOdometry:
         if self.settings.readout_s and first.stamp_ns == before_ns:
             self._first = first = self._at_stamp(first, image)
         common, a, b = np.intersect1d(first.corners.ids, image.corners.ids, return_indices=True)
-        motions = first_motions(first.rays[a], image.rays[b], self._sigma)
+        motions = self._first_motions(first.rays[a], image.rays[b])
         if isinstance(motions, str):
             if len(common) <= 0.5 * len(first.corners.ids):
                 return self._wait(image, motions)
@@ -240,6 +245,15 @@ class VisualOdometry:
             stretch.covariances[one.key] = np.zeros((6, 6))
             stretch.between[one.key] = self._located(window, first.stamp_ns)
         return self._settle(stretch, image)
+
+    def _first_motions(self, first: Floats, second: Floats) -> list[FirstMotion] | str:
+        """The motions between two views, or why none."""
+        motions = first_motions(first, second, self._sigma)
+        if isinstance(motions, str):
+            return motions
+        info = self._infos[0]
+        guess = float(info.K[0, 0]) / info.width * self.settings.is_guessed
+        return TURNING if only_turned(first, second, self._sigma, guess) else motions
 
     def _first_window(
         self, first: _Image, image: _Image, a: Indices, b: Indices, motion: FirstMotion
@@ -332,7 +346,7 @@ class VisualOdometry:
         """True if the view has changed enough since the newest keyframe."""
         newest = stretch.window.newest
         common, a, b = np.intersect1d(newest.ids, image.corners.ids, return_indices=True)
-        if len(common) < _FEWER * len(newest.ids) or found.used < 4 * _LEAST_USED:
+        if len(common) < _FEWER * self._followed or found.used < 4 * _LEAST_USED:
             return True
         back = found.R.T @ newest.R
         turned = newest.rays[0, a] @ back[:, :2].T + back[:, 2]
@@ -361,6 +375,7 @@ class VisualOdometry:
         if not self.settings.readout_s:
             rays = self._both(image._replace(corners=corners, rays=self._rays(corners, 0.0)))
             window.newest.see(corners.ids, rays)
+        self._followed = int(np.isin(self._tracker.corners.ids, window.newest.ids).sum())
         return self._seen(stretch.at(image.stamp_ns, *self._here, np.zeros((6, 6))))
 
     def _seen(self, pose: VisualPose) -> VisualPose:

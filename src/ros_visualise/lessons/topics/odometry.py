@@ -339,7 +339,7 @@ class WayDrift:
             self.reset()
             self._shape = seen.shape
             info = CameraInfo(*seen.shape, seen.K)
-            self._odometry = VisualOdometry([info], None, VisualSettings(pixel_sigma=_SIGMA_PX))
+            self._odometry = VisualOdometry([info], None, VisualSettings(is_guessed=True))
         found = self._odometry.step(image.header.stamp_ns, seen.gray)
         if found is not None and not found.is_lost:
             self._poses.append(found)
