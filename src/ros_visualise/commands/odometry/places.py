@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ros_visualise.core.printing import counted
-from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.closing import ClosedWay, close_way, edge_errors
 from ros_visualise.estimation.visual.odometry import VisualOdometry
 from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder
@@ -18,6 +17,7 @@ from ros_visualise.geometry import similarity
 from ros_visualise.geometry.similarity import Similarity
 
 _APART_S = 2.0  # between closures of one return
+_UNKNOWN = np.full((6, 6), np.nan)  # covariance of a corrected pose: see `PlaceRecorder.correct`
 
 
 class Return(NamedTuple):
@@ -92,7 +92,11 @@ class PlaceRecorder:
     def correct(
         self, poses: list[VisualPose], first_ns: int
     ) -> tuple[list[VisualPose], PlacesReport]:
-        """Corrected poses, in the order of their stamps, and what was known again."""
+        """Corrected poses, in the order of their stamps, and what was known again.
+
+        Their covariances are NaN: closures share points, and the odometry errs alike along the
+        way, so what their sum would say is too small by far.
+        """
         finder, by_stamp = self._finder, {one.stamp_ns: one for one in poses}
         if finder is None:
             return poses, PlacesReport([], 0.0, 0, 0)
@@ -145,20 +149,5 @@ def _corrected(poses: list[VisualPose], stamps_ns: list[int], way: ClosedWay) ->
             step = similarity.product(changes[k + 1], similarity.inverse(change))
             change = similarity.product(similarity.exp(part * similarity.log(step)), change)
         placed = similarity.product(change, Similarity(1.0, one.R, one.p))
-        covariance = _of_pose(way.covariances[k], placed.t)
-        own = one.covariance - by_stamp[stamps_ns[k]].covariance
-        found.append(one._replace(R=placed.R, p=placed.t, covariance=covariance + _positive(own)))
+        found.append(one._replace(R=placed.R, p=placed.t, covariance=_UNKNOWN))
     return found
-
-
-def _of_pose(covariance: Floats, p: Floats) -> Floats:
-    """(6, 6) of the twist of a pose at p, of a similarity's (7, 7): its scale moves it too."""
-    change = np.eye(6, 7)
-    change[:3, 6] = p
-    return np.asarray(change @ covariance @ change.T)
-
-
-def _positive(matrix: Floats) -> Floats:
-    """The nearest covariance to a symmetric matrix."""
-    values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
-    return np.asarray((axes * values.clip(min=0)) @ axes.T)

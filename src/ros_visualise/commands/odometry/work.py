@@ -35,6 +35,7 @@ from ros_visualise.vision.threads import fit_threads
 _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
+_CORRECTED = "covariances are unknown after loop closure; --keep-drift writes those of the odometry"
 _WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height, --scale or --imu"
 
 
@@ -193,7 +194,8 @@ def _files(
         head = f"# {_WITHOUT_UNIT}\n" if kind == "tum" and not poses[0].in_metres else ""
         files[target] = (head + "".join(FORMATS[kind](path))).encode()
     if options.covariances is not None:
-        files[options.covariances] = "".join(map(_covariance_line, poses)).encode()
+        head = "" if _is_known(poses[-1]) else f"# {_CORRECTED}\n"
+        files[options.covariances] = (head + "".join(map(_covariance_line, poses))).encode()
     if options.plot is not None:
         path = _path(poses)
         drawn = [PlottedTrajectory(Path(options.input).name, path)]
@@ -216,6 +218,11 @@ def _for_each_image(poses: list[VisualPose], stamps_ns: list[int]) -> list[Visua
     return [poses[max(place, 0)] for place in places]
 
 
+def _is_known(pose: VisualPose) -> bool:
+    """True if a pose has a covariance."""
+    return bool(np.isfinite(pose.covariance).all())
+
+
 def _covariance_line(pose: VisualPose) -> str:
     change = se3.about_itself(pose.p)
     values = (change @ pose.covariance @ change.T).ravel()
@@ -236,6 +243,7 @@ def _report(
     last = poses[-1]
     change = se3.about_itself(last.p)
     deviations = np.sqrt(np.diag(change @ last.covariance @ change.T).clip(min=0))
+    is_known = _is_known(last)
     way = float(np.linalg.norm(np.diff([one.p for one in poses], axis=0), axis=1).sum())
     return {
         "images": len(stamps_ns),
@@ -245,8 +253,8 @@ def _report(
         "without_pose": reasons,
         "in_metres": last.in_metres,
         "length": way,
-        "end_sigma": float(np.linalg.norm(deviations[:3])),
-        "end_sigma_deg": float(np.rad2deg(np.linalg.norm(deviations[3:]))),
+        "end_sigma": float(np.linalg.norm(deviations[:3])) if is_known else None,
+        "end_sigma_deg": float(np.rad2deg(np.linalg.norm(deviations[3:]))) if is_known else None,
     }
 
 
@@ -256,8 +264,12 @@ def _lines(report: dict[str, Any]) -> list[str]:
         f"images:    {report['images']}, {report['poses']} with a pose,"
         f" {counted(report['keyframes'], 'keyframe')}",
         f"length:    {report['length']:.3f}{unit}",
-        f"end:       +-{report['end_sigma']:.3f}{unit}, +-{report['end_sigma_deg']:.2f} degrees",
     ]
+    if report["end_sigma"] is None:
+        lines.append("end:       uncertainty unknown after loop closure")
+    else:
+        sigma, sigma_deg = report["end_sigma"], report["end_sigma_deg"]
+        lines.append(f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees")
     lines += [
         f"no pose:   {count} at first ({why})" for why, count in report["without_pose"].items()
     ]
