@@ -37,6 +37,14 @@ EXAMPLES = {  # tag, value in hexadecimal -> of the standard's own examples
     (10, "5072656461746f72"): ("platform_designation", "Predator"),
 }
 
+SAMPLE = bytes.fromhex(  # of ST 0902.5, which prints aa43 as its checksum
+    "060e2b34020b01010e0103010100000081d2020800046050584e0180030a4d697373696f6e203132050271c20602"
+    "fd3d070208b80a085072656461746f720b07454f204e6f73650c0e47656f64657469632057475338340d045595b6"
+    "6d0e045b5360c40f02c2211002cd9c1102d9171204724a0a20130487f84b8614047dc55ece150403830926160212"
+    "811704f101a229180414bc082b190234f3301c01010102010703052f2f5553410c01070d06005500530041160200"
+    "0a4101065e220170f592f02373364af8aa9162c00f2eb2da16b74341000841a0be365b5ab96a36450102"
+)
+
 
 def pack(items, oid=False):
     """A set with its checksum."""
@@ -110,6 +118,15 @@ def test_values_are_those_of_the_standard(tag, value):
         )
 
 
+def test_the_sample_packet_of_the_standard_is_read():
+    assert read_set(SAMPLE + bytes.fromhex("aa43")) is None
+    found = read_set(SAMPLE + bytes.fromhex("3e1e"))
+    assert found["precision_time_stamp"] == 1231798102 * 10**6
+    assert (found["mission_id"], found["image_source_sensor"]) == ("Mission 12", "EO Nose")
+    assert found["frame_center_longitude"] == pytest.approx(29.157890122923, abs=1e-7)
+    assert (len(found), found["version"]) == (22, 6)  # with security and a core identifier
+
+
 def test_numbers_of_any_length_are_mapped():
     """ST 1201: -900 to 40000 in 3 bytes; the first bit stands for special values."""
     for value, expected in {"000000": -900.0, "2f921e": 23456.24, "c80000": np.nan}.items():
@@ -152,7 +169,7 @@ def test_a_film_has_the_poses_of_its_camera(tmp_path):
     faults = []
     series = {one.topic: one for one in telemetry_of(path, faults)}
     assert series.keys() == {"map_origin", "tf", "fix", "lens", "misb/uas_datalink"}
-    assert faults == ["1 damaged sets of KLV metadata were skipped"]
+    assert faults == ["KLV metadata: 1 damaged set skipped"]
     origin = series["map_origin"].make(0)
     plane = LocalPlane(origin.latitude, origin.longitude, origin.altitude)
     np.testing.assert_allclose(plane.to_enu([47.5, 8.25, 400]), 0, atol=0.2)

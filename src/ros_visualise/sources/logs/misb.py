@@ -15,6 +15,7 @@ import numpy.typing as npt
 from av.error import FFmpegError
 
 from ros_visualise.core.limits import object_limit
+from ros_visualise.core.printing import counted
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.camera_poses import (
@@ -57,7 +58,7 @@ def misb_series(path: Path, faults: list[str]) -> list[Series]:
     stream = KlvStream()
     sets, size = _read(path, stream)
     if stream.damaged:
-        faults.append(f"{stream.damaged} damaged sets of KLV metadata were skipped")
+        faults.append(f"KLV metadata: {counted(stream.damaged, 'damaged set')} skipped")
     if not sets:
         return []
     sets.sort(key=lambda one: one[0])
