@@ -232,5 +232,5 @@ def test_subtitles_with_the_gimbal_give_the_pose_of_the_camera(tmp_path):
     np.testing.assert_allclose(first.translation_xyz, [0, 0, 30], atol=1e-6)
     np.testing.assert_allclose(to_matrix(first.quat_xyzw) @ [0, -1, 0], [1, 0, 0], atol=1e-9)
     assert len(series["lens"].stamps_ns) == 1
-    assert np.diff(series["tf"].stamps_ns).tolist() == [200_000_000] * 5  # others between them
+    assert np.diff(series["tf"].stamps_ns).tolist() == [200_000_000] * 6  # between and after them
     assert series["fix"].make(0).altitude == 430

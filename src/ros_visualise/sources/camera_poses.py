@@ -130,8 +130,11 @@ def _transforms(
 
 
 def _filled(stamps_ns: _Times, positions: Floats, quats: Floats) -> tuple[_Times, Floats, Floats]:
-    """Poses with others between them, where there is no long gap."""
+    """Poses with others between them, where there is no long gap; the last one holds for a step,
+    as the last image is often a little later.
+    """
     stamps_ns, order = np.unique(stamps_ns, return_index=True)
+    stamps_ns, order = np.append(stamps_ns, stamps_ns[-1] + _STEP_NS), np.append(order, order[-1])
     positions, quats = positions[order], quats[order]
     gaps_ns = np.diff(stamps_ns)
     counts = np.where(gaps_ns <= _GAP_NS, -(-gaps_ns // _STEP_NS), 1)

@@ -179,7 +179,7 @@ def test_a_film_has_the_poses_of_its_camera(tmp_path):
         met = LevelSurface().meet(T[:3, 3][None], T[:3, 2][None])[0]
         np.testing.assert_allclose(met[:2], expected, atol=2)
         assert rotations.to_matrix(found.quat_xyzw)[2, 0] == pytest.approx(0, abs=1e-6)  # level
-    assert series["tf"].stamps_ns.tolist() == [0, 200_000_000]
+    assert series["tf"].stamps_ns.tolist() == [0, 200_000_000, 400_000_000]  # the last one holds
     lens = series["lens"].make(0)
     assert (lens.width, lens.K[0, 0]) == (64, pytest.approx(32 / np.tan(np.radians(20)), rel=1e-3))
     with closing(open_source(path)) as recording:
