@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -22,60 +22,76 @@ _WORST = 3  # views, and tags, that are named
 def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
     """The report as text."""
     found = made.smoothed
-    refused = int((~found.inliers).sum())
-    seen = len({one.view for one in found.problem.sightings})
-    lines = [
-        f"smoothed: {counted(seen, 'view')} of {counted(len(found.tags.t), 'tag')},"
-        f" {counted(len(found.inliers), 'sighting')}, {refused} of them rejected"
+    return [
+        *_summary(found),
+        *_scales(found),
+        *(one.text for one in made.mountings),
+        *(one.text for one in cameras_of(found)),
+        *(_calibration(one) for one in calibrations_of(found)),
+        *_outliers(made),
+        *_doubtful(made),
+        *(f"skipped: {number} {reason}" for reason, number in unused.items()),
     ]
+
+
+def _summary(found: SmoothedMap) -> Iterator[str]:
+    """What the map was made of."""
+    problem, sightings = found.problem, len(found.inliers)
+    refused = sightings - int(found.inliers.sum())
+    seen = len({one.view for one in problem.sightings})
+    yield (
+        f"smoothed: {counted(seen, 'view')} of {counted(len(found.tags.t), 'tag')},"
+        f" {counted(sightings, 'sighting')}, {refused} of them rejected"
+    )
     larger, sigma = _shared(found, LARGER)
-    lines.append(
+    successive = f"; successive views share errors: {found.noise.views:.1f} count as one"
+    yield (
         f"corners: rms {_rms(found.residuals_px[found.inliers]):.2f} px; tags appear"
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
+        f"{successive if found.noise.views >= _LASTING else ''}"
     )
-    if found.noise.views >= _LASTING:
-        lines[-1] += f"; successive views share errors: {found.noise.views:.1f} count as one"
-    if found.problem.odometry is None and not found.problem.surveyed:
-        anchor = escaped(found.problem.names[found.problem.anchor])
-        lines.append(f"no tf: the map is in the frame of {anchor}")
-    printed, sigma = _shared(found, PRINTED)
+    if problem.odometry is None and not problem.surveyed:
+        yield f"no tf: the map is in the frame of {escaped(problem.names[problem.anchor])}"
+
+
+def _scales(found: SmoothedMap) -> Iterator[str]:
+    """What was given and does not fit: sizes of tags, the survey, the odometry."""
     if found.problem.surveyed or found.problem.distances:
-        lines.append(
+        printed, sigma = _shared(found, PRINTED)
+        yield (
             f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their given sizes,"
             " according to the survey"
         )
-    for name, factor in (
-        ("positions", found.noise.survey_position),
-        ("orientations", found.noise.survey_turn),
-    ):
+    factors = {
+        "positions": found.noise.survey_position,
+        "orientations": found.noise.survey_turn,
+    }
+    for name, factor in factors.items():
         if factor >= _LASTING:
-            lines.append(
+            yield (
                 f"survey: {name} deviate {factor:.1f} times as much as their sigma;"
                 " weighted accordingly"
             )
     if _is_longer(found):
         longer, sigma = _shared(found, LONGER)
-        lines.append(
+        yield (
             f"distances by odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
             " tags: check the given tag size, or the scale of the odometry"
         )
-    lines += [one.text for one in made.mountings]
-    lines += [one.text for one in cameras_of(found)]
-    lines += [_calibration(one) for one in calibrations_of(found)]
-    lines += _outliers(made)
-    lines += [
-        f"{escaped(name)}: ambiguous, two poses fit its views"
-        for name, open_ in zip(found.problem.names, found.undecided, strict=True)
-        if open_
-    ]
-    lines += [
-        f"view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
-        " do not fit"
-        for one in _views(made)
-        if one["refused"] * 2 > one["sightings"] > 1
-    ][:_WORST]
-    lines += [f"skipped: {number} {reason}" for reason, number in unused.items()]
-    return lines
+
+
+def _doubtful(made: TagMap) -> Iterator[str]:
+    """Tags of which two poses fit, and the first views of which most does not fit."""
+    found = made.smoothed
+    for name, open_ in zip(found.problem.names, found.undecided, strict=True):
+        if open_:
+            yield f"{escaped(name)}: ambiguous, two poses fit its views"
+    views = [one for one in _views(made) if one["refused"] * 2 > one["sightings"] > 1]
+    for one in views[:_WORST]:
+        yield (
+            f"view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
+            " do not fit"
+        )
 
 
 def _calibration(one: CalibrationError) -> str:
