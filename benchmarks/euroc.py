@@ -140,7 +140,7 @@ def flown(seed: int, seconds: float) -> Iterator[tuple[int, str, Any]]:
 class Lens:
     """The pictures of a pinhole camera, as an equidistant lens of 512x512 would take them."""
 
-    K = np.array([[430.0, 0, 256], [0, 430, 256], [0, 0, 1]])
+    K = np.array([[470.0, 0, 256], [0, 470, 256], [0, 0, 1]])
     D = np.array([0.0034, 0.0007, -0.002, 0.0002])
 
     def __init__(self, info: Any) -> None:

@@ -61,6 +61,7 @@ _UNSTEADY = 5e-3  # s, by which the age of the attitude of a moving camera varie
 _LOOSE_TILT, _LOOSE_SPEED = 0.05, 0.5  # rad and m/s
 _CLOCK_WALK = 1e-4  # s/sqrt(s)
 _USUAL_NOISE = CornerNoise(2e-3, 1.6e-3)
+_USUAL_IMU = ImuNoise(5e-4, 5e-3, 0.01, 0.1, 5e-5, 5e-4)  # twice a good one, as the navigator's
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class InertialSettings:
     noise: CornerNoise = _USUAL_NOISE
     views: int = 11
     points: int = 30
-    imu: ImuNoise = field(default_factory=ImuNoise)
+    imu: ImuNoise = _USUAL_IMU
     camera: CameraErrors = field(default_factory=CameraErrors)
     age_s: float = 0.03
 
