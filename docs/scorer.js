@@ -26,3 +26,26 @@ var Scorer = {
   term: 5,
   partialTerm: 2,
 };
+
+// A page need not have all words of a question: it counts by the words that it has, rare ones most.
+const pagesWith = Search.performTermsSearch;
+Search.performTermsSearch = (terms, excluded) => {
+  const asked = [...terms].filter((term) => term.length > 2);
+  const found = asked.map((term) => pagesWith(new Set([term]), excluded));
+  const rarity = found.map((pages) =>
+    pages.length ? Math.log(1 + Search._index.docnames.length / pages.length) : 0,
+  );
+  const total = rarity.reduce((sum, one) => sum + one, 0);
+  const ranked = new Map();
+  found.forEach((pages, i) => {
+    const share = rarity[i] / total;
+    for (const page of pages) {
+      const sum = ranked.get(page[0]) ?? { page, score: 0, share: 0 };
+      ranked.set(page[0], { page, score: sum.score + share * page[4], share: sum.share + share });
+    }
+  });
+  const best = Math.max(0, ...[...ranked.values()].map((one) => one.share));
+  return [...ranked.values()]
+    .filter((one) => one.share > 0.7 * best)
+    .map(({ page, score, share }) => page.with(4, Math.round(score + 10 * share)));
+};

@@ -86,6 +86,10 @@ QUESTIONS = {
     "mavlink": "howto/connect-an-autopilot",
     "gpu": "howto/run-networks-on-a-gpu",
     "track objects": "howto/track-objects",
+    "how do I extract images from a bag": "howto/convert-a-bag-to-video",
+    "undistort fisheye": "howto/remove-lens-distortion",
+    "rosbag to csv": "howto/export-a-track",
+    "count cars": "howto/track-objects",
 }
 """Words that people type -> the page that answers them."""
 
