@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import duckdb
-import forked
 import numpy as np
 from made_videos import numbered, write_video
 
+from ros_visualise.commands import main
+from ros_visualise.core import limits
 from ros_visualise.data import Header, Image, Odometry, Twist
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
+from ros_visualise.sources.demux import open_container, video_stream
 
 UNEQUAL = ("cpu_s", "wall_s", "peak_mb", "key", "path")
 """Columns that differ between two runs of the same work."""
@@ -96,8 +101,18 @@ def command(*arguments: object) -> list[str]:
 
 
 def batch(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run ``batch`` in a process of its own."""
-    return forked.run(command("batch", *arguments), timeout=100, env=environment())
+    """Run ``batch`` in this process, so that its tasks are forked from one for all tests."""
+    words, out, err = ["batch", *map(str, arguments)], io.StringIO(), io.StringIO()
+    with (
+        mock.patch("signal.signal"),
+        mock.patch.dict(os.environ, environment()),
+        mock.patch.object(sys.modules["__main__"], "__file__", None),  # tasks would import pytest
+        mock.patch.object(limits, "_max_memory"),
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
+        status = main(words)
+    return subprocess.CompletedProcess(words, status, out.getvalue(), err.getvalue())
 
 
 def environment() -> dict[str, str]:
@@ -114,6 +129,11 @@ def rows(results: Path, table: str, *without: str) -> list[tuple[Any, ...]]:
         ]
         found = sql.execute(f"SELECT {', '.join(names)} FROM '{results}/{table}.parquet'")
         return sorted(found.fetchall(), key=repr)
+
+
+def decoding_threads(film: Path) -> int:
+    with open_container(film) as container:
+        return int(video_stream(container, film).codec_context.thread_count)
 
 
 def ask(results: Path, query: str) -> list[tuple[Any, ...]]:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, UsageError
-from ros_visualise.core.limits import set_max_memory
+from ros_visualise.core.limits import set_frames_at_once, set_max_memory
 from ros_visualise.core.printing import sized
 from ros_visualise.core.regular_files import read_file
 
@@ -128,6 +128,7 @@ def _call(work: Callable[[Any], Any], task: Any, limits: Limits, sender: Connect
     logging.getLogger("ros_visualise").propagate = False  # the batch reports errors
     supervision.start("parent", end_with_parent)
     set_max_memory(limits.memory)
+    set_frames_at_once(1)  # with more, a damaged film may have other images each time
     try:
         result = work(task)
     except RosVisualiseError as error:

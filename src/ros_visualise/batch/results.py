@@ -68,8 +68,11 @@ class Results:
         """Make the folder; raises OpenError."""
         try:
             self.tasks.mkdir(parents=True, exist_ok=True)
+            os.path.abspath(self.folder).encode()  # as DuckDB wants it
         except OSError as error:
             raise OpenError(f"{self.folder}: {error.strerror}; choose another folder") from None
+        except UnicodeEncodeError:
+            raise OpenError(f"{self.folder}: not UTF-8; choose another folder") from None
 
     def write_plan(self, options: Mapping[str, Any], planned: Iterable[Planned]) -> None:
         """Replace the plan."""

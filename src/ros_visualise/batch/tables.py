@@ -273,5 +273,10 @@ def _array(kind: str, values: Sequence[Any]) -> np.ndarray[Any, Any]:
     if kind == "DOUBLE":
         return np.array([np.nan if one is None else one for one in values], np.float64)
     found = np.empty(len(values), object)
-    found[:] = values
+    found[:] = [_utf8(one) for one in values]
     return found
+
+
+def _utf8(text: str | None) -> str | None:
+    """A text without what is no UTF-8, such as a letter of another encoding in a file's name."""
+    return text and text.encode(errors="backslashreplace").decode()

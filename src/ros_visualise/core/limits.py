@@ -30,6 +30,7 @@ _OBJECT_BYTES = 256  # of a Python object and its copy
 _MOST_GIB = 4096  # more than a computer has
 _PLAUSIBLE = 2  # data may always unpack to so many times their size
 _max_memory = DEFAULT_MEMORY
+_most_frames = 1 << 16
 
 
 def parse_memory(text: str) -> int:
@@ -97,7 +98,14 @@ def frame_pixels(pixel_bits: int) -> int:
 
 def frames_at_once(width: int, height: int, pixel_bits: int) -> int:
     """Number of frames of that size that a decoder may work on at once."""
-    return max(1, _max_memory // 2 // _SHARE * 8 // max(1, width * height * pixel_bits))
+    fitting = _max_memory // 2 // _SHARE * 8 // max(1, width * height * pixel_bits)
+    return max(1, min(_most_frames, fitting))
+
+
+def set_frames_at_once(most: int) -> None:
+    """Set the number of frames that decoders may work on at once (default: by their size)."""
+    global _most_frames
+    _most_frames = most
 
 
 def object_limit() -> int:

@@ -134,7 +134,7 @@ def _execute(
     tasks = (task_of(one, work, results, options.overlap) for one in left.values())
     try:
         outcomes = _map(options, work.device, request, run_task, tasks) if left else iter(())
-        failed = _run(results, left, outcomes, len(planned))
+        failed = _run(results, left, outcomes, len({one.key for one in planned}))
     except Stopped:
         print_status("stopped; run the same command again to continue")
         return STOPPED
