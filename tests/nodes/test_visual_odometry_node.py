@@ -1,5 +1,7 @@
 """The node `visual_odometry` on a drawn flight: metres, losses, and nothing without a scale."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from visual_flight import HEIGHT, Flight, felt, place
@@ -103,3 +105,38 @@ def test_a_gap_of_the_imu_is_reported_and_its_covariance_grows():
     covariances = [np.trace(one["odometry"].pose_covariance) for one in found if "odometry" in one]
     assert covariances[-1] > 10 * covariances[3]
     assert "waiting for the robot to rest" in found[-1]["diagnostics"].statuses[0].message
+
+
+class Beside(Flight):
+    """The right camera of a stereo pair."""
+
+    def p(self, n):
+        return super().p(n) + 0.2 * self.R(n)[:, 0]
+
+
+def paired(baseline, count=8):
+    """The node's answers to a stereo pair, whose right images come first and 5 ms late."""
+    flight, beside, frames = Flight(), Beside(), FrameTree()
+    node, params, found = VisualOdometryNode(CameraMotionParams()), CameraMotionParams(), []
+    P = np.column_stack([flight.info.K, [-baseline * flight.info.K[0, 0], 0, 0]])
+    for n in range(count):
+        stamp_ns = (n + 1) * PERIOD_NS
+        late = Header(stamp_ns + 5_000_000, "right")
+        right = Image(beside.image(n), "mono8", late, camera_info=replace(flight.info, P=P))
+        left = Image(flight.image(n), "mono8", Header(stamp_ns, "left"), camera_info=flight.info)
+        found.append(node.step(params, right=right, frames=frames))
+        found.append(node.step(params, image=left, frames=frames))
+    return found
+
+
+def test_a_stereo_pair_gives_metres_at_once():
+    answers = paired(0.2)
+    assert answers[::2] == [None] * 8
+    found = [one["odometry"] for one in answers[1::2]]
+    assert [one.header.stamp_ns for one in found] == [(n + 1) * PERIOD_NS for n in range(8)]
+    true = np.linalg.norm(Flight().motion(0, 7)[1])
+    assert np.linalg.norm(found[-1].position_xyz) == pytest.approx(true, rel=0.02)
+
+
+def test_a_right_camera_without_a_place_gives_no_odometry():
+    assert not any(one and "odometry" in one for one in paired(0.0, 2))

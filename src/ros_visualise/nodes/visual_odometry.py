@@ -31,6 +31,7 @@ from ros_visualise.data import (
 from ros_visualise.estimation.inertial.messages import InertialInput, odometry_of
 from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
+from ros_visualise.estimation.visual.stereo import StereoPairs, right_of
 from ros_visualise.estimation.visual.stretch import VisualPose
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.frames import FrameTree
@@ -71,6 +72,9 @@ class CameraMotionParams:
     imu: bool = param(
         True, "use the IMU, if there is one, unless height or scale_by gives the scale"
     )
+    stereo: bool = param(
+        True, "use the right camera, if there is one, unless height or scale_by gives the scale"
+    )
     camera_clock: float = param(
         0.02,
         "offset of the camera's clock from the IMU's (standard deviation), seconds; estimated",
@@ -101,7 +105,7 @@ class CameraMotionParams:
 @node(
     "visual_odometry",
     params=CameraMotionParams,
-    inputs={"image": Image, "imu": Imu, "reference": Odometry, "fix": NavSatFix},
+    inputs={"image": Image, "right": Image, "imu": Imu, "reference": Odometry, "fix": NavSatFix},
     outputs={
         "odometry": Odometry,
         "tf": Transforms,
@@ -124,9 +128,9 @@ class CameraMotionParams:
 class VisualOdometryNode:
     """Publishes the motion of a camera, in metres, with its covariance.
 
-    The scale comes from an IMU, the height over the ground, an odometry or fixes; while it is
-    unknown, no odometry is published. With an IMU the robot rests at first. While the camera is
-    lost, the pose by the IMU is published, or the last one, with a growing covariance.
+    The scale comes from a right camera, an IMU, the height over the ground, an odometry or fixes;
+    while it is unknown, no odometry is published. With an IMU the robot rests at first. While the
+    camera is lost, the pose by the IMU is published, or the last one, with a growing covariance.
     """
 
     def __init__(self, params: CameraMotionParams) -> None:
@@ -138,7 +142,8 @@ class VisualOdometryNode:
         """Start over: time jumped."""
         self._odometry: VisualOdometry | None = None
         self._inertial: InertialInput | None = None
-        self._has_imu = False
+        self._has_imu = self._is_stereo = False
+        self._pairs = StereoPairs[Image]()
         self._waiting: dict[int, tuple[Image, Pixels]] = {}
         self._locator = Locator()
         self._T_odom_first = np.eye(4)
@@ -151,6 +156,7 @@ class VisualOdometryNode:
         self,
         params: CameraMotionParams,
         image: Image | None = None,
+        right: Image | None = None,
         imu: Imu | None = None,
         reference: Odometry | None = None,
         fix: NavSatFix | None = None,
@@ -164,10 +170,15 @@ class VisualOdometryNode:
         for name, message in (("reference", reference), ("fix", fix)):
             if message is not None and params.scale_by == name and self._odometry:
                 self._measure(self._odometry, message)
-        if imu is not None and params.imu and not (params.height or params.scale_by):
+        is_free = not (params.height or params.scale_by)
+        if right is not None and params.stereo and is_free:
+            return self._see_one(right, True, frames)
+        if imu is not None and params.imu and is_free and not self._is_stereo:
             self._has_imu = True
             return self._feel(imu, frames)
-        return self._see(image, frames) if image is not None else None
+        if image is None:
+            return None
+        return self._see_one(image, False, frames) if self._is_stereo else self._see(image, frames)
 
     def report(self) -> dict[str, Any]:
         """Numbers of images, keyframes and losses."""
@@ -181,7 +192,17 @@ class VisualOdometryNode:
             sigma = _FIX_M if isinstance(message, NavSatFix) else _ODOMETRY_M
             odometry.measured(message.header.stamp_ns, pose[:3], sigma)
 
-    def _see(self, image: Image, frames: FrameTree) -> dict[str, Any] | None:
+    def _see_one(self, image: Image, is_right: bool, frames: FrameTree) -> dict[str, Any] | None:
+        """The answer to a stereo pair, once both images have come."""
+        if not self._is_stereo:
+            self.reset()
+            self._is_stereo = True
+        pair = self._pairs.add(image.header.stamp_ns, image, is_right)
+        return self._see(pair[0], frames, pair[1]) if pair else None
+
+    def _see(
+        self, image: Image, frames: FrameTree, right: Image | None = None
+    ) -> dict[str, Any] | None:
         color.refuse_measurements(image.encoding)
         fit_threads(image.pixels)
         pixels = color.demosaiced(image.pixels, image.encoding)
@@ -195,8 +216,11 @@ class VisualOdometryNode:
             return self._see_with_imu(image, gray, info, frames)
         T_base_camera = self._mounting(header, frames)
         if self._odometry is None:
-            self._odometry = self._begin(info, T_base_camera)
-        pose = self._odometry.step(header.stamp_ns, gray)
+            cameras = [info] if right is None else self._two(image, right, frames)
+            if not cameras:
+                return {}
+            self._odometry = self._begin(cameras, T_base_camera, frames)
+        pose = self._odometry.step(header.stamp_ns, gray, _gray(right) if right else None)
         if pose is not None and self._odometry.start_ns != self._start_ns:
             self._start_ns = self._odometry.start_ns
             first = Header(self._start_ns, header.frame_id)
@@ -276,8 +300,28 @@ class VisualOdometryNode:
             self._remarks.say(f"assuming that the camera looks ahead: {error}")
             return se3.from_parts(_R_BASE_CAMERA, np.zeros(3))
 
-    def _begin(self, info: CameraInfo, T_base_camera: Floats) -> VisualOdometry:
+    def _two(self, left: Image, right: Image, frames: FrameTree) -> list[CameraInfo]:
+        """The calibrations of a stereo pair; none if it is no such pair."""
+        infos = [one for one in (left.camera_info, right.camera_info) if one is not None]
+        if len(infos) < 2:
+            self._remarks.say("no odometry: the right camera is not calibrated")
+        elif left.data.shape[:2] != right.data.shape[:2]:
+            self._remarks.say("no odometry: the images of the stereo pair differ in size")
+        elif right_of(infos[0], infos[1], frames) is None:
+            self._remarks.say(
+                "no odometry: no calibration or transform places"
+                f" {right.header.frame_id or 'the right camera'} to the right of the other camera"
+            )
+        else:
+            return infos
+        return []
+
+    def _begin(
+        self, infos: list[CameraInfo], T_base_camera: Floats, frames: FrameTree
+    ) -> VisualOdometry:
         p = self._params
+        T = right_of(infos[0], infos[1], frames) if len(infos) > 1 else None
+        cameras = None if T is None else np.stack([np.eye(4), T])
         down = T_base_camera[:3, :3].T @ [0.0, 0, -1]
         settings = VisualSettings(
             corners=p.corners,
@@ -286,7 +330,7 @@ class VisualOdometryNode:
             readout_s=p.readout,
             has_positions=bool(p.scale_by),
         )
-        return VisualOdometry([info], None, settings)
+        return VisualOdometry(infos, cameras, settings)
 
     def _answer(
         self, odometry: VisualOdometry, pose: VisualPose, T_base_camera: Floats
@@ -352,6 +396,11 @@ class VisualOdometryNode:
         values = {name: str(count) for name, count in odometry.counts.items()}
         values["corners"] = str(len(odometry.corners.ids))
         return _status(message, values, header)
+
+
+def _gray(image: Image) -> Pixels:
+    pixels = color.demosaiced(image.pixels, image.encoding)
+    return to_8_bit(color.to_gray(pixels, color.order_of(image.encoding)))
 
 
 def _status(problem: str, values: dict[str, str], header: Header) -> DiagnosticArray:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ros_visualise.commands.odometry import OdometryOptions
-from ros_visualise.core.errors import DamagedMessage, NoTransform, OpenError, UsageError
+from ros_visualise.core.errors import DamagedMessage, OpenError, UsageError
 from ros_visualise.core.regular_files import read_text
 from ros_visualise.data import (
     CameraInfo,
@@ -22,6 +22,7 @@ from ros_visualise.data import (
     Pixels,
     Transforms,
 )
+from ros_visualise.estimation.visual.stereo import StereoPairs, right_of
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import Locator
 from ros_visualise.messages.calibrations import calibration_topic
@@ -34,7 +35,6 @@ from ros_visualise.sources.recordings.images import image_topic
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
 
-_TOGETHER_NS = 20_000_000  # images of a stereo pair
 _CALIB = "calib.txt"
 _WHEELS = 0.02  # m, of positions that have no covariance
 
@@ -146,7 +146,7 @@ class _Recorded(CameraInput):
         tree = _static_frames(recording)
         for name in [wanted] if wanted else images:
             other, size = _look(recording, name)
-            T = _beside(info, other, tree) if other and name != self._topic else None
+            T = right_of(info, other, tree) if other and name != self._topic else None
             if other and T is not None and size == self.size:
                 self._right, self.infos = name, [info, other]
                 self.cameras = np.stack([np.eye(4), T])
@@ -159,7 +159,7 @@ class _Recorded(CameraInput):
     def read(self) -> Iterator[CameraImage | Position | Imu]:
         several = (self._topic, self._right, self._scale, self._imu, *self._moving)
         topics = [one for one in several if one]
-        locator, left, right = Locator(), None, None
+        locator, pairs = Locator(), StereoPairs[CameraImage]()
         with closing(open_source(self._path)) as recording:
             with closing(recording.read(topics=topics)) as entries:
                 for entry in entries:
@@ -184,10 +184,9 @@ class _Recorded(CameraInput):
                     if not self._right:
                         yield view
                         continue
-                    left, right = (view, right) if entry.topic == self._topic else (left, view)
-                    if left and right and abs(left.stamp_ns - right.stamp_ns) <= _TOGETHER_NS:
-                        yield left._replace(right=right.gray)
-                        left = right = None
+                    pair = pairs.add(stamp_ns, view, entry.topic == self._right)
+                    if pair is not None:
+                        yield pair[0]._replace(right=pair[1].gray)
             self.notes = list(recording.loss.notes)
 
 
@@ -233,20 +232,6 @@ def _look(recording: Recording, topic: str) -> tuple[CameraInfo | None, tuple[in
     if size is None:
         raise OpenError(f"{recording.path}: no readable image on {topic}")
     return info if info and info.K[0, 0] > 0 else None, size
-
-
-def _beside(left: CameraInfo, right: CameraInfo, tree: FrameTree) -> Floats | None:
-    """T_left_right of a camera to the right of another, by tf or the projections of both."""
-    offsets = [one.projection[0, 3] / one.projection[0, 0] for one in (left, right)]
-    T = np.eye(4)
-    T[0, 3] = offsets[0] - offsets[1]
-    if not T[0, 3]:
-        try:
-            T = tree.lookup(left.header.frame_id, right.header.frame_id, 0)
-        except NoTransform:
-            return None
-    is_right = T[0, 3] > 2 * np.hypot(T[1, 3], T[2, 3])
-    return T if is_right and np.trace(T[:3, :3]) > 2.9 else None
 
 
 def _gray(image: Image) -> Pixels:

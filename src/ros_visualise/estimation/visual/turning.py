@@ -53,7 +53,7 @@ def _unit(rays: Floats, factor: float, bend: float) -> Floats:
 
 
 def _left(first: Floats, second: Floats, off: float) -> float:
-    """What most corners are away from where the best turn takes them."""
+    """Distance of corners from where the best turn takes them, of the worst but a fifth."""
     away = np.zeros(len(first))
     for _ in range(_STEPS):
         weights = 1 / (1 + (away / max(float(np.median(away)), off)) ** 2)
