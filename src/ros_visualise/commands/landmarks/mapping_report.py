@@ -35,7 +35,7 @@ def report_lines(made: TagMap, unused: Mapping[str, int]) -> list[str]:
 
 
 def _summary(found: SmoothedMap) -> Iterator[str]:
-    """What the map was made of."""
+    """Numbers of views, tags and sightings in the map."""
     problem, sightings = found.problem, len(found.inliers)
     refused = sightings - int(found.inliers.sum())
     seen = len({one.view for one in problem.sightings})
