@@ -5,6 +5,7 @@ const HEAD = 28; // pixels of the line with the tabs
 const LEAST = 0.06; // of a row or column
 const SHORTEST = 160; // pixels of a panel that opens below another
 const NARROW = 700; // pixels, below which panels stand under each other
+const SHORT = 500; // pixels of height, below which the buttons of panels are a menu
 const STEP = 0.03; // by which an arrow key moves an edge
 const KEPT_MS = 300;
 const [SEEN_MS, SEEN_STEP_MS] = [3000, 100];
@@ -84,14 +85,14 @@ export default {
           <q-btn flat dense no-caps color="primary" label="restore the default layout" @click="restore" /></div>
       </div>
       <div class="rv-rail" role="toolbar" aria-label="Panels" :aria-orientation="isNarrow ? 'horizontal' : 'vertical'">
-        <q-btn v-if="isNarrow" flat dense no-caps icon="apps" label="Panels">
+        <q-btn v-if="isSmall" flat dense no-caps icon="apps" :label="isNarrow ? 'Panels' : undefined" aria-label="Panels" title="Panels">
           <q-menu auto-close><q-list dense>
-            <q-item v-for="(kind, name) in kinds" :key="name" clickable @click="press(name)"><q-item-section avatar><q-icon :name="kind.icon" :color="isOpen(name) ? 'primary' : undefined" /></q-item-section>
+            <q-item v-for="(kind, name) in kinds" :key="name" clickable @click="open(name)"><q-item-section avatar><q-icon :name="kind.icon" :color="isOpen(name) ? 'primary' : undefined" /></q-item-section>
               <q-item-section>{{ kind.title }}</q-item-section></q-item>
           </q-list></q-menu>
         </q-btn>
         <div class="rv-kinds">
-          <q-btn v-for="(kind, name) in isNarrow ? {} : kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.help ? kind.title + ': ' + kind.help : kind.title"
+          <q-btn v-for="(kind, name) in isSmall ? {} : kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.help ? kind.title + ': ' + kind.help : kind.title"
             :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
         </div>
         <q-btn flat dense icon="search" aria-label="Search the page" title="Search (Ctrl+K)" @click="search" />
@@ -116,6 +117,7 @@ export default {
     past: () => rv.past,
     sides: () => [["left", "Move to the left"], ["right", "Move to the right"], ["top", "Move to the top"], ["bottom", "Move to the bottom"]],
     isNarrow() { return this.width < NARROW; },
+    isSmall() { return this.isNarrow || this.height < SHORT; },
     rects() {
       const found = [];
       const all = [...tabsOf(this.root)];
@@ -296,7 +298,8 @@ export default {
       if (there) {
         there.shown = there.panels.findIndex(isSame);
         if (this.maximal !== there.key) this.maximal = null;
-        return this.changed();
+        this.changed();
+        return this.scrollTo(isSame);
       }
       const panel = { id: ++count, kind, state };
       const place = { panels: [panel], shown: 0, key: ++count };
@@ -307,6 +310,13 @@ export default {
       else if (alike && this.kinds[kind].side) this.put(place, alike, many && this.hasRoom(alike) ? "bottom" : "centre");
       else this.put(place, null, this.kinds[kind].side ?? "right");
       this.changed();
+      this.scrollTo((one) => one.id === panel.id);
+    },
+    // Below one another, show the place of a panel.
+    async scrollTo(isMeant) {
+      await this.$nextTick();
+      const found = this.rects.find(({ place }) => place?.panels.some(isMeant));
+      if (this.isNarrow && found) this.$refs.room.scrollTo({ top: found.y, behavior: "smooth" });
     },
     // True if another panel can stand below a place.
     hasRoom(place) {
