@@ -1,4 +1,4 @@
-"""What each process of a batch needs, prepared once and then shared by all; no thread runs yet."""
+"""Modules that each process of a batch needs, loaded once and shared by all; no thread runs yet."""
 
 import gc
 import importlib

@@ -74,7 +74,7 @@ class GeoreferenceParams:
     )
     course: bool = param(
         False,
-        "where /tf has no attitude, take the camera to look along the course of the fixes,"
+        "where /tf has no attitude, assume that the camera looks along the course of the fixes,"
         " camera_pitch below the horizon",
     )
     lens: str = param(
