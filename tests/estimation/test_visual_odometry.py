@@ -145,3 +145,9 @@ def test_derivatives_of_sightings_are_those_of_differences():
     assert np.allclose(found.V, of_points, atol=1e-4)
     right = J.T @ (-expected(np.zeros(36)) * np.repeat(weights, 2))
     assert np.allclose(np.concatenate([found.g, found.v.ravel()]), right, atol=1e-4)
+
+
+def test_fast_images_of_flat_ground_begin_with_the_right_one_of_two_motions():
+    odometry, _ = flown([Flight().image(2 * number) for number in range(6)])
+    R, _ = Flight().motion(0, 10)
+    assert np.linalg.norm(se3.rotation_vector(odometry.finish()[-1].R @ R.T)) < np.deg2rad(0.5)

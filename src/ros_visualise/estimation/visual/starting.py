@@ -23,6 +23,7 @@ _LEAST = 30  # corners in both views
 _AGREED = 0.5  # of them
 _PARALLAX = 0.015  # rad, that of near corners: what is left when the rotation is taken out
 _OFF = 2.5  # standard deviations of directions
+_OFF_PLANE = 4.0  # the same: what turns and comes closer is followed less exactly
 _AT_REST = 2.0  # standard deviations of directions
 _RESTING = 0.3  # of the corners, if the camera is at rest and things move
 _PLANE = 0.9  # of the corners on it, if the scene is a plane; far ones are on one, too
@@ -73,7 +74,7 @@ def _of_points(first: Floats, second: Floats, sigma: float) -> Iterator[FirstMot
 
 def _of_a_plane(first: Floats, second: Floats, sigma: float) -> Iterator[FirstMotion]:
     """The motions by corners of a plane that is seen by both views."""
-    H, found = cv2.findHomography(first, second, cv2.RANSAC, _OFF * sigma, maxIters=_TRIALS)
+    H, found = cv2.findHomography(first, second, cv2.RANSAC, _OFF_PLANE * sigma, maxIters=_TRIALS)
     if H is None or found.mean() < _PLANE:
         return
     agree = found[:, 0] > 0
