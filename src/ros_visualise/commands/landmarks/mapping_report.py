@@ -55,7 +55,7 @@ def _summary(found: SmoothedMap) -> Iterator[str]:
 
 
 def _scales(found: SmoothedMap) -> Iterator[str]:
-    """What was given and does not fit: sizes of tags, the survey, the odometry."""
+    """Given values that do not fit: sizes of tags, the survey, the odometry."""
     if found.problem.surveyed or found.problem.distances:
         printed, sigma = _shared(found, PRINTED)
         yield (
@@ -81,7 +81,7 @@ def _scales(found: SmoothedMap) -> Iterator[str]:
 
 
 def _doubtful(made: TagMap) -> Iterator[str]:
-    """Tags of which two poses fit, and the first views of which most does not fit."""
+    """Ambiguous tags, and the first views whose sightings mostly do not fit."""
     found = made.smoothed
     for name, open_ in zip(found.problem.names, found.undecided, strict=True):
         if open_:
