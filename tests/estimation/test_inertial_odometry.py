@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from inertial_flight import FOCAL, T_BASE_CAMERA, InertialFlight
+from inertial_flight import FOCAL, MOUNTING, T_BASE_CAMERA, InertialFlight
 
-from ros_visualise.estimation.imu import GYRO, ImuNoise
+from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise
+from ros_visualise.estimation.inertial import odometry
 from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
 from ros_visualise.estimation.inertial.sliding import (
     CORE,
@@ -26,6 +27,7 @@ from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.robot import RobotState
 from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.geometry import se3
+from ros_visualise.vision.tracking import FollowedCorners
 
 STEP_NS = 100_000_000
 NOISE = CornerNoise(1e-3, 5e-4)
@@ -206,3 +208,19 @@ def test_a_robot_at_rest_is_level_and_knows_its_bias():
     assert np.linalg.norm(own.state.robot.v) < 0.01
     assert not own.propagate(30 * STEP_NS)  # the IMU has not reached it
     assert own.state.P[MOTION, MOTION].trace() < 1e-3
+
+
+@pytest.mark.parametrize(("grows", "is_still"), [(0.0, True), (0.2, False)])
+def test_a_slow_climb_is_no_rest(grows, is_still):
+    """Corners of a camera that looks down, with the noise of optical flow; 20 images a second."""
+    random, imu, rest = np.random.default_rng(4), ImuBuffer(), odometry._Rest()
+    for n in range(201):
+        imu.add(n * 5_000_000, np.zeros(3), np.array([0, 0, 9.81]), MOUNTING)
+    ids, small = np.arange(100), np.zeros((48, 64), np.uint8)
+    at = random.uniform(-240, 240, (100, 2))
+    rest.judge(imu, 0, small, FollowedCorners(ids, at, at))
+    for n in range(1, 20):
+        far = at * (1 + grows / 240 * n) + random.normal(0, 0.05, at.shape)
+        before = at * (1 + grows / 240 * (n - 1)) + random.normal(0, 0.05, at.shape)
+        rest.judge(imu, n * 50_000_000, small, FollowedCorners(ids, far, before))
+    assert (rest.seconds > odometry._LEAST_STILL_S) is is_still

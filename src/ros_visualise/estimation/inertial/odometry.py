@@ -34,6 +34,7 @@ from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
 
 _PERIOD_NS = 70_000_000  # shortest time between views
 _REST_NS, _STEP_NS = 500_000_000, 100_000_000  # of rest before the start, and its steps
+_LEAST_STILL_S = 0.5  # of a rest that corrects: a slow climb looks like one for an image or two
 _LEAST_REST_NS = 80_000_000  # of a rest with which all begins
 _QUIET_FORCE, _QUIET_RATES = 0.15, 0.02  # m/s^2 and rad/s: spread at rest
 _SAME_FORCE, _SLOW = 0.1, 0.05  # m/s^2 and rad/s: of means at rest
@@ -158,6 +159,7 @@ class InertialOdometry:
         )
         compared = None if self.filter is None else corners
         is_still = self._rest.judge(self._imu, stamp_ns, image.gray, compared)
+        is_still &= self.filter is None or self._rest.seconds > _LEAST_STILL_S
         self._tracker.refill()
         if self.filter is None:
             self._begin(stamp_ns, is_still)
@@ -301,7 +303,12 @@ class _Rest:
         self.from_ns = self.until_ns = 0
         self.ended = 0, 0
         self._small: Pixels | None = None
-        self._moved, self._force = np.zeros(2), np.zeros(3)
+        self._moved, self._force = np.zeros(3), np.zeros(3)
+
+    @property
+    def seconds(self) -> float:
+        """Duration of this rest, seconds."""
+        return (self.until_ns - self.from_ns) / 1e9
 
     def judge(
         self,
@@ -322,7 +329,7 @@ class _Rest:
         if self.until_ns > self.from_ns:
             self.ended = self.from_ns, self.until_ns
         self.from_ns = self.until_ns = stamp_ns
-        self._small, self._moved = small, np.zeros(2)
+        self._small, self._moved = small, np.zeros(3)
         return False
 
     def _is_quiet(self, imu: ImuBuffer, stamp_ns: int) -> bool:
@@ -347,6 +354,8 @@ class _Rest:
         if corners is None or len(corners.ids) < _LEAST:
             return False
         steps = corners.pixels_uv - corners.before_uv
-        self._moved = self._moved + np.median(steps, axis=0)
+        away = corners.before_uv - np.mean(corners.before_uv, axis=0)
+        grows = np.median((steps * away).sum(axis=1) / np.hypot(*away.T).clip(1))
+        self._moved = self._moved + np.append(np.median(steps, axis=0), grows)
         far = float(np.quantile(np.linalg.norm(steps, axis=1), 0.8))
         return max(far, float(np.linalg.norm(self._moved))) < _STILL_PX
