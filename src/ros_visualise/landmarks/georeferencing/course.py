@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,11 +19,6 @@ _FAR_NS = 5_000_000_000  # between an image and the fix before it
 _UNKNOWN_M = 1e4
 
 
-class _Place(NamedTuple):
-    stamp_ns: int
-    fix: NavSatFix
-
-
 class Course:
     """Follows fixes, which come in order.
 
@@ -34,21 +28,21 @@ class Course:
 
     def __init__(self) -> None:
         self.origin: MapOrigin | None = None
-        self._places: deque[_Place] = deque()
+        self._fixes: deque[NavSatFix] = deque()
         self._heading: float | None = None
 
     def take(self, fix: NavSatFix) -> None:
         """Add a fix; those without a position or a new stamp change nothing."""
         stamp_ns = fix.header.stamp_ns
         place = np.array([fix.latitude, fix.longitude, fix.altitude])
-        is_late = bool(self._places) and stamp_ns <= self._places[-1].stamp_ns
+        is_late = bool(self._fixes) and stamp_ns <= self._fixes[-1].header.stamp_ns
         if fix.status < 0 or not np.isfinite(place).all() or is_late:
             return
         if self.origin is None:
             self.origin = MapOrigin(place, np.diag([0.0, 0.0, _UNKNOWN_M**2]))
-        self._places.append(_Place(stamp_ns, fix))
-        while stamp_ns - self._places[0].stamp_ns > _KEPT_NS:
-            self._places.popleft()
+        self._fixes.append(fix)
+        while stamp_ns - self._fixes[0].header.stamp_ns > _KEPT_NS:
+            self._fixes.popleft()
         ways = self._enu(self.origin)[-1] - self._enu(self.origin)
         far = np.flatnonzero(np.linalg.norm(ways[:, :2], axis=1) >= _LEAST_M)
         if len(far):
@@ -57,7 +51,7 @@ class Course:
 
     def pose(self, origin: MapOrigin, stamp_ns: int, pitch_deg: float) -> Floats | None:
         """T_map_camera, 4x4, of a camera so far below the horizon; None without course or fix."""
-        if self._heading is None or abs(stamp_ns - self._places[-1].stamp_ns) > _FAR_NS:
+        if self._heading is None or abs(stamp_ns - self._fixes[-1].header.stamp_ns) > _FAR_NS:
             return None
         enu = self._enu(origin)
         T = np.eye(4)
@@ -65,11 +59,11 @@ class Course:
         T[:3, :3] = T[:3, :3] @ R_body_camera(pitch_deg)
         T[:3, 3] = enu[-1]
         if len(enu) > 1:
-            (before, _), (last, _) = self._places[-2], self._places[-1]
+            before, last = (one.header.stamp_ns for one in (self._fixes[-2], self._fixes[-1]))
             T[:3, 3] += (enu[-1] - enu[-2]) * (stamp_ns - last) / (last - before)
         return T
 
     def _enu(self, origin: MapOrigin) -> Floats:
         """(N, 3) places in the map."""
-        places = [(f.latitude, f.longitude, f.altitude) for _, f in self._places]
+        places = [(f.latitude, f.longitude, f.altitude) for f in self._fixes]
         return origin.plane.to_enu(places)
