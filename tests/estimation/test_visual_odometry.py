@@ -100,7 +100,7 @@ class Rising(Flight):
 def test_rising_from_a_plane_shows_no_motion_yet():
     odometry, found = flown(Rising().image(number) for number in range(9))
     assert found == [None] * 9
-    assert odometry.reason == "waiting for a motion to the side"
+    assert odometry.reason == "waiting for sideways motion"
 
 
 def test_finds_its_way_again_after_a_loss(images):

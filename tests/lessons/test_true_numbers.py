@@ -248,7 +248,7 @@ def test_image(picture):
     holds(texts["histogram"], "The mean, N, is the brightness", gray.mean())
     holds(texts["histogram"], "the standard deviation, N, is the contrast", gray.std())
     holds(texts["histogram"], "log₂ p(v) = N bits", -(share * np.log2(share)).sum())
-    sentence = "Of N × N pixels N × N are left: N % of the bytes"
+    sentence = "Of the N × N pixels, N × N remain: N % of the bytes"
     small_size = width // 8, height // 8
     left = 100 * small_size[0] * small_size[1] / gray.size
     holds(texts["resolution"], sentence, width, height, *small_size, left)

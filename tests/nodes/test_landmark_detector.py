@@ -148,7 +148,7 @@ def test_a_calibration_for_another_size_gives_no_directions_and_is_said_once(mod
     for _ in range(3):
         (one,) = node.step(image=image, params=params)["detections"].detections
         assert not one.hypotheses[0].covariance.any()
-    said = "landmark_detector: no directions in images of 128x96 with a calibration for 64x96"
+    said = "landmark_detector: no directions: images are 128x96, their calibration is for 64x96"
     assert [record.message for record in caplog.records] == [
         f"{said} (further occurrences suppressed)"
     ]

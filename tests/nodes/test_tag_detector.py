@@ -94,7 +94,10 @@ def test_without_a_calibration_there_are_corners_alone():
 @pytest.mark.parametrize(
     ("info", "said"),
     [
-        (replace(INFO, width=640), "no poses in images of 320x240 with a calibration for 640x240"),
+        (
+            replace(INFO, width=640),
+            "no poses: images are 320x240, their calibration is for 640x240",
+        ),
         (CameraInfo.uncalibrated(240, 320), "no poses: the camera is not calibrated"),
         (replace(INFO, distortion_model="magic", D=np.ones(3)), "no poses: .*magic"),
     ],

@@ -82,9 +82,7 @@ def test_nonsense_is_refused_and_nothing_written(start, video, home):
     wrong.width = 320
     answer = call("set_camera_info", wrong)
     assert not answer.success
-    assert answer.status_message.startswith(
-        "it is for images of 320x120; those of the camera are 160"
-    )
+    assert answer.status_message.startswith("it is for images of 320x120; the camera's are 160")
     answer = call("set_camera_info", calibration(float("nan")))
     assert not answer.success
     assert "not a number" in answer.status_message

@@ -128,7 +128,7 @@ def test_where_nothing_can_be_written_it_is_said_and_nothing_left(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"width": 320}, "it is for images of 320x480; those of the camera are 640x480"),
+        ({"width": 320}, "it is for images of 320x480; the camera's are 640x480"),
         ({"K": np.zeros((3, 3))}, "its K has no focal lengths"),
         ({"R": TURN * np.nan}, "holds a value that is not a number"),
         ({"P": np.full((3, 4), np.inf)}, "holds a value that is not a number"),

@@ -154,7 +154,7 @@ def test_damaged_telemetry_is_said_where_the_film_is_played(karma, tmp_path, key
     content[place : place + len(damage)] = damage
     path = tmp_path / "damaged.mp4"
     for data, notes in (
-        (content, ["1 damaged packets of telemetry, read as far as possible"]),
+        (content, ["damaged telemetry packets, read as far as possible: 1"]),
         (karma.read_bytes(), []),
     ):
         path.write_bytes(data)

@@ -71,7 +71,7 @@ def test_a_value_that_is_set_is_answered_and_seen_by_all(live, page, port, filte
         ("threshold", True, "must be a whole number"),
         ("gray", 1, "must be true or false"),
         ("threshold_mode", "none at all", "choose one of"),
-        ("threshold_mode", 3, "must be a text"),
+        ("threshold_mode", 3, "must be a string"),
         ("no_such", 1, "filters: no parameter 'no_such'"),
         ("__class__", "x", "filters: no parameter '__class__'"),
     ],

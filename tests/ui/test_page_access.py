@@ -72,7 +72,7 @@ def test_a_proxy_is_let_in_by_its_origin():
     ],
 )
 def test_what_is_no_origin_is_refused_by_name(origin):
-    with pytest.raises(UsageError, match=r"give a site as https://robot\.example\.org"):
+    with pytest.raises(UsageError, match=r"give a site such as https://robot\.example\.org"):
         access_rules("127.0.0.1", [origin])
 
 

@@ -45,7 +45,7 @@ _SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
     ("odometry too short by (%)", SCALES, 0, 100),
     *(
-        (f"odometry turned about {axis} (deg)", AXES, place, float(np.degrees(1)))
+        (f"odometry rotated about {axis} (deg)", AXES, place, float(np.degrees(1)))
         for place, axis in enumerate("xyz")
     ),
     ("odometry turns too little by (%)", SCALES, 1, 100),
@@ -54,9 +54,9 @@ _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
         for number, states in enumerate(CAMERAS, 1)
         for what, place, factor in (
             ("clock behind by (ms)", CLOCK, 1000.0),
-            ("turned about x (deg)", 1, np.degrees(1)),
-            ("turned about y (deg)", 2, np.degrees(1)),
-            ("turned about z (deg)", 3, np.degrees(1)),
+            ("rotated about x (deg)", 1, np.degrees(1)),
+            ("rotated about y (deg)", 2, np.degrees(1)),
+            ("rotated about z (deg)", 3, np.degrees(1)),
             ("focal length too short by (%)", FOCAL, 100.0),
         )
     ),

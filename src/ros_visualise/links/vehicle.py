@@ -232,7 +232,7 @@ class Vehicle:
         if not self.system and system not in others:
             self.system = self._sender.srcSystem = system
         elif system not in {*others, self.system}:
-            self._warn(f"ignoring system {system}; it has system {self.system}")
+            self._warn(f"ignoring system {system}; already following system {self.system}")
 
     def _beat(self, message: Any) -> None:
         if self.lost or self.autopilot is None:

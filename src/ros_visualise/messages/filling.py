@@ -123,7 +123,7 @@ def _single(base: str, value: Any, place: str) -> Any:
     if base in ("string", "wstring"):
         if value is ... or isinstance(value, str):
             return "" if value is ... else value
-        raise DamagedMessage(f"{place}: must be a text, not {repr(value)}")
+        raise DamagedMessage(f"{place}: must be a string, not {repr(value)}")
     if value is ...:
         return False if base == "bool" else 0.0 if base in _FLOATS else 0
     if isinstance(value, np.generic):

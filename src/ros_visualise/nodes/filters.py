@@ -135,7 +135,7 @@ class FiltersParams:
     )
     hue_min: int = param(
         0,
-        "lowest hue, degrees / 2; above hue_max, the range goes through red",
+        "lowest hue, degrees / 2; if above hue_max, the range wraps around through red",
         min=0,
         max=179,
         group="hsv",

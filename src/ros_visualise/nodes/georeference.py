@@ -67,8 +67,8 @@ class GeoreferenceParams:
     fixed_frame: str = param(MAP, "frame with x east, y north, z up; odom if frame map is missing")
     camera_pitch: float = param(
         90.0,
-        "angle below the horizon of a camera that is fixed to base_link, degrees, used if its frame"
-        " is not on /tf; 90: straight down, with the top of its image forward",
+        "downward tilt from the horizon, degrees, of a camera fixed to base_link whose frame is not"
+        " on /tf; 90: straight down, with the top of its image forward",
         min=-90,
         max=90,
     )
@@ -108,7 +108,7 @@ class GeoreferenceParams:
     )
     position_sigma: float = param(
         3.0,
-        "standard deviation of its position to the east and north, metres, if fixes have none",
+        "standard deviation of its position east and north, metres; used if fixes report none",
         min=0,
         max=1e4,
         slider=(0, 10),

@@ -33,8 +33,8 @@ class LandmarkParams:
 
     model: str = param(
         "",
-        "ONNX file of a detection network; empty is our own, for helipads, tags, posts and"
-        " vehicles seen from the air",
+        "ONNX file of a detection network; empty: the built-in one, for helipads, tags, posts"
+        " and vehicles seen from the air",
         restart=True,
         file=bool,
     )
@@ -106,7 +106,8 @@ class LandmarkParams:
     )
     database_location: str = param(
         "",
-        "location of the class names in vision_info, such as a ROS parameter; empty is their file",
+        "location of the class names in vision_info, such as a ROS parameter; empty: the path of"
+        " the names file",
         restart=True,
     )
 
@@ -183,7 +184,9 @@ class LandmarkDetector:
         stand = GroundPointRule(params.stands_on, params.box_sigma)
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
-            self._remarks.say(f"no directions in images of {size} with a calibration for {of_info}")
+            self._remarks.say(
+                f"no directions: images are {size}, their calibration is for {of_info}"
+            )
             info = None
         try:
             return to_detections(found, self._names, stand, info)

@@ -47,7 +47,8 @@ class PathParams:
     )
     max_poses: int = param(
         10_000,
-        "largest number of poses in the path; then the older half is thinned out, its shape kept",
+        "maximum number of poses in the path; beyond it, the older half is thinned out, but keeps"
+        " its shape",
         min=10,
         max=100_000,
         slider=(10, 20_000),

@@ -129,6 +129,6 @@ class TagDetector:
         info = image.camera_info
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
-            self._remarks.say(f"no poses in images of {size} with a calibration for {of_info}")
+            self._remarks.say(f"no poses: images are {size}, their calibration is for {of_info}")
             return None
         return info

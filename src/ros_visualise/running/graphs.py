@@ -110,7 +110,7 @@ def recording(
 def _report_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> None:
     parts = zip(joined.names, joined.paths, joined.is_aligned, joined.frames, strict=True)
     for name, path, is_aligned, frames in parts:
-        how = "placed by its stamps" if is_aligned else "starts with the others"
+        how = "aligned by its timestamps" if is_aligned else "starts together with the others"
         by = f"moved by {moved[name]:g} s" if moved[name] else f"--offset {name}=SECONDS moves it"
         log.info("%s: %s; %s", path.name, how, by)
         if frames is not None:

@@ -94,7 +94,7 @@ class ViewingOptions:
     )
     tiles: str = option(
         "",
-        "tiles of the page's map, from an address or an MBTiles file",
+        "map tiles for the page, from an address or an MBTiles file",
         metavar="URL|FILE.mbtiles",
     )
     allow_control: bool = option(
@@ -276,7 +276,7 @@ class TopicOptions(PlayingOptions):
     )
     image: str | None = option(
         None,
-        "topic whose images go through the nodes (default: the first in gray or colour)",
+        "topic of the images to process (default: the first in gray or colour)",
         metavar="TOPIC|none",
     )
     odom: str | None = option(

@@ -253,8 +253,7 @@ def check(info: CameraInfo, size: Size) -> None:
     """Raise UsageError unless it can be the calibration of images of that size."""
     if (info.width, info.height) != size:
         raise UsageError(
-            f"it is for images of {info.width}x{info.height};"
-            f" those of the camera are {size[0]}x{size[1]}"
+            f"it is for images of {info.width}x{info.height}; the camera's are {size[0]}x{size[1]}"
         )
     arrays = (info.K, info.D, info.R, info.projection)
     if not all(np.isfinite(array).all() for array in arrays):

@@ -59,8 +59,9 @@ def warnings_of(found: CameraCalibration, better: Lens | None) -> list[str]:
         texts.append("too few views to compare halves of them: the error is unknown")
     elif found.halves.difference > APART:
         texts.append(
-            f"halves of the views differ by {found.halves.difference:.2%} in focal length: do not"
-            " trust the result; take more views, tilted, near and far"
+            "the focal lengths from two halves of the views differ by"
+            f" {found.halves.difference:.2%}: do not trust the result; take more views, tilted,"
+            " near and far"
         )
     if found.fit.rms > _LARGE_RMS_PX:
         texts.append("the rms is large: check that the board is flat and the images are sharp")

@@ -148,7 +148,7 @@ def _cameras(
         known = ", ".join([*images, *found]) or "none"
         what = f"--topic {options.topic}: no such topic" if options.topic else options.input
         what += "" if options.topic else ": no topic"
-        raise UsageError(f"{what} with images or detections; its topics with these: {known}")
+        raise UsageError(f"{what} with images or detections; available: {known}")
     if options.map is not None and not options.topic:
         topics = own_cameras(recording, topics[0], images if topics[0] in images else found)
     if len({kinds[one] for one in topics}) > 1:

@@ -56,7 +56,7 @@ class TrajectoryOutputOptions:
         210, "width of the plot in mm: 88 for a column (default: %(default)s)", type=plot_width
     )
     label: Sequence[str] = option(
-        [], "name in the legend, in the order of the trajectories, the truth last; repeatable"
+        [], "name of a trajectory in the legend; repeat it in their order, the ground truth last"
     )
     title: str | None = option(None, "title of the plot; '' is none (default: name and length)")
     plane: str = option(

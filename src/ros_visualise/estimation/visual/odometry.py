@@ -239,7 +239,7 @@ class VisualOdometry:
         window = windows[min(good, key=lambda n: turns[n])]  # of a plane's, the likely one
         if _is_ambiguous(window):
             self._waiting.append(image._replace(gray=_NO_PIXELS))
-            return self._coast(image.stamp_ns, "waiting for a motion to the side")
+            return self._coast(image.stamp_ns, "waiting for sideways motion")
         stretch = self._open(window, first.stamp_ns)
         for one in window.frames[:-1]:
             stretch.covariances[one.key] = np.zeros((6, 6))

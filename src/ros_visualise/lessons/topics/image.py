@@ -154,10 +154,10 @@ def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
     small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
     large = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
     text = """
-        Each block of {factor} × {factor} pixels is replaced by one pixel, their mean. Of {width} ×
-        {height} pixels {small_width} × {small_height} are left: {share:.2f} % of the bytes. Details
-        smaller than two of the new pixels are lost, and enlarging the picture does not bring them
-        back.
+        Each block of {factor} × {factor} pixels is replaced by one pixel, their mean. Of the
+        {width} × {height} pixels, {small_width} × {small_height} remain: {share:.2f} % of the
+        bytes. Details smaller than two of the new pixels are lost, and enlarging the picture does
+        not bring them back.
         """
     return show(
         image,

@@ -92,7 +92,7 @@ def corners(image: Image, params: object) -> dict[str, Message]:
                      for name, (u, v) in zip(_CORNERS, seen.corners, strict=True))  # fmt: skip
     text = f"""
 A line is fitted to many edge pixels along each side. The corners are where two lines meet, so they
-are known much more exactly than to one pixel:
+are known to much better than one pixel:
 
 {rows}
 

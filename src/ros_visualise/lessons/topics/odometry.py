@@ -294,7 +294,7 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
         for k in (1.0, params.factor)
     ]
     text = """
-        Where the rays of both views meet is the point, so the motion gives a depth to each corner;
+        The point is where the rays of both views meet, so the motion gives a depth to each corner,
         but only in lengths of the camera's own step. Eight of ten points are {near:.1f} to
         {far:.1f} steps away. If the step and all distances are {factor:g} times as long (orange),
         both pictures stay the same: the points are seen {error:.3f} pixels from their corners on
@@ -366,7 +366,7 @@ class WayDrift:
             {losses} times. The figure shows the trajectory in the first camera's axes, with
             ellipses of two standard deviations.
 
-            Only knowledge from outside ends the drift: GPS, a landmark on a map, or a known place
+            Only outside information stops the drift: GPS, a landmark on a map, or a known place
             that the camera sees again.
             """
         return show(

@@ -80,7 +80,7 @@ def gopro_series(path: Path, faults: list[str]) -> Iterator[Series]:
             times_ns = np.round(times_s * 1e9).astype(np.int64)
             rows.setdefault(samples.key, []).append((times_ns, samples))
     if damaged:
-        faults.append(f"{damaged} damaged packets of telemetry, read as far as possible")
+        faults.append(f"damaged telemetry packets, read as far as possible: {damaged}")
     yield from _fixes(rows)
     if "ACCL" in rows and "GYRO" in rows:
         yield _imu(_joined(rows["ACCL"]), _joined(rows["GYRO"]))

@@ -43,7 +43,7 @@ def check_type(spec: Spec, value: Given) -> None:
         fits = isinstance(value, str)
     if not fits:
         kind = {bool: "true or false", int: "a whole number", float: "a finite number"}
-        raise ParameterError(f"{spec.name}: must be {kind.get(spec.type, 'a text')}")
+        raise ParameterError(f"{spec.name}: must be {kind.get(spec.type, 'a string')}")
 
 
 def _is_number(value: Given) -> bool:

@@ -132,7 +132,7 @@ class Expression:
         self.names: list[str] = []
         self._check(self._root, 0)
         if not self.names:
-            raise BadExpression('name a curve in quotes, as "/odom:pose.pose.position.x"')
+            raise BadExpression('name a curve in quotes, such as "/odom:pose.pose.position.x"')
 
     def compute(self, read: Read) -> Sampled:
         """Compute it.
@@ -182,7 +182,7 @@ class Expression:
             return
         quaternion = given[0]
         if not isinstance(quaternion, ast.Constant) or not isinstance(quaternion.value, str):
-            raise BadExpression(f'{name}: give a quaternion in quotes, as "/imu:orientation"')
+            raise BadExpression(f'{name}: give a quaternion in quotes, such as "/imu:orientation"')
         self.names += [f"{quaternion.value}.{part}" for part in _QUATERNION]
 
     def _compute(self, node: ast.AST, read: Read) -> _Value:

@@ -22,7 +22,7 @@ export default {
         <div v-for="[topic, counts] in rows" :key="topic" class="rv-tick-row" :title="topic">
           <span>{{ topic }}</span><canvas :ref="(canvas) => canvas && drawRow(canvas, counts)"></canvas></div>
       </div>
-      <div v-for="one in sources" :key="one.name" class="rv-source" :title="one.title + (one.aligned ? ', placed by its stamps' : ', begins with the others')">
+      <div v-for="one in sources" :key="one.name" class="rv-source" :title="one.title + (one.aligned ? ', aligned by its timestamps' : ', starts together with the others')">
         <span class="rv-span" :class="{ 'rv-held': one.isHeld }" :style="{ left: place(one.begin), right: rest(one.end) }" @pointerdown="hold($event, one)">{{ one.title }}</span>
         <label>offset<input type="number" step="0.01" :value="one.offset" :disabled="readOnly" :aria-label="'Offset of ' + one.title + ', seconds'"
           @keydown.stop @change="move(one, Number($event.target.value))">s</label>

@@ -80,7 +80,7 @@ class AccessRules:
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
             return f"request from the web site {origin[:_SHOWN]!r}; --allow-origin SITE allows it"
         if origin not in self.origins and not self._may_lead_here(fetch):
-            return "request from another web site; it may only link to the page"
+            return "request from another web site; other sites may only link to this page"
         if self.token and not (_begins(path, self.token) or self.is_viewer(path)):
             return "token missing; open the whole address that was printed at the start"
         return ""
@@ -170,7 +170,7 @@ def _origin(text: str) -> str:
         return text
     site = text.lower().rstrip("/")
     if not _SITE.fullmatch(site) or not _split(site).hostname:
-        raise UsageError(f"--allow-origin {text}: give a site as https://robot.example.org")
+        raise UsageError(f"--allow-origin {text}: give a site such as https://robot.example.org")
     return site
 
 

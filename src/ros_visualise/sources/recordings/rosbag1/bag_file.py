@@ -153,7 +153,7 @@ class BagFile:
         if missing := max(0, chunk.messages - len(entries.found)):
             self._lose(chunk, missing, -1, "a part of a chunk is damaged")
         elif self.is_indexed and not entries.agrees:
-            self._lose(chunk, 0, -1, "the chunk, its index and the bag's contradict each other")
+            self._lose(chunk, 0, -1, "the chunk, its index and the index of the bag disagree")
         elif self.is_indexed and entries.end != self._following[chunk.position]:
             hidden = self._following[chunk.position] - entries.end
             self._lose(chunk, 0, -3, f"{hidden} bytes after it are missing from the bag's index")

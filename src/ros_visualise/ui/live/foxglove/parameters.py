@@ -79,4 +79,4 @@ def _check_type(spec: Spec, value: Any) -> None:
         fits = isinstance(value, str)
     if not fits:
         kind = {bool: "true or false", int: "a whole number", float: "a finite number"}
-        raise ParameterError(f"{spec.name}: must be {kind.get(spec.type, 'a text')}")
+        raise ParameterError(f"{spec.name}: must be {kind.get(spec.type, 'a string')}")

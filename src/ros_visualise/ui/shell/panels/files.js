@@ -22,8 +22,8 @@ export default {
       </section>
       <section aria-label="Record">
         <h3>Record</h3>
-        <label class="rv-field">File<input v-model="name" :placeholder="'record-….mcap'" :disabled="readOnly" title="Such as run.mcap or edges.mp4; empty is a new name"></label>
-        <label class="rv-field">Split<input v-model="split" :disabled="readOnly" title="Size or duration of a file: 1G or 10m; empty is one file"></label>
+        <label class="rv-field">File<input v-model="name" :placeholder="'record-….mcap'" :disabled="readOnly" title="Such as run.mcap or edges.mp4; empty: an automatic name"></label>
+        <label class="rv-field">Split<input v-model="split" :disabled="readOnly" title="Size or duration of a file: 1G or 10m; empty: one file"></label>
         <details>
           <summary>Topics to record ({{ chosen.length }} of {{ all.topics.length }})</summary>
           <button class="rv-link" :disabled="readOnly" @click="off = []; more = all.topics.map(([name]) => name)">All</button>
