@@ -103,15 +103,16 @@ MISSING = $(filter-out $(shell dpkg-query -W -f '$${db:Status-Status}=$${Package
 .venv-oldest/.ready: pyproject.toml package.xml
 	$(call make_venv,$(OLDEST_PYTHON),--clear .venv-oldest)
 	grep -oE '"[a-z][a-z0-9._-]*>=[0-9.]+' pyproject.toml | sed 's/"//; s/>=/==/' >.venv-oldest/floors
-	.venv-oldest/bin/pip install --quiet --upgrade pip  # that of Python 3.10 finds no end
 	.venv-oldest/bin/pip install --quiet --disable-pip-version-check \
 		-c .venv-oldest/floors -e '.[headless,sim,detect,test]'
 	touch $@
 
-# Debian's python3 makes no environments until python3-venv is installed.
+# Debian's python3 makes no environments until python3-venv is installed. The pip of Python 3.10 finds
+# no end among the versions of the packages.
 make_venv = $(1) -c '$(REQUIRED)' || exit 1; \
 	$(1) -c 'import ensurepip' 2>/dev/null || $(call apt_install,python3-venv) || true; \
-	$(1) -m venv $(2)
+	$(1) -m venv $(2) && { $(lastword $(2))/bin/pip install --quiet --disable-pip-version-check \
+	'pip>=26; python_version < "3.11"' >/dev/null 2>&1 || true; }
 
 LEAST_PYTHON := $(shell sed -n 's/^requires-python = ">=3\.\([0-9]*\)"/\1/p' pyproject.toml)
 REQUIRED := import sys; sys.exit(sys.version_info < (3, $(LEAST_PYTHON)) and "%s is Python %s, \
