@@ -106,7 +106,8 @@ def batch(*arguments: object) -> subprocess.CompletedProcess[str]:
     with (
         mock.patch("signal.signal"),
         mock.patch.dict(os.environ, environment()),
-        mock.patch.object(sys.modules["__main__"], "__file__", None),  # tasks would import pytest
+        # else tasks would import pytest
+        mock.patch.object(sys.modules["__main__"], "__file__", None, create=True),
         mock.patch.object(limits, "_max_memory"),
         redirect_stdout(out),
         redirect_stderr(err),

@@ -266,7 +266,7 @@ def test_a_node_reports_to_diagnostics(start, hear, video):
         ("edge_detector", ["_method:=magic"], "choose one of canny"),
         ("edge_detector", ["_view:=tv"], "view=tv: choose web, windows or none"),
         ("edge_detector", ["_image_transport:=pigeon"], "use raw or compressed"),
-        ("edge_detector", ["edges:=/a", "processed_image:=/a"], "listen to itself"),
+        ("edge_detector", ["edges:=/a", "processed_image:=/a"], "both its input and its output"),
         ("streamer", [], "give a video file"),
         ("streamer", ["_path:=/nowhere.mp4"], "/nowhere.mp4"),
         ("streamer", ["_path:=package://no_such/x.mp4"], "no package 'no_such'"),

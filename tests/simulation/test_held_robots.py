@@ -48,6 +48,18 @@ def test_flown_at_a_fence_it_comes_back_at_once():
     assert back[1] < place[-1, 1] - 1.0
 
 
+def test_a_mission_waits_and_does_not_begin_once_it_was_stopped():
+    settings = replace(BLIND_QUADROTOR, mission_delay=1.0)
+    waiting, stopped = (
+        Simulation("quadrotor", "plane", mission="default", settings=settings) for _ in range(2)
+    )
+    heights = [collect(waiting, 0.9)["truth"][-1].position_xyz[2]]
+    heights.append(collect(waiting, 2.0)["truth"][-1].position_xyz[2])
+    assert heights[0] < 0.2 < 0.5 < heights[1]
+    stopped.act("stop")
+    assert collect(stopped, 3.0)["truth"][-1].position_xyz[2] < 0.2
+
+
 def test_a_mission_without_progress_is_given_up_and_can_be_begun_anew():
     mission = Mission(waypoints=((3.0, 0.0, 1.0),))
     settings = replace(BLIND_QUADROTOR, mission_timeout=4.0)

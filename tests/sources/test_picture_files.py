@@ -54,7 +54,7 @@ def test_a_folder_of_pictures_is_summarized_and_its_videos_are_named(tmp_path, p
     assert not caplog.text
     (tmp_path / "clip.MP4").touch()
     assert info(str(tmp_path))["messages"] == 3
-    assert f"no videos; to play one: {tmp_path / 'clip.MP4'}" in caplog.text
+    assert f"not videos; to play one: {tmp_path / 'clip.MP4'}" in caplog.text
     (tmp_path / "clip.MP4").unlink()
     with pytest.raises(OpenError, match="to play it: ros-visualise video"):
         open_recording(tmp_path)

@@ -182,7 +182,7 @@ class Simulation:
             UsageError: it is not finite.
         """
         _check_finite("a velocity", twist.linear_xyz, twist.angular_xyz)
-        self._orders.append(lambda: self._robot.command(twist, self.time_ns / 1e9))
+        self._steer(lambda: self._robot.command(twist, self.time_ns / 1e9))
 
     def goto(self, goal: PoseStamped) -> None:
         """Go to a pose in ``map``; this ends a mission.
@@ -196,7 +196,7 @@ class Simulation:
         _check_finite("a goal", goal.position_xyz, goal.quat_xyzw)
         if goal.header.frame_id not in ("", frames.MAP):
             raise UsageError(f"goals must be in the frame map, not {goal.header.frame_id}")
-        self._orders.append(lambda: self._robot.go_to(goal))
+        self._steer(lambda: self._robot.go_to(goal))
 
     def see(self, target: Odometry) -> None:
         """Process the observed pose of the landing target, in the frame of the robot's odometry.
@@ -229,7 +229,7 @@ class Simulation:
             raise UsageError("no pad to land on: set pad=true")
         self._mission = found
         if found is not None:
-            self._orders.append(lambda: self._robot.start(found))
+            self._steer(lambda: self._robot.start(found))
 
     def act(self, action: str) -> None:
         """Do one of `actions`.
@@ -240,18 +240,27 @@ class Simulation:
         self._check_upright()
         mission = self._mission
         if action in self._robot.actions:
-            self._orders.append(self._robot.actions[action])
+            self._steer(self._robot.actions[action])
         elif action != "start_mission":
             raise UsageError(f"no such action: {action!r}; choose from {', '.join(self.actions)}")
         elif mission is None:
             raise UsageError(f"no mission for the {self._name}: give one, such as lawn_mower")
         else:
-            self._orders.append(lambda: self._robot.start(mission))
+            self._steer(lambda: self._robot.start(mission))
 
     def close(self) -> None:
         """Free the renderer; call it from the thread that ran `run`."""
         for close in self._fitting.closing:
             close()
+
+    def _steer(self, order: Callable[[], None]) -> None:
+        """Queue an order of the user, which takes the place of a mission that waits."""
+
+        def instead() -> None:
+            self._delayed = None
+            order()
+
+        self._orders.append(instead)
 
     def _obey(self, order: Callable[[], None]) -> None:
         if self.upright:
