@@ -13,6 +13,7 @@ import pytest
 from catkin_workspace import Workspace
 from ros_graph import Heard, Master, Nodes
 
+MASTERS: list[Master] = []  # one at most, once a test has asked for it
 _MISSING = "ROS 1 is not installed; on Debian `make test` installs it"
 
 
@@ -45,9 +46,19 @@ def ros_master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
     import rospy
 
     rospy.init_node("tests", argv=["tests"], disable_signals=True)
+    MASTERS.append(master)
     yield master
+    MASTERS.clear()
     rospy.signal_shutdown("end of the tests")
     master.stop()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_parameters_for_other_files() -> Iterator[None]:
+    """What a file's nodes and launches set would hold for nodes of other files, too."""
+    yield
+    for master in MASTERS:
+        master.forget()
 
 
 @pytest.fixture(scope="session")

@@ -34,6 +34,7 @@ class Master:
         }
         self.core = self.run("roscore", "-p", str(port))
         wait_for(self.answers, "roscore")
+        self._at_first = set(self.parameters())
 
     def run(self, *command: str, **options: Any) -> subprocess.Popen[str]:
         """A process in this environment, with its output as text; forked if it is ours."""
@@ -56,6 +57,15 @@ class Master:
 
     def proxy(self) -> Any:
         return xmlrpc.client.ServerProxy(self.uri)
+
+    def parameters(self) -> list[str]:
+        _, _, names = self.proxy().getParamNames("/tests")
+        return list(names)
+
+    def forget(self) -> None:
+        """Delete the parameters that nodes, launches and tests left: they outlive them."""
+        for name in set(self.parameters()) - self._at_first:
+            self.proxy().deleteParam("/tests", name)
 
     def stop(self) -> None:
         end(self.core)

@@ -19,7 +19,6 @@ from std_srvs.srv import Trigger
 pytest.importorskip("mujoco", reason="pip install 'ros_visualise[sim]' to run this")
 
 ODOM_PERIOD_NS = 20_000_000
-ROBOTS = {"/husky", "/air/quadrotor"}
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +39,7 @@ def ask(service):
 
 def place(heard):
     """Where the last odometry says that the robot is, and how fast it goes."""
-
-    def own():  # a robot of another test may end late
-        return [m for m in heard.messages[-50:] if m._connection_header["callerid"] in ROBOTS]
-
-    wait_for(own, heard.subscriber.name)
-    message = own()[-1]
+    message = heard.wait()[-1]
     position, speed = message.pose.pose.position, message.twist.twist.linear
     return (position.x, position.y, position.z), math.hypot(speed.x, speed.y, speed.z)
 
