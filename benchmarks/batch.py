@@ -220,6 +220,7 @@ def main() -> None:
     )
     parser.add_argument("--count", type=int, default=1000, help="short recordings")
     parser.add_argument("--images", type=int, default=25, help="of a short recording")
+    parser.add_argument("--tasks", type=int, default=4, help="long recordings of the cluster")
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
     ctypes.CDLL(None).prctl(36, 1)  # orphans of a batch become children of this process
@@ -234,7 +235,7 @@ def main() -> None:
         if "overhead" in options.parts:
             overhead(options.film, folder, options.count, options.images, options.rounds)
         if "cluster" in options.parts:
-            cluster(options.film, folder, 4, options.images * 12, options.rounds)
+            cluster(options.film, folder, options.tasks, options.images * 12, options.rounds)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,9 @@ from ros_visualise.core.regular_files import read_file
 
 _LOOK_S = 0.1
 _LONGEST_FOLDER = 70  # a socket's address in it has 32 more letters, and at most 107
+# A Dask worker has it, for long lives; with it the memory of each image is given back and asked for
+# again, which takes a sixth more time. A process here lives for one task.
+_TRIM = "MALLOC_TRIM_THRESHOLD_"
 _OF_TERMINAL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = ("crash", "timeout", "memory")
 _sender: Connection | None = None
@@ -115,7 +118,10 @@ def context() -> BaseContext:
     # signals of the terminal are for this process, which ends the others
     resource_tracker.ensure_running()  # it would allow them again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_TERMINAL)
+    trim = os.environ.pop(_TRIM, None)
     forkserver.ensure_running()
+    if trim is not None:
+        os.environ[_TRIM] = trim
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return context
 
