@@ -15,13 +15,14 @@ from ports import free_port
 from ros_visualise.batch.results import Results
 
 SLOW = """
-import time
+import os, time
 from ros_visualise.data import Image, Number
 from ros_visualise.nodes import node
 
 @node("slow", inputs={"image": Image}, outputs={"mean": Number})
 def slow(image, params):
     "Takes its time."
+    assert "MALLOC_TRIM_THRESHOLD_" not in os.environ  # with it, images take a sixth more time
     time.sleep(0.02)
     return Number(float(image.pixels.mean()), image.header)
 """
@@ -39,7 +40,7 @@ def cluster(tmp_path):
     started = [
         subprocess.Popen(
             [*dask[:2], f"{dask[2]}.{name}", *options],
-            env=environment(),
+            env=environment() | {"MALLOC_TRIM_THRESHOLD_": "65536"},  # as Dask gives its workers
             start_new_session=True,
             **quiet,
         )
