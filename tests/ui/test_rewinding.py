@@ -8,7 +8,7 @@ from hub_client import HubClient
 from scene_runtime import Told
 from waiting import wait_for
 
-from ros_visualise.data import Header, Image, Text
+from ros_visualise.data import Header, Image, Odometry, Text
 from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.live_buffer import LiveBuffer, packed
 from ros_visualise.ui.live.rewinding import Rewinder
@@ -76,7 +76,7 @@ def test_images_are_packed(encoding):
 
 @pytest.fixture
 def told():
-    return Told(said=Text, image=Image, other=Text)
+    return Told(said=Text, image=Image, other=Odometry)
 
 
 @pytest.fixture
@@ -134,13 +134,14 @@ def test_the_present_comes_by_itself_at_the_end(told, rewinder):
     wait_for(lambda: newest(shown) == "77")
 
 
-def test_only_topics_that_are_shown_are_kept(told, rewinder):
-    shown = rewinder.subscribe("/said")
-    wait_for(lambda: told.asked["/said"] == 2)
+def test_only_topics_with_texts_or_that_are_shown_are_kept(told, rewinder):
+    shown = rewinder.subscribe("/image")
+    wait_for(lambda: told.asked["/image"] == 2)
+    wait_for(lambda: told.asked["/said"] == 1)
     assert not told.asked["/other"]
     shown.close()
-    wait_for(lambda: not rewinder._kept)
-    told.say(said=text(1))
+    wait_for(lambda: "/image" not in rewinder._kept)
+    told.say(image=Image(np.zeros((4, 4), np.uint8), "mono8"))
     assert rewinder.buffer.nbytes == 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
@@ -95,8 +95,17 @@ def check_length(text: str) -> None:
 
 def parts_of(fields: Iterable[tuple[str, Any]]) -> set[str]:
     """Types of fields, which are given as in a typestore's ``fielddefs``."""
-    flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
-    return {name for kind, name in flat if kind == Nodetype.NAME}
+    return {name for kind, name in _items(fields) if kind == Nodetype.NAME}
+
+
+def has_strings(fields: Iterable[tuple[str, Any]]) -> bool:
+    """True if one of these fields is a string or holds several."""
+    return any(kind == Nodetype.BASE and base[0] == "string" for kind, base in _items(fields))
+
+
+def _items(fields: Iterable[tuple[str, Any]]) -> Iterator[Any]:
+    """What each field is, or what an array has."""
+    return (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
 
 
 class Definitions:

@@ -18,7 +18,8 @@ from ros_visualise.vision.compression import decompress
 _NS = 1_000_000_000
 _CDR_ALIGN = 4
 _LOCKING = threading.Lock()
-_TYPES = Definitions("cdr")
+STANDARD = Definitions("cdr")
+"""The types of ROS 2."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +179,7 @@ def as_ros(message: Any) -> Any:
     Raises:
         DamagedMessage: as `Recorded.message`.
     """
-    return message.message if isinstance(message, Recorded) else to_message(message, _TYPES.types)
+    return message.message if isinstance(message, Recorded) else to_message(message, STANDARD.types)
 
 
 def recorded_ns(message: Any) -> int:

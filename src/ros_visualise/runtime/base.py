@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.recording import RecorderThread
@@ -29,7 +30,7 @@ class Runtime(Protocol):
         """The running graph."""
 
     @property
-    def diagnostic_topics(self) -> Mapping[str, type]:
+    def diagnostic_topics(self) -> Mapping[str, type[Message]]:
         """Topics of logs and diagnostics, which are not part of the graph, with their types."""
 
     @property

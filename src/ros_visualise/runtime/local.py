@@ -12,6 +12,7 @@ from typing import Any
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import UsageError, did_you_mean
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.data import ParameterEvent
 from ros_visualise.graph import Graph, Member, Node
@@ -48,7 +49,7 @@ class LocalRuntime:
     """
 
     name = ""
-    diagnostic_topics: Mapping[str, type] = {}
+    diagnostic_topics: Mapping[str, type[Message]] = {}
 
     def __init__(self, graph: Graph, playback: Playback | None) -> None:
         self.graph = graph

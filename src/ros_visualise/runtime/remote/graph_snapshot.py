@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import CompressedImage, DiagnosticArray, Image, ParameterEvent
 from ros_visualise.data.reports import Log, Ros1Log
@@ -74,7 +75,7 @@ class GraphSnapshot(NamedTuple):
 
     nodes: tuple[RemoteNode, ...] = ()
     types: Mapping[str, type] = {}
-    diagnostics: Mapping[str, type] = {}
+    diagnostics: Mapping[str, type[Message]] = {}
     compressed: frozenset[str] = frozenset()
     unknown: Mapping[str, str] = {}
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters, Value
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.graph import Graph, TopicSpec
@@ -84,7 +85,7 @@ class RemoteRuntime:
         self._thread = supervision.start("discovery", self._follow, again_s=_LOOK_S)
 
     @property
-    def diagnostic_topics(self) -> Mapping[str, type]:
+    def diagnostic_topics(self) -> Mapping[str, type[Message]]:
         """Topics of logs and diagnostics, with their types."""
         return self._snapshot.diagnostics
 

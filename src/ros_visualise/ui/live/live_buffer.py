@@ -115,6 +115,16 @@ class LiveBuffer:
             self.nbytes += nbytes
             self._drop_oldest(place_ns - LONGEST_NS)
 
+    def since(self, number: int, most: int) -> tuple[int, tuple[Kept, ...]]:
+        """Messages from a number on, counted from 0, that are still kept; the number of the first.
+
+        Args:
+            most: number of them.
+        """
+        with self._lock:
+            number = max(number, self._first)
+            return number, tuple(self._kept[number - self._first :][:most])
+
     def read(self, start_ns: int) -> Generator[tuple[int, tuple[Kept, ...]], None, None]:
         """(Time, messages): at first those shown at a time, then each one after it.
 

@@ -12,9 +12,12 @@ from typing import Any
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.core.limits import max_memory
+from ros_visualise.core.message import Message
 from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.text_fields import may_have_texts
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread
@@ -80,8 +83,8 @@ class RewoundSubscription(Subscription):
 class Rewinder:
     """A live runtime whose past can be shown; see `ros_visualise.runtime.base.Runtime`.
 
-    While browsers look, the messages of topics that they show are kept: those of the last ten
-    minutes within a quarter of `--max-memory`.
+    While browsers look, the messages of topics that they show, and of those with texts, are kept:
+    those of the last ten minutes within a quarter of `--max-memory`.
 
     Args:
         runtime: it is live.
@@ -102,6 +105,7 @@ class Rewinder:
         self._start_ns = time.monotonic_ns()
         self._shown: set[RewoundSubscription] = set()
         self._kept: dict[str, Subscription] = {}
+        self._text_topics: tuple[Graph, Mapping[str, type[Message]], Collection[str]] | None = None
         self._changing = RLock()
         self._thread = PeriodicThread("live buffer", self._keep, self._end, _PERIOD_S, lambda: True)
         self._thread.start()
@@ -173,6 +177,18 @@ class Rewinder:
 
     # Keeping
 
+    @property
+    def text_topics(self) -> Collection[str]:
+        """The topics whose messages may have texts that a person searches."""
+        graph, others = self.graph, self.diagnostic_topics
+        known = self._text_topics
+        if known is None or known[0] is not graph or known[1] != others:
+            kinds = {t: TopicType(kind.type_name) for t, kind in others.items()}
+            kinds |= {topic: spec.ros for topic, spec in graph.topics.items()}
+            found = {topic for topic, kind in kinds.items() if may_have_texts(kind)}
+            known = self._text_topics = graph, others, found
+        return known[2]
+
     def _keep(self) -> None:
         self._follow()
         for topic, subscription in list(self._kept.items()):
@@ -183,9 +199,11 @@ class Rewinder:
                     continue  # those who show it report it
 
     def _follow(self) -> None:
-        """Keep the topics that are shown now."""
+        """Keep the topics that are shown now, and those with texts, for a search."""
+        is_watched = self._is_watched()
         with self._changing:
-            wanted = {one.topic for one in self._shown} if self._is_watched() else set()
+            wanted = {one.topic for one in self._shown} if is_watched else set()
+        wanted |= set(self.text_topics if is_watched else ())
         for topic in self._kept.keys() - wanted:
             self._kept.pop(topic).close()
         for topic in wanted - self._kept.keys():
@@ -204,7 +222,7 @@ class Rewinder:
         return self.runtime.graph
 
     @property
-    def diagnostic_topics(self) -> Mapping[str, type]:
+    def diagnostic_topics(self) -> Mapping[str, type[Message]]:
         return self.runtime.diagnostic_topics
 
     @property

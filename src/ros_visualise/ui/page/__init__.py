@@ -22,7 +22,7 @@ from ros_visualise.ui.live.notices import Notices
 from ros_visualise.ui.live.publish import PublishHub
 from ros_visualise.ui.live.robot import RobotHub
 from ros_visualise.ui.live.settings import by_name
-from ros_visualise.ui.live.texts import RecordedTexts
+from ros_visualise.ui.live.texts import LiveTexts, RecordedTexts, Texts
 from ros_visualise.ui.live.thumbnails import Thumbnails
 from ros_visualise.ui.live.ticks import ticks
 from ros_visualise.ui.page.browser import Browser
@@ -94,7 +94,7 @@ class Page:
         self._browser = Browser(self.url, lambda: not self.awaited) if options.browser else None
         self._runtime: Runtime | None = None
         self._thumbnails: Thumbnails | None = None
-        self._texts: RecordedTexts | None = None
+        self._texts: Texts | None = None
         self._ended = threading.Event()
 
     @property
@@ -134,10 +134,12 @@ class Page:
         for before in (self._thumbnails, self._texts):
             if before is not None:
                 before.close()
-        self._thumbnails, self._texts = Thumbnails(runtime), RecordedTexts(runtime)
+        self._thumbnails = Thumbnails(runtime)
         marks = self._server.clock.marks = self._marks()
         self._notes.follow(marks)
         self._server.show(runtime)
+        rewinder = self._server.rewinder
+        self._texts = RecordedTexts(runtime) if rewinder is None else LiveTexts(rewinder)
         if self._files.title:
             self._server.offered.title = self._files.title
 

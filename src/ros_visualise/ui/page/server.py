@@ -62,6 +62,7 @@ class PageServer:
         clock: that of the timeline.
         offered: what browsers know of the graph.
         tiles: those of the map, if they are of a file.
+        rewinder: the graph that is shown, if it is live.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -97,27 +98,27 @@ class PageServer:
         own += [MessageHub(), MonitorHub(), FoxgloveHub(page_loop())]
         self._hubs = {hub.path: hub for hub in (*own, *more)}
         self.tiles: TileFile | None = None
-        self._rewinder: Rewinder | None = None
+        self.rewinder: Rewinder | None = None
         self._nicegui = application()
         self.host = PageHost(Gate(self._serve, rules), listening)
 
     def show(self, runtime: Runtime | None) -> None:
         """Serve this graph from now on, or none."""
-        if self._rewinder is not None:
-            self._rewinder.close()
-        self._rewinder = None
+        if self.rewinder is not None:
+            self.rewinder.close()
+        self.rewinder = None
         if runtime is not None and runtime.graph.live:
-            self._rewinder = Rewinder(runtime, lambda: self.clock.is_watched)
+            self.rewinder = Rewinder(runtime, lambda: self.clock.is_watched)
         for hub in self._hubs.values():
             is_rewound = isinstance(hub, ImageHub | SpaceHub | MessageHub | PageClock)
-            hub.show(self._rewinder if is_rewound and self._rewinder is not None else runtime)
+            hub.show(self.rewinder if is_rewound and self.rewinder is not None else runtime)
 
     def close(self) -> None:
         """Stop without waiting for browsers."""
         for hub in self._hubs.values():
             hub.close()
-        if self._rewinder is not None:
-            self._rewinder.close()
+        if self.rewinder is not None:
+            self.rewinder.close()
         if self.tiles is not None:
             self.tiles.close()
         self.host.close()

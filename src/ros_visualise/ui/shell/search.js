@@ -147,9 +147,9 @@ export default {
       clearTimeout(this.asking);
       for (const live of [this.plots, this.opening, this.log]) live?.close();
     },
-    // The texts of a recording's messages, again while it is being read.
+    // The texts of messages, again while a recording is being read.
     async askTexts(words) {
-      if (words.length < SHORTEST || this.readOnly || rv.clock.state.live) return;
+      if (words.length < SHORTEST || this.readOnly) return;
       const { found = [], share = 1 } = await rv.ask({ ask: "texts", words }).catch(() => ({}));
       if (!this.isOpen || words !== this.words.trim()) return;
       this.texts = found.map(([to, topic, text], i) => ({ kind: "texts", word: WORDS.texts, name: `${rv.asClock(to)}  ${topic}  ${text}`, to, topic, key: i }));

@@ -177,10 +177,8 @@ class FoxgloveHub:
     def _offer(self, session: str, runtime: Runtime, graph: Graph) -> OfferedGraph:
         self._encoder = self._encoder or LockedEncoder()
         types = {name: topic.ros for name, topic in graph.topics.items()}
-        types |= {
-            name: TopicType(kind.type_name)  # type: ignore[attr-defined]
-            for name, kind in runtime.diagnostic_topics.items()
-        }
+        diagnostics = runtime.diagnostic_topics
+        types |= {name: TopicType(kind.type_name) for name, kind in diagnostics.items()}
         channels = {}
         for topic, kind in types.items():
             if (declared := self._declare(topic, kind)) is not None:
