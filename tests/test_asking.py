@@ -142,7 +142,7 @@ def test_a_thing_is_shown_without_the_name_of_a_command(capsys, tmp_path):
     for thing, answer in (
         (tmp_path / "log.txt", "not a video that FFmpeg can read"),
         (tmp_path / "none.bag", "no such file; give a file, a folder, a URL or a command"),
-        ("rtsp://127.0.0.1:1/x", "--rate, --loop and --start do not fit a live camera"),
+        ("rtsp://127.0.0.1:1/x", "--rate, --loop and --start do not apply to a live camera"),
     ):
         status, _, err = answer_to(capsys, thing, *PLAYED)
         assert (status, err.count("\n")) == (2, 1)

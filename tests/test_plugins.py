@@ -311,5 +311,5 @@ def test_a_name_belongs_to_one_package(packages):
     packages.add("two", text.format("of_two"), of_two=command.format("two"))
     done = packages.run("plugins", "--json")
     failures = [one["failure"] for one in json.loads(done.stdout)]
-    assert sorted(failures) == ["", "another package uses the name look, too"]
+    assert sorted(failures) == ["", "another package also uses the name look"]
     assert packages.run("look").stdout in ("one\n", "two\n")

@@ -64,6 +64,6 @@ def test_what_was_closed_is_printed():
         "closed:    12.0 to 14.5 s, at places of 2.2 s (7 keyframes, 41 or more points each)",
         "moved:     by up to 0.123 m",
         "not closed: 2 (contradicted by the odometry)",
-        "not closed: 3 (alike in several places)",
+        "not closed: 3 (similar to several places)",
     ]
     assert PlacesReport([], 0.0, 0, 0).lines(" m") == []

@@ -116,7 +116,7 @@ def test_an_imu_in_a_recording_gives_metres(recorded_flight, run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--imu", "/image_raw"], "no measurements of an IMU on /image_raw"),
+        (["--imu", "/image_raw"], "no IMU measurements on /image_raw"),
         (["--imu", "/imu0"], "no topic /imu0"),
         (["--imu", "/imu", "--height", "2"], "omit --height and --scale"),
     ],

@@ -302,7 +302,7 @@ def test_the_demo_goes_on_where_nothing_can_render(monkeypatch, caplog):
     source = demo_pipeline().source
     choose_backend.cache_clear()
     assert source.name == "landscape"
-    assert "MUJOCO_GL=off forbids rendering" in caplog.text
+    assert "MUJOCO_GL=off disables rendering" in caplog.text
 
 
 def test_odometry_by_eye_is_what_a_navigator_corrects_and_rests_first():

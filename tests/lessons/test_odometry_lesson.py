@@ -118,9 +118,9 @@ def is_true_of_corners(text, bgr):
     best = both[..., 0].max()
     holds(text, "has N and N", best, both[y, x, 1])
     least = best / 100
-    holds(text, "above N,", least)
+    holds(text, "above N large", least)
     corner, flat = (both[..., 0] > least).mean(), (both[..., 1] <= least).mean()
-    sentence = "then N % of the pixels are flat, N % are edges and N % are corners"
+    sentence = "N % of the pixels are flat, N % are edges and N % are corners"
     holds(text, sentence, 100 * flat, 100 * (1 - flat - corner), 100 * corner)
 
 

@@ -355,7 +355,8 @@ def test_bayer(picture):
     }
     sentence = (
         "more than 30 levels apart, at N % of the pixels without green, green is off by N levels"
-        " (RMS), by the bilinear method N; elsewhere by N and N"
+        " (RMS), and with the bilinear method by N. At the others it is off by N, and with the"
+        " bilinear method by N"
     )
     expected = [off[name, e] for e in (True, False) for name in ("edge_aware", "bilinear")]
     holds(texts["edge_aware"], sentence, 100 * edge[guessed[inner]].mean(), *expected)
@@ -441,7 +442,7 @@ class TestLandmarks:
         if "No tag" in text:  # its picture is too small for one
             assert min(picture.shape[:2]) < 60
             return
-        sentence = "here they hold N % and N %. In N random dots N % more or less are usual"
+        sentence = "here they hold N % and N %. With N random dots N % more or less is usual"
         inner, outer, dots, chance = shown(text, sentence)
         share = 1 - math.exp(-2)
         assert chance == pytest.approx(200 * math.sqrt(share * (1 - share) / dots), abs=0.5)

@@ -195,7 +195,7 @@ def test_what_comes_and_goes_is_recorded_as_a_telemetry_log(tmp_path, fakes):
 
 def test_without_a_vehicle_there_is_no_telemetry_log(tmp_path):
     runtime = LocalRuntime(image_pipeline("landscape"), Playback())
-    with pytest.raises(UsageError, match="no topic of MAVLink"):
+    with pytest.raises(UsageError, match="no MAVLink topic"):
         runtime.start_recording(tmp_path / "run.tlog")
     runtime.stop()
 

@@ -85,5 +85,7 @@ def test_one_end_of_a_line_is_no_other_one():
     robot = simulation_pipeline("quadrotor")
     with pytest.raises(UsageError, match="given twice"):
         as_vehicle(robot, ["udp://:14550", "udp://:14550"])
-    with pytest.raises(UsageError, match="--mavlink-vehicle uses it too; give that one udpout://"):
+    with pytest.raises(
+        UsageError, match="--mavlink-vehicle uses the same address; give it udpout://"
+    ):
         with_vehicles(as_vehicle(robot, ["udp://:14550"]), ["udp://:14550"])

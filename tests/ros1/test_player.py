@@ -153,7 +153,7 @@ def test_who_comes_late_gets_all_that_holds(bag, start, hear):
 def test_what_is_not_there_is_said(bag, start):
     cases = {
         "_path:=/no/such.bag": "no such",
-        "_image:=/front": "image=/front: no such topic of images; choose from /cam/image_raw",
+        "_image:=/front": "image=/front: no such image topic; choose from /cam/image_raw",
         "_topics:=/scan": "no topic /scan; choose from /cam/camera_info",
         "_wait_for:=/scan": "no such topic: /scan",
     }

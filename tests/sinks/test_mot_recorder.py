@@ -62,8 +62,8 @@ def test_a_recording_is_converted(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_only_one_topic_of_detections(tmp_path: Path) -> None:
     path = tmp_path / "t.txt"
-    with pytest.raises(UsageError, match="stores one topic of tracks"):
+    with pytest.raises(UsageError, match="can store only one topic with tracks"):
         open_recorder(path, TOPICS, named=["/image_raw"])
-    with pytest.raises(UsageError, match="no topic of tracks or detections"):
+    with pytest.raises(UsageError, match="no topic with tracks or detections"):
         open_recorder(path, {"/image_raw": TOPICS["/image_raw"]})
     assert not path.exists()

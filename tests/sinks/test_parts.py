@@ -276,5 +276,5 @@ def test_a_file_that_continues_no_earlier_recording_is_kept(tmp_path: Path) -> N
 
 
 def test_a_video_is_not_split(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"a \.mp4 is not split"):
+    with pytest.raises(UsageError, match=r"\.mp4 files cannot be split"):
         open_recorder(tmp_path / "v.mp4", TOPICS, split=TEN_SECONDS)

@@ -57,7 +57,7 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
     ("target", "expected"),
     [
         ("..", "not a valid name; give the name of a file or folder"),
-        ("r.avi", r"r.avi: the name of a recording ends in .mcap, .bag, .mp4, .csv, .txt"),
+        ("r.avi", r"r.avi: the name of a recording must end in .mcap, .bag, .mp4, .csv, .txt"),
         ("r.mp5", r"; did you mean .mp4\?"),
         (
             "r.bag@/nope",
@@ -67,8 +67,8 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
             "r.mp4@/nope",
             "no topic /nope; choose from /image_raw, /camera_info, /edges, /edges_over",
         ),
-        ("r.mp4@/edges,/image_raw", "stores one topic of images"),
-        ("r.mp4@/camera_info", "stores one topic of images"),
+        ("r.mp4@/edges,/image_raw", "can store only one image topic"),
+        ("r.mp4@/camera_info", "can store only one image topic"),
     ],
 )
 def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> None:
@@ -79,7 +79,7 @@ def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> N
 
 
 def test_a_video_needs_images(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no topic of images"):
+    with pytest.raises(UsageError, match="no image topic"):
         open_recorder(
             f"{tmp_path}/r.mp4",
             {"/parameter_events": TopicType("rcl_interfaces/msg/ParameterEvent")},

@@ -82,7 +82,7 @@ def test_nothing_is_refused(tmp_path):
 def test_a_folder_with_one_recording_opens_it_and_with_several_asks(tmp_path):
     assert_refused(tmp_path, "no recording, video or picture in this folder")
     (tmp_path / "clip.mp4").write_bytes(OTHER["video"])
-    assert_refused(tmp_path, f"contains clip.mp4; choose, for instance {tmp_path / 'clip.mp4'}")
+    assert_refused(tmp_path, f"contains clip.mp4; choose one, for instance {tmp_path / 'clip.mp4'}")
     written = made_bags.drive(tmp_path / "only.bag", steps=1)
     assert made_bags.contents(open_recording(tmp_path)) == written
     (tmp_path / "only.bag").unlink()

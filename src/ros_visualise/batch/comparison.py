@@ -35,13 +35,13 @@ METRICS: Mapping[str, str] = {
     "moved": "1 minus the mean overlap (IoU) of all other detections",
     "position_m": "rms distance of poses",
     "rotation_deg": "rms angle of poses",
-    "ate_m": "increase of the rms distance from the truth",
-    "nees": "increase of the mean NEES against the truth",
-    "images": "mean difference in brightness, contrast and sharpness, relative",
+    "ate_m": "increase in the rms distance from the truth",
+    "nees": "increase in the mean NEES against the truth",
+    "images": "mean relative difference in brightness, contrast and sharpness",
     "fields": "largest difference in numeric fields",
     "cpu": "ratio of processor times",
-    "step": "ratio of a node's median duration of a step",
-    "p99": "ratio of a node's 99th percentile of latency",
+    "step": "ratio of the median durations of a node's step",
+    "p99": "ratio of the 99th percentiles of a node's latency",
 }
 """Metric -> the number that is compared with its limit."""
 

@@ -301,7 +301,7 @@ def _readme(rows: Mapping[str, int]) -> str:
         "",
         "These Parquet files are built from `tasks/`. If you delete that folder, the next run"
         ' starts from scratch. Query them with `ros-visualise query FOLDER "SELECT ..."`, or open'
-        " them with DuckDB, pandas or polars. Their metadata `units` has the units, too.",
+        " them with DuckDB, pandas or polars. Their metadata also holds the units, as `units`.",
     ]
     for table in (*LISTED, *TABLES):
         lines += ["", f"## {table}: {rows[table]} rows", "", "| column | type | unit | |"]

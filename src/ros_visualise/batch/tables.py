@@ -51,7 +51,8 @@ _POSE = (
     "qy DOUBLE -: attitude",
     "qz DOUBLE -: attitude",
     "qw DOUBLE -: attitude",
-    "covariance DOUBLE[36] m2,m.rad,rad2: 6x6 by rows, of x, y, z and rotations; NULL if unknown",
+    "covariance DOUBLE[36] m2,m.rad,rad2: 6x6 in row-major order: x, y, z, rotations; NULL if"
+    " unknown",
 )
 
 TABLES: Mapping[str, tuple[Column, ...]] = {
@@ -59,8 +60,8 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "format VARCHAR -: format of the recording",
         "start_ns BIGINT ns: beginning of the recording",
         "end_ns BIGINT ns: its end",
-        "begin_s DOUBLE s: beginning of this part; NULL: of the whole recording",
-        "until_s DOUBLE s: its end; NULL: of the whole recording",
+        "begin_s DOUBLE s: beginning of this part; NULL: the whole recording",
+        "until_s DOUBLE s: end of this part; NULL: the whole recording",
         "messages BIGINT -: messages of the source in this part",
         "errors BIGINT -: errors of nodes",
         "reason VARCHAR -: the first error",
@@ -85,7 +86,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "inputs VARCHAR -: topics of its inputs, separated by commas",
         "processed BIGINT -: messages processed",
         "dropped BIGINT -: messages not processed, or without an answer",
-        "errors BIGINT -: errors outside of messages",
+        "errors BIGINT -: errors not caused by a message",
         "step_ms DOUBLE ms: median duration of a step",
         "p50_ms DOUBLE ms: median time from the source to the end of a step",
         "p99_ms DOUBLE ms: 99th percentile of the time from the source to the end of a step",
@@ -119,7 +120,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "longitude DOUBLE deg: WGS 84",
         "altitude DOUBLE m: above the ellipsoid",
         "status BIGINT -: below 0: no fix",
-        "covariance DOUBLE[9] m2: 3x3, east, north, up; NULL if unknown",
+        "covariance DOUBLE[9] m2: 3x3: east, north, up; NULL if unknown",
     ),
     "landmarks": declare(
         *_MADE,
@@ -133,7 +134,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "height BIGINT px: height",
         "brightness DOUBLE -: mean luma, 0 to 1",
         "contrast DOUBLE -: standard deviation of the luma, 0 to 1",
-        "sharpness DOUBLE -: variance of the Laplacian of the 8 bit luma; low: blurred",
+        "sharpness DOUBLE -: variance of the Laplacian of the 8-bit luma; low means blurred",
         "dark DOUBLE -: share of pixels at 0",
         "bright DOUBLE -: share of pixels at the maximum",
     ),
@@ -146,7 +147,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
 """Table -> the columns that a task writes; `recording` and `key` come before them."""
 
 INDEXED = declare(
-    "recording VARCHAR -: name of the recording, its path below the folder of all",
+    "recording VARCHAR -: name of the recording: its path relative to the folder of recordings",
     "key VARCHAR -: key of the task: content, pipeline, parameters and version",
 )
 LISTED: Mapping[str, tuple[Column, ...]] = {
@@ -162,7 +163,8 @@ LISTED: Mapping[str, tuple[Column, ...]] = {
         "parts BIGINT -: number of parts",
         "done BIGINT -: parts that are done",
         "messages BIGINT -: messages of the source",
-        "distance_m DOUBLE m: length of the path by its first topic of poses, else fixes, at 1 Hz",
+        "distance_m DOUBLE m: length of the path, sampled at 1 Hz, from the first topic with"
+        " poses, else fixes",
         "lost VARCHAR -: what could not be read; empty if nothing",
         "cpu_s DOUBLE s: processor time",
     ),

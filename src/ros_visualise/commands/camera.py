@@ -28,7 +28,7 @@ def run(options: CameraOptions) -> int:
     from ros_visualise.running.play import play
 
     if options.rate is not None or options.loop or options.start is not None:
-        raise UsageError("--rate, --loop and --start do not fit a live camera; omit them")
+        raise UsageError("--rate, --loop and --start do not apply to a live camera; omit them")
     return play(stream(options.input, options.size), options)
 
 

@@ -29,7 +29,7 @@ class CompareOptions:
     )
     slop: float = option(
         0.02,
-        "largest time difference of messages that are compared, seconds (default: 0.02)",
+        "largest time difference between messages that are compared, seconds (default: 0.02)",
         type=not_negative,
         metavar="S",
     )

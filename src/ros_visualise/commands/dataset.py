@@ -30,7 +30,8 @@ class DatasetOptions:
     every: int = option(1, "only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
-        "for lerobot, the topic of commands, kept by the batch's --fields '/cmd_vel.*' (default:"
+        "for lerobot, the topic of the robot's commands, which the batch kept by --fields"
+        " '/cmd_vel.*' (default:"
         " the velocity of the poses)",
         metavar="TOPIC",
     )

@@ -25,7 +25,7 @@ class DocsOptions:
         nargs="?",
         metavar="PAGE",
     )
-    no_open: bool = option(False, "print the address and open no browser")
+    no_open: bool = option(False, "print the address without opening a browser")
 
 
 def run(options: DocsOptions) -> int:

@@ -26,7 +26,7 @@ def run(options: LiveOptions) -> int:
     from ros_visualise.sources.servers import is_server
 
     if options.rate is not None or options.loop or options.start is not None:
-        raise UsageError("--rate, --loop and --start do not fit live topics; omit them")
+        raise UsageError("--rate, --loop and --start do not apply to live topics; omit them")
     if not is_server(options.input):
         raise UsageError(f"{options.input}: give an address such as ws://192.168.1.10:8765")
     return play(server(options.input, options.topics, options.image, options.odom), options)

@@ -30,14 +30,14 @@ class QueryOptions:
         nargs="?",
         metavar="SQL",
     )
-    csv: Path | None = option(None, "write the answer to a CSV file", metavar="FILE")
-    parquet: Path | None = option(None, "write the answer to a Parquet file", metavar="FILE")
+    csv: Path | None = option(None, "write the result to a CSV file", metavar="FILE")
+    parquet: Path | None = option(None, "write the result to a Parquet file", metavar="FILE")
     plot: Path | None = option(
         None,
-        "plot the answer as .svg or .png: the first column is x, the other numbers are y",
+        "plot the result as .svg or .png: the first column is x, the other numbers are y",
         metavar="FILE",
     )
-    json: bool = option(False, "print the answer as a JSON array of objects")
+    json: bool = option(False, "print the result as a JSON array of objects")
     overwrite: bool = option(False, "replace existing files")
 
 

@@ -24,8 +24,8 @@ class SimOptions(WorldOptions, SizedOptions):
     profile: str | None = profile_option("realistic", "realistic")
     mavlink_vehicle: Sequence[str] = option(
         [],
-        "let ground stations and MAVLink programs find the robot as a PX4, such as"
-        " udpout://127.0.0.1:14550 for QGroundControl; repeatable",
+        "present the robot as a PX4 vehicle to ground stations and MAVLink programs at this"
+        " address, such as udpout://127.0.0.1:14550 for QGroundControl; repeatable",
         metavar="ADDRESS",
     )
 

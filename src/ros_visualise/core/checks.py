@@ -17,7 +17,7 @@ from ros_visualise.core.synchronizer import EACH, Latest, SyncPolicy
 def check_name(what: str, name: str) -> None:
     """Check that a name can be part of a topic."""
     if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
-        raise UsageError(f"{what}: invalid name; use letters, digits and _, the first a letter")
+        raise UsageError(f"{what}: invalid name; use letters, digits and _, starting with a letter")
 
 
 def check_kinds(name: str, ports: Mapping[str, Any]) -> None:
@@ -82,7 +82,7 @@ def check_inputs(
             check_step(name, target, [port, *extras])
         except UsageError as error:
             raise UsageError(
-                f"{error}: every message comes alone; to match them by their stamps add"
+                f"{error}: each message arrives alone; to match them by their stamps add"
                 f" sync=Exact(), Approximate(SECONDS) or Latest({inputs[0]!r}),"
                 " else give every input the default None"
             ) from None

@@ -111,7 +111,7 @@ class Registry(Generic[T]):
         if plugin.name in self.builtin:
             return f"the name {plugin.name} is built in; choose another"
         if self._entry_points[plugin.name].value != plugin.value:
-            return f"another package uses the name {plugin.name}, too"
+            return f"another package also uses the name {plugin.name}"
         try:
             self.find(plugin.name)
         except PluginError as error:

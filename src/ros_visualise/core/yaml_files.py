@@ -127,7 +127,7 @@ class _Composer(Composer):
             return self._sizes.get(event.anchor, self._most)
         is_plain = isinstance(event, ScalarEvent) and event.implicit[0]
         if is_plain and len(event.value) > _LONGEST_PLAIN:
-            raise _refused(f"a value of more than {_LONGEST_PLAIN} letters without quotes", event)
+            raise _refused(f"an unquoted value of more than {_LONGEST_PLAIN} characters", event)
         return 1
 
 

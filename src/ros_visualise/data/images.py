@@ -263,7 +263,9 @@ def _yuv422(message: Any, order: str) -> Deferred:
 def _planes(message: Any, name: str) -> Deferred:
     height, width = int(message.height), int(message.width)
     if name == "nv24" and message.step != width:
-        raise ValueError(f"nv24 of {width} pixels with a step of {message.step} bytes is not read")
+        raise ValueError(
+            f"nv24 of {width} pixels with a step of {message.step} bytes is not supported"
+        )
     if name != "nv24":
         _need_even(message, width, height)
     rows = _rows(message, height + height * _PLANES[name] // 2, width)

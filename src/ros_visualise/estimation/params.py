@@ -163,7 +163,7 @@ class CameraErrorParams:
     )
     delay: float = param(
         0.5,
-        "maximum delay of a measurement, seconds; up to it, each is applied at its own time",
+        "maximum delay of a measurement, seconds; within it, each is applied at its own timestamp",
         min=0.01,
         max=60,
         slider=(0.1, 2),
@@ -171,7 +171,8 @@ class CameraErrorParams:
     )
     camera_clock: float = param(
         0.05,
-        "estimate an offset of the camera's clock: its standard deviation, s; 0: off",
+        "standard deviation of the offset of the camera's clock, which is then estimated,"
+        " seconds; 0: off",
         min=0,
         max=1,
         slider=(0, 0.2),
@@ -185,7 +186,8 @@ class CameraErrorParams:
     )
     camera_turn: float = param(
         0.5,
-        "estimate an error of the camera's mounting: its standard deviation, degrees; 0: off",
+        "standard deviation of the error of the camera's mounting, which is then estimated,"
+        " degrees; 0: off",
         min=0,
         max=20,
         slider=(0, 5),
@@ -193,7 +195,7 @@ class CameraErrorParams:
     )
     camera_turn_time: float = param(
         20.0,
-        "time constant of the error of the mounting, seconds, such as a gimbal's; 0: constant",
+        "time constant of the mounting error, seconds, as with a gimbal; 0: the error is constant",
         min=0,
         max=1e5,
         slider=(0, 100),

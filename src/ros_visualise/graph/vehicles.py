@@ -37,7 +37,8 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
             raise UsageError(f"--mavlink {address}: given twice; ?system=2 follows another vehicle")
         if line in own:
             raise UsageError(
-                f"--mavlink {line}: --mavlink-vehicle uses it too; give that one udpout://HOST:PORT"
+                f"--mavlink {line}: --mavlink-vehicle uses the same address; give it"
+                f" udpout://HOST:PORT instead"
             )
         node = _beside(graph, place(find_node(_AUTOPILOT), {}), number)
         settings = {"address": line, "system": system, "simulated": is_simulated}

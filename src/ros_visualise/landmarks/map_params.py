@@ -24,7 +24,7 @@ class MapParams:
         "object_", "prefix for classes of other objects that are only numbers", group="map"
     )
     moving: str = param(
-        "", "moving classes, ignored as landmarks, such as pad, person", group="map"
+        "", "classes of objects that move, ignored as landmarks, such as pad, person", group="map"
     )
     ground: bool = param(
         True, "place objects of unknown distance, such as posts, on the ground", group="ground"

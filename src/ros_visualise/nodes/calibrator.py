@@ -42,7 +42,7 @@ class CalibratorParams:
         min=0,
         max=0.95,
     )
-    dictionary: str = param("", "OpenCV's name of the set of markers; empty is the usual one")
+    dictionary: str = param("", "OpenCV's name for the set of markers; empty is the usual one")
     model: Lens = param(Lens.PINHOLE, "lens model")
     file: str = param(
         "camera.yaml",
@@ -62,7 +62,7 @@ class CalibratorParams:
     splittable=False,
 )
 class CameraCalibrator:
-    """Collects views of a board, and calibrates the camera from them when asked."""
+    """Collects views of a board, and calibrates the camera from them on request."""
 
     def __init__(self, params: CalibratorParams) -> None:
         self._params = params

@@ -89,10 +89,19 @@ class FiltersParams:
         used=when("blur", Blur.BILATERAL),
     )
     contrast: float = param(
-        1.0, "factor of all values; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
+        1.0,
+        "factor that multiplies all values; 1 is off",
+        min=0,
+        max=10,
+        slider=(0, 3),
+        group="tone",
     )
     brightness: int = param(
-        0, "offset of all values (x 257 at 16 bits); 0 is off", min=-255, max=255, group="tone"
+        0,
+        "offset added to all values (x 257 at 16 bits); 0 is off",
+        min=-255,
+        max=255,
+        group="tone",
     )
     equalize: Equalize = param(
         Equalize.OFF,

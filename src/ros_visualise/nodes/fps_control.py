@@ -36,7 +36,7 @@ class FpsParams:
     timed=True,
 )
 class FpsControl:
-    """Limits images to a requested rate, by their timestamps, without repeating or delaying one.
+    """Limits images to a requested rate, by their timestamps, without repeating or delaying any.
 
     Images without a timestamp are taken by their arrival times.
     """

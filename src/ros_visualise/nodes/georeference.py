@@ -154,8 +154,8 @@ class GeoreferenceParams:
     )
     terrain_shift: float = param(
         0.0,
-        "offset added to the heights of the terrain model, such as that of the geoid, metres;"
-        " unused with a known point of take-off",
+        "offset added to the heights of the terrain model, such as the geoid's height, metres;"
+        " unused if the point of take-off is known",
         min=-1e4,
         max=1e4,
         slider=(-100, 100),
@@ -305,7 +305,7 @@ class Georeference:
         if self._camera in known or BODY not in known:
             return frames.lookup(fixed, self._camera, stamp_ns)
         if GIMBAL in known:
-            self._remarks.say(f"no frame {self._camera}: it looks where {GIMBAL} does")
+            self._remarks.say(f"no frame {self._camera}: assumed to look where {GIMBAL} does")
             T_gimbal_camera = np.eye(4)
             T_gimbal_camera[:3, :3] = R_body_camera(0.0)
             return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera

@@ -89,7 +89,7 @@ class LandingTargetParams:
     )
     patience: float = param(
         0.5,
-        "time after which sightings that contradict the estimate replace it, seconds",
+        "time until sightings that keep contradicting the estimate replace it, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 5),
@@ -97,7 +97,8 @@ class LandingTargetParams:
     )
     attitude_sigma: float = param(
         0.5,
-        "standard deviation of the camera's attitude, degrees; raised by images that show more",
+        "standard deviation of the camera's attitude, degrees; raised if the images show a"
+        " larger one",
         min=0,
         max=45,
         slider=(0, 5),

@@ -99,7 +99,7 @@ class LandmarkParams:
     )
     threads: int = param(
         2,
-        "number of threads for one image; more are faster, and slow down other nodes",
+        "number of threads for one image; more are faster, but slow down other nodes",
         min=1,
         max=64,
         restart=True,

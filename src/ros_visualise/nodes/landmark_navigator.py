@@ -85,7 +85,7 @@ _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
     splittable=False,
 )
 class LandmarkNavigator:
-    """Corrects the odometry by landmarks: publishes map -> odom, and the robot's pose in the map.
+    """Corrects odometry using landmarks: publishes map -> odom, and the robot's pose in the map.
 
     An IMU, if any, propagates the pose between odometries; GPS, if any, corrects it too.
     """
@@ -104,7 +104,9 @@ class LandmarkNavigator:
         if params.mode is MapMode.BUILD:
             return
         if not params.map:
-            raise OpenError(f"mode {params.mode.value} needs a map; give its file as map")
+            raise OpenError(
+                f"mode {params.mode.value} needs a map; set the parameter map to its file"
+            )
         self._frame, several, self._common = map_file.load(Path(params.map))
         self._given = _named(several)
         self._settings = _on(self._settings, self._common)

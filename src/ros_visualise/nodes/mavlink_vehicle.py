@@ -25,10 +25,12 @@ class MavlinkVehicleParams:
     system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)
     gps: bool = param(
         True,
-        "use GPS; without it, the vehicle flies by the poses that it is sent (EKF2_GPS_CTRL is 0)",
+        "use GPS; if off, the vehicle relies on the poses sent to it (as with EKF2_GPS_CTRL = 0)",
         restart=True,
     )
-    fixed_frame: str = param("map", "frame whose x axis points east; if it is missing, odom's does")
+    fixed_frame: str = param(
+        "map", "frame whose x axis points east; if it is missing, odom is used"
+    )
 
 
 @node(
@@ -41,7 +43,7 @@ class MavlinkVehicleParams:
     splittable=False,
 )
 class MavlinkVehicle:
-    """Presents a flying robot as a PX4, which ground stations and companion computers find and fly.
+    """Presents a flying robot to ground stations and companion computers as a PX4 vehicle.
 
     It is for simulated robots: a robot that follows the velocities of ``cmd_vel`` does what PX4's
     modes would do, by its own odometry. While it is disarmed, it publishes none.

@@ -60,8 +60,8 @@ class MosaicParams:
     )
     tiles: int = param(
         400,
-        "largest number of tiles of 256 x 256 pixels (256 KiB); where there are more, pixels become"
-        " twice as large",
+        "largest number of tiles of 256 x 256 pixels (256 KiB); beyond it, pixels become twice"
+        " as large",
         min=16,
         max=16_384,
         slider=(100, 2000),
@@ -69,8 +69,8 @@ class MosaicParams:
     )
     spacing: float = param(
         0.1,
-        "minimum movement of the image on the ground before another one is laid, as a fraction of"
-        " its width; 0 is every image",
+        "minimum movement on the ground before the next image is added, as a fraction of the"
+        " image's width; 0 adds every image",
         min=0,
         max=1,
     )

@@ -54,7 +54,10 @@ class PathParams:
         slider=(10, 20_000),
     )
     rate: float = param(
-        5.0, "highest rate of paths, by the timestamps, Hz; 0 is one for each pose", min=0, max=100
+        5.0,
+        "maximum publishing rate, by the timestamps, Hz; 0 publishes with every pose",
+        min=0,
+        max=100,
     )
     tf_parent: str = param(
         "", "frame in which tf_child is followed, by tf; both empty: follow the other inputs"

@@ -24,7 +24,7 @@ from ros_visualise.nodes import NoParams, node
     splittable=False,
 )
 class PoseError:
-    """Error of a pose: in metres, and by its own covariance (NEES).
+    """Error of a pose: in metres, and relative to its own covariance (NEES).
 
     NEES is 6 on average where the covariance is honest, and from 1.2 to 14.4 in 95 of 100 cases.
     """

@@ -24,7 +24,7 @@ class RectifyParams:
         max=1,
     )
     interpolation: Interpolation = param(
-        Interpolation.LINEAR, "interpolation between pixels; for depth always nearest"
+        Interpolation.LINEAR, "interpolation between pixels; depth images always use nearest"
     )
 
 

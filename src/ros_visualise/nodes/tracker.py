@@ -121,7 +121,7 @@ class TrackerParams:
     )
     acceleration: float = param(
         0.25,
-        "standard deviation of the change of an object's velocity in one second, lengths of its box"
+        "standard deviation of the change of an object's velocity in one second, in box lengths"
         " per second",
         min=0.01,
         max=100,

@@ -60,7 +60,7 @@ class CameraMotionParams:
 
     height: float = param(
         0.0,
-        "height of the camera over the ground, metres, which gives the scale; 0: unknown",
+        "height of the camera above the ground, metres, which gives the scale; 0: unknown",
         min=0,
         max=1000,
         slider=(0, 10),
@@ -77,7 +77,8 @@ class CameraMotionParams:
     )
     camera_clock: float = param(
         0.02,
-        "offset of the camera's clock from the IMU's (standard deviation), seconds; estimated",
+        "standard deviation of the offset between the clocks of camera and IMU, which is"
+        " estimated, seconds",
         min=0,
         max=1,
     )

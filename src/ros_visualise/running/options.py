@@ -131,7 +131,7 @@ class PaceOptions(PartOptions):
         f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
         type=rate,
     )
-    loop: bool = option(False, "start again at the end")
+    loop: bool = option(False, "start over at the end")
     paused: bool = False
     """Begin paused; no argument."""
 
@@ -206,7 +206,7 @@ class OutputOptions:
 
     record: Sequence[str] = option(
         [],
-        "record to an .mcap, a .bag or a ROS 2 folder, one topic of images to an .mp4 "
+        "record to an .mcap, a .bag or a ROS 2 folder, one image topic to an .mp4 "
         "(default: /edges), numbers to a .csv, tracks to a .txt (MOT format), or MAVLink to a"
         " .tlog; repeatable",
         metavar="OUT[@TOPIC,...]",

@@ -23,7 +23,9 @@ class LiveParams:
 class PlayingParams(LiveParams):
     """Playback of a recording, beside the source's own parameters."""
 
-    paused: bool = param(False, "pause; true at the end, where false plays again", saved=False)
+    paused: bool = param(
+        False, "pause; becomes true at the end, where false plays again", saved=False
+    )
     rate: float = param(
         1.0,
         "playback speed; 0 is as fast as possible",

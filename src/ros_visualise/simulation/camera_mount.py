@@ -38,7 +38,7 @@ class GimbalParams(CameraSensorParams):
     """Parameters of a camera on a gimbal."""
 
     camera_gimbal: bool = _gimbal(
-        True, "keep the camera level by a gimbal while the body rolls and pitches"
+        True, "keep the camera level with a gimbal while the body rolls and pitches"
     )
     gimbal_error: float = _gimbal(
         0.0,

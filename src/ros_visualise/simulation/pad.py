@@ -66,8 +66,12 @@ class PadParams:
     pad_reach: float = _pad(
         4.0, "length of the pad's line or diameter of its circle, m", min=0.1, max=1000
     )
-    pad_x: float = _pad(-3.5, "start of the pad, east of the robot's start, m", min=-1000, max=1000)
-    pad_y: float = _pad(1.5, "start of the pad, north of the robot's start, m", min=-1000, max=1000)
+    pad_x: float = _pad(
+        -3.5, "initial position of the pad, east of the robot's start, m", min=-1000, max=1000
+    )
+    pad_y: float = _pad(
+        1.5, "initial position of the pad, north of the robot's start, m", min=-1000, max=1000
+    )
     pad_heading: float = _pad(
         0.0,
         "heading and first direction of motion of the pad, from east, degrees",

@@ -27,11 +27,11 @@ from ros_visualise.simulation.worlds import OURS
 class _CommonParams:
     map_to_odom: bool = setting(
         True,
-        "publish the transform from map to odom; switch it off if a navigator does: "
-        "odom_start then replaces odom",
+        "publish the transform from map to odom; switch it off if a navigator publishes it:"
+        " odom_start then replaces odom",
     )
     command_timeout: float = setting(
-        0.5, "duration of a velocity command unless repeated, seconds", min=0.05, max=60
+        0.5, "how long a velocity command holds unless repeated, seconds", min=0.05, max=60
     )
     mission_delay: float = setting(
         0.0, "time at rest before the first mission, seconds", min=0, max=3600

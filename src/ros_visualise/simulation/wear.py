@@ -39,9 +39,7 @@ class WearParams:
     tag_copies: int = _wear(
         0, "additional tags with an id that the world already has", min=0, max=100
     )
-    clutter: int = _wear(
-        0, "objects that look like tags, helipads or posts, but are not", min=0, max=200
-    )
+    clutter: int = _wear(0, "objects that only resemble tags, helipads or posts", min=0, max=200)
 
 
 class Wear(NamedTuple):

@@ -143,9 +143,9 @@ def kind_of(path: Path) -> Kind:
     kind = {"": "folder", **kinds}.get(path.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"{path}: the name of a recording ends in .mcap, .bag, .mp4, .csv, .txt (tracks) or"
-            " .tlog (MAVLink), optionally followed by @/TOPIC; without a suffix it is the folder of"
-            " a ROS 2 bag" + did_you_mean(path.suffix, filter(None, kinds), listed=False)
+            f"{path}: the name of a recording must end in .mcap, .bag, .mp4, .csv, .txt (tracks) or"
+            " .tlog (MAVLink), optionally followed by @/TOPIC; a name without a suffix makes a"
+            " ROS 2 bag folder" + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
 
@@ -205,7 +205,9 @@ def open_recorder(
     wanted = _choose_topics(path, named, topics, on_demand)
     if kind in ("mp4", "csv", "txt", "tlog"):
         if split is not None:
-            raise UsageError(f"{path}: a .{kind} is not split; record to .mcap, .bag or a folder")
+            raise UsageError(
+                f"{path}: .{kind} files cannot be split; record to .mcap, .bag or a folder"
+            )
         return _open_extract(path, kind, wanted, bool(named), overwrite, live)
     also = [name for topic, name in (beside or {}).items() if topic in wanted]
     wanted |= {name: topics[name] for name in also if name in topics}

@@ -199,7 +199,7 @@ def begin_conversion(
     if kind_of(target) == "mp4":
         images = [topic for topic in named or types if types[topic].data_class is Image]
         if len(images) > 1:
-            raise UsageError(f"{target}: choose one topic of images from {', '.join(images)}")
+            raise UsageError(f"{target}: choose one image topic from {', '.join(images)}")
     recorder = open_recorder(
         target,
         types,

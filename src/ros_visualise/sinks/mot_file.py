@@ -22,10 +22,11 @@ def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> st
     found = [topic for topic, kind in topics.items() if kind.data_class is Detections]
     if named and (len(topics) > 1 or not found):
         raise UsageError(
-            f"{path}: a .txt stores one topic of tracks or detections; record to .mcap instead"
+            f"{path}: a .txt can store only one topic with tracks or detections; record to .mcap"
+            f" instead"
         )
     if not found:
-        raise UsageError(f"{path}: no topic of tracks or detections to record")
+        raise UsageError(f"{path}: no topic with tracks or detections to record")
     return found[-1]
 
 

@@ -60,9 +60,9 @@ def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> st
     """
     images = [topic for topic, kind in topics.items() if kind.data_class is Image]
     if named and (len(topics) > 1 or not images):
-        raise UsageError(f"{path}: an .mp4 stores one topic of images; record to .mcap instead")
+        raise UsageError(f"{path}: an .mp4 can store only one image topic; record to .mcap instead")
     if not images:
-        raise UsageError(f"{path}: no topic of images to record")
+        raise UsageError(f"{path}: no image topic to record")
     return images[-1]
 
 
@@ -249,8 +249,8 @@ def _require_encoder(path: Path) -> None:
         av.Codec(_ENCODER, "w")
     except UnknownCodecError:
         raise OpenError(
-            f"{path}: this PyAV is built without {_ENCODER}; record to .mcap instead, or replace it"
-            " by `pip install --force-reinstall av`"
+            f"{path}: this PyAV is built without {_ENCODER}; record to .mcap instead, or"
+            f" reinstall it with `pip install --force-reinstall av`"
         ) from None
 
 

@@ -20,7 +20,7 @@ def mavlink_topics(path: Path, topics: Mapping[str, TopicType]) -> list[str]:
         if kind.data_class is Octets and topic.endswith("/mavlink")
     ]
     if not found:
-        raise UsageError(f"{path}: no topic of MAVLink to record; a vehicle has one, by --mavlink")
+        raise UsageError(f"{path}: no MAVLink topic to record; connect a vehicle with --mavlink")
     return found
 
 

@@ -130,7 +130,7 @@ def _why_none(found: Trajectory, truth: Trajectory, most_ns: int) -> str:
     )
     return (
         f"no poses within {most_ns / _NS:g} s of each other: {', '.join(spans)};"
-        " a larger maximum difference allows more"
+        " allow a larger maximum difference"
     )
 
 

@@ -177,7 +177,7 @@ def _no_video(path: Path, why: str = "") -> OpenError:
     with open_file(path) as file:
         head = file.read(16)
     if head.startswith(_PLAYLISTS):
-        return OpenError(f"{path}: a playlist, which only names videos; give one of these")
+        return OpenError(f"{path}: a playlist, which only names videos; give one of them")
     if head[4:8] == b"ftyp":
         return OpenError(
             f"{path}: {why}cut off, its index is missing; copy it again, or repair it with untrunc"

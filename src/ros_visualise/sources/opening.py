@@ -211,7 +211,7 @@ def _nothing_in(folder: Path) -> str:
 def _several_in(folder: Path, found: Sequence[Path]) -> str:
     names = ", ".join(item.name for item in found[:_LISTED])
     more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-    return f"{folder}: a folder that contains {names}{more}; choose, for instance {found[0]}"
+    return f"{folder}: a folder that contains {names}{more}; choose one, for instance {found[0]}"
 
 
 def _format_of_folder(path: Path) -> Format | None:

@@ -172,7 +172,8 @@ def test_poses_that_are_cut_off_are_said(opened, sequence, kept):
     assert "/odom" not in recording.topics if not kept else True
     assert len(messages(recording, "/odom")) == kept
     (note,) = recording.loss.notes
-    said = f"{5 - kept} of 5 poses are missing or damaged; as many of /odom and /tf skipped"
+    said = f"{5 - kept} of 5 poses are missing or damaged"
+    said += "; as many messages of /odom and /tf skipped"
     assert note == f"../../poses/04.txt: {said}"
 
 

@@ -101,7 +101,7 @@ def test_samples_of_a_topic_whose_record_is_missing_are_counted(tmp_path):
     (tmp_path / "a.ulg").write_bytes(data)
     loss = read_ulog(tmp_path / "a.ulg", ["gyro"]).loss
     assert loss.messages == 5
-    assert loss.notes == ["5 samples of undescribed topics"]
+    assert loss.notes == ["5 samples of topics without a description"]
 
 
 def test_parts_that_were_appended_after_a_crash_are_read():

@@ -8,7 +8,9 @@ from ros_visualise.nodes import param
 
 @dataclass(frozen=True)
 class DopplerErrorParams:
-    doppler: bool = param(True, "use a Doppler radar if available, beside an IMU", group="doppler")
+    doppler: bool = param(
+        True, "use a Doppler radar, together with an IMU, if available", group="doppler"
+    )
     doppler_scale: float = param(
         0.01, "scale error (standard deviation), as a fraction", min=0, max=1, group="doppler"
     )

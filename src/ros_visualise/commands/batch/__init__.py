@@ -39,8 +39,8 @@ class BatchOptions(SettingOptions, MemoryOptions):
     topics: Sequence[str] = option(
         [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
-    image: str | None = option(None, "topic of images, or none (default: the first)")
-    odom: str | None = option(None, "topic of the robot's path, or none (default: the first)")
+    image: str | None = option(None, "image topic, or none (default: the first one)")
+    odom: str | None = option(None, "topic of the robot's path, or none (default: the first one)")
     fields: Sequence[str] = option(
         [],
         "keep numeric fields, such as '/imu/data.angular_velocity.*'; repeatable",

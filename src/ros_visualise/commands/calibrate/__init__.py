@@ -43,7 +43,7 @@ class BoardOptions:
     )
     dictionary: str | None = option(
         None,
-        "OpenCV's name of the markers (default: 5X5_1000; of an AprilGrid APRILTAG_36h11)",
+        "OpenCV's name for the set of markers (default: 5X5_1000; for an AprilGrid APRILTAG_36h11)",
         metavar="NAME",
     )
     board: Path | None = option(
@@ -69,7 +69,7 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
         " (default: %(default)s)",
         choices=("pinhole", "rational", "fisheye"),
     )
-    topic: str | None = option(None, "topic of images in a recording (default: the first)")
+    topic: str | None = option(None, "image topic of a recording (default: the first)")
     duration: float | None = option(
         None, "watch a camera for S seconds", type=positive, metavar="S"
     )

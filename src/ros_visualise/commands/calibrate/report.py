@@ -68,7 +68,7 @@ def warnings_of(found: CameraCalibration, better: Lens | None) -> list[str]:
     if found.uncertainty.corners > _UNSURE_PX:
         texts.append("the image corners are uncertain: hold the board there too")
     if better is not None:
-        texts.append(f"--model {better.value} predicts held-out views better or equally well")
+        texts.append(f"--model {better.value} predicts held-out views at least as well")
     return texts
 
 

@@ -19,7 +19,7 @@ class ConvertOptions(MemoryOptions):
         "the recording or film; several are merged", metavar="SRC", nargs="+"
     )
     output: str = argument(
-        "the new file: .bag or .mcap, .mp4 for one topic of images, .csv for numbers, .txt for"
+        "the new file: .bag or .mcap, .mp4 for one image topic, .csv for numbers, .txt for"
         " tracks (MOT format); a name without a suffix makes a ROS 2 folder",
         metavar="DST",
     )

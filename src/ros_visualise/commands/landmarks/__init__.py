@@ -29,16 +29,16 @@ class DetectionOptions:
     )
     tags: str = option(
         "",
-        "file with the sizes of tags and with bundles of tags, in apriltag_ros's format; also"
-        " ignore_tags and tag_id_remap, as TagSLAM has them",
+        "file with tag sizes and tag bundles in apriltag_ros's format, and optionally TagSLAM's"
+        " ignore_tags and tag_id_remap",
         metavar="SIZES.yaml",
     )
     ignore_tags: str = option(
-        "", "ids of tags that are ignored, such as those on things that move", metavar="ID,..."
+        "", "ids of tags to ignore, such as those on moving things", metavar="ID,..."
     )
     size: float | None = option(
         None,
-        "side of the black square of all tags that are not in --tags; needed for poses",
+        "side of the black square, for all tags that are not in --tags; needed for poses",
         type=tag_size,
         metavar="METRES",
     )
@@ -50,8 +50,8 @@ class DetectionOptions:
     )
     calibration: str = option(
         "",
-        "the camera's calibration, in ROS's format; needed for poses; for several cameras, a file"
-        " each",
+        "the camera's calibration, in ROS's format; needed for poses; for several cameras, one"
+        " file each",
         metavar="FILE.yaml,...",
     )
 
@@ -67,7 +67,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     beside: Sequence[str] = option(
         [],
-        "a recording or log of the same time, such as flight.ulg, with the poses of the camera;"
+        "a recording or log from the same time, such as flight.ulg, with the poses of the camera;"
         " repeatable",
         metavar="FILE",
     )
@@ -93,7 +93,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         metavar="OUT.geojson|.kml|.gpx|.csv",
     )
     tracks: bool = option(
-        False, "follow objects over time by the node tracker; --geo has the track of each"
+        False, "follow objects over time with the node tracker; --geo then contains their tracks"
     )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")

@@ -69,8 +69,8 @@ def _scales(found: SmoothedMap) -> Iterator[str]:
     for name, factor in factors.items():
         if factor >= _LASTING:
             yield (
-                f"survey: {name} deviate {factor:.1f} times as much as their sigma;"
-                " weighted accordingly"
+                f"survey: {name} deviate by {factor:.1f} times the given sigma; weighted"
+                " accordingly"
             )
     if _is_longer(found):
         longer, sigma = _shared(found, LONGER)

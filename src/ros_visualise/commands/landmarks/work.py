@@ -127,8 +127,8 @@ def _save_map(
         return
     if is_empty:
         raise RosVisualiseError(
-            f"{options.map}: not written: no landmarks in the map; give the tags' size by --size"
-            " or --tags, and the camera's calibration"
+            f"{options.map}: not written: no landmarks in the map; give the tag size with --size"
+            f" or --tags, and the camera's calibration"
         )
     runtime.act(LOCALIZER, "save_map")
     if stopped:

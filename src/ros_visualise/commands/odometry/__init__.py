@@ -40,10 +40,10 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     """Options of ``odometry``."""
 
     input: str = argument(
-        "a film, a folder of pictures, KITTI's folders, or a recording with images", metavar="SRC"
+        "a film, a folder of pictures, a KITTI folder, or a recording with images", metavar="SRC"
     )
     topic: str | None = option(
-        None, "topic of the images of a recording (default: the first)", metavar="TOPIC"
+        None, "image topic of a recording (default: the first)", metavar="TOPIC"
     )
     right: str | None = option(
         None,
@@ -59,14 +59,14 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     height: float | None = option(
         None,
-        "height of the camera over the ground, which gives the scale",
+        "height of the camera above the ground, which gives the scale",
         type=positive,
         metavar="METRES",
     )
     scale: str | None = option(
         None,
-        "topic of odometry, poses or fixes that gives the scale; without a scale lengths have no"
-        " unit",
+        "topic with odometry, poses or fixes, which gives the scale; without a scale, lengths"
+        " have no unit",
         metavar="TOPIC",
     )
     imu: str | None = option(
@@ -76,7 +76,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         metavar="TOPIC",
     )
     fps: float = option(
-        10.0, "pictures of a folder per second (default: %(default)g)", type=positive, metavar="N"
+        10.0, "pictures per second of a folder (default: %(default)g)", type=positive, metavar="N"
     )
     readout: float = option(
         0.0,

@@ -127,7 +127,7 @@ class _Recorded(CameraInput):
             self._moving: list[str] = []
             if self._imu:
                 if recording.topics[self._imu].type.data_class is not Imu:
-                    raise UsageError(f"{self._path}: no measurements of an IMU on {options.imu}")
+                    raise UsageError(f"{self._path}: no IMU measurements on {options.imu}")
                 self.frames = _static_frames(recording)
                 self._moving = [name for name in recording.topics if name.lstrip("/") == "tf"]
 
@@ -142,7 +142,7 @@ class _Recorded(CameraInput):
         """The other camera of a stereo pair, if there is one."""
         images = [name for name, one in recording.topics.items() if one.type.data_class is Image]
         if wanted and wanted not in images:
-            raise UsageError(f"{recording.path}: no topic {wanted} of images")
+            raise UsageError(f"{recording.path}: no image topic {wanted}")
         tree = _static_frames(recording)
         for name in [wanted] if wanted else images:
             other, size = _look(recording, name)
@@ -153,7 +153,7 @@ class _Recorded(CameraInput):
                 return
         if wanted:
             raise UsageError(
-                f"{wanted}: no calibration or transform places it right of {self._topic}"
+                f"{wanted}: no calibration or transform places it to the right of {self._topic}"
             )
 
     def read(self) -> Iterator[CameraImage | Position | Imu]:
@@ -268,5 +268,5 @@ def _read_rows(path: Path, size: tuple[int, int]) -> CameraInfo:
     except (OSError, ValueError, IndexError):
         raise OpenError(f"{path}: not KITTI's calibration, whose lines have 12 numbers") from None
     if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0):
-        raise OpenError(f"{path}: not the projection of a camera")
+        raise OpenError(f"{path}: not a camera's projection matrix")
     return replace(CameraInfo(size[1], size[0], P[:, :3]), P=P)

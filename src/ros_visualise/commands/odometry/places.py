@@ -66,7 +66,7 @@ class PlacesReport(NamedTuple):
             found.append(f"moved:     by up to {self.moved:.3f}{unit}")
         for count, why in (
             (self.rejected, "contradicted by the odometry"),
-            (self.ambiguous, "alike in several places"),
+            (self.ambiguous, "similar to several places"),
         ):
             if count:
                 found.append(f"not closed: {count} ({why})")

@@ -271,7 +271,7 @@ def _lines(report: dict[str, Any]) -> list[str]:
         sigma, sigma_deg = report["end_sigma"], report["end_sigma_deg"]
         lines.append(f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees")
     lines += [
-        f"no pose:   {count} at first ({why})" for why, count in report["without_pose"].items()
+        f"no pose:   the first {count} ({why})" for why, count in report["without_pose"].items()
     ]
     if report["losses"]:
         lines.append(f"lost:      {counted(report['losses'], 'time')}")

@@ -56,12 +56,14 @@ class TrajectoryOutputOptions:
         210, "width of the plot in mm: 88 for a column (default: %(default)s)", type=plot_width
     )
     label: Sequence[str] = option(
-        [], "name of a trajectory in the legend; repeat it in their order, the ground truth last"
+        [],
+        "name of a trajectory in the legend; repeat it for each one in their order, the ground"
+        " truth last",
     )
-    title: str | None = option(None, "title of the plot; '' is none (default: name and length)")
+    title: str | None = option(None, "title of the plot; '' for none (default: name and length)")
     plane: str = option(
         "auto",
-        "the plane to draw (default: the one in which the robot moves, or all three if none)",
+        "the plane to draw (default: the one in which the robot moves, otherwise all three)",
         choices=("auto", "xy", "xz", "yz", "all"),
     )
     overwrite: bool = option(False, "replace existing files")
@@ -77,15 +79,16 @@ class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOption
         metavar="SRC",
     )
     output: Path | None = argument(
-        "text file to write the trajectory to (as --align moved it); without OUT it is "
-        "drawn in the terminal",
+        "text file to write the trajectory to (aligned if --align is given); without OUT it is"
+        " drawn in the terminal",
         default=None,
         nargs="?",
         metavar="OUT",
     )
     topic: Sequence[str] = option(
         [],
-        "topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD; repeatable",
+        "topic with poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD;"
+        " repeatable",
     )
     beside: Sequence[str] = option(
         [], "another text file or recording; repeatable", flag="--with", metavar="FILE[@TOPIC,...]"

@@ -87,7 +87,7 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
     if not compared.turns:
-        lines.append("(one of them has no attitudes: no rotation, and no RPE)")
+        lines.append("(one of them has no attitudes, so no rotation error and no RPE)")
     elif compared.rpe is None:
         lines.append(f"(no two poses are {compared.delta.words} apart: no RPE)")
     return lines

@@ -120,7 +120,7 @@ def check_terrain(path: Path) -> str:
     if driver is None and path.suffix.lower() == _SRTM:
         driver = "SRTMHGT"
     if driver is None:
-        raise OpenError(f"{path}: no terrain model; give a GeoTIFF, .hgt, DTED or ASCII grid")
+        raise OpenError(f"{path}: not a terrain model; give a GeoTIFF, .hgt, DTED or ASCII grid")
     return driver
 
 

@@ -108,7 +108,8 @@ def resized(given: Problem, found: SmoothedMap) -> list[Outlier]:
         if abs(np.log(by)) > _RESIZED / 2:
             fit = int(found.inliers[[one.tag == tag for one in found.problem.sightings]].sum())
             text = (
-                f"its side is {size:.3f} m, not {size / by:.3f} m, by {fit} inlier sightings;"
+                f"its side is {size:.3f} m, not {size / by:.3f} m, according to {fit} inlier"
+                f" sightings;"
                 " corrected in the map; check --tags or --size"
             )
             named.append(Outlier(name, SIZE, text, by))

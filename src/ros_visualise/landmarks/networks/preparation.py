@@ -34,8 +34,8 @@ CELL = 32
 class Resizing(Enum):
     """Ways to bring an image to the size of a network's input."""
 
-    CENTER = "keeps its aspect ratio, centred in gray"
-    CORNER = "keeps its aspect ratio, in the upper left corner, the rest gray"
+    CENTER = "aspect ratio kept, centred on gray"
+    CORNER = "aspect ratio kept, in the upper left corner, the rest gray"
     STRETCH = "stretched"
     WARP = "stretched, with the centres of the first pixels aligned"
 

@@ -26,15 +26,15 @@ class PoseParams:
     )
     tags: str = param(
         "",
-        "YAML file with the sizes of tags and with bundles, in apriltag_ros's format, and with "
-        "ignored tags and those that change their id, in TagSLAM's",
+        "YAML file with tag sizes and tag bundles in apriltag_ros's format, and with ignored and"
+        " renumbered tags in TagSLAM's",
         file=bool,
     )
-    ignore: str = param("", "ids of tags that are ignored, such as 166,213")
+    ignore: str = param("", "ids of tags to ignore, such as 166,213")
     corner_floor: float = param(
         0.3,
-        "expected corner error of the camera (standard deviation), pixels, in its first images;"
-        " later ones estimate it; 0.3 suits real cameras, 0 renderings",
+        "standard deviation of the camera's corner errors, pixels, assumed for its first images"
+        " and then estimated; 0.3 suits real cameras, 0 rendered images",
         min=0,
         max=10,
         slider=(0, 2),

@@ -54,7 +54,7 @@ def draw_lines(first: Pixels, second: Pixels, pair: ViewPair, lines: Floats) -> 
     scale = WIDTH / width
     below = figure.height - round(scale * height)
     figure.picture((0, below, WIDTH, figure.height - below), second, (0, 0))
-    figure.text(0, below - 7, "first view, and below it the second one", 13)
+    figure.text(0, below - 7, "the first view, with the second one below it", 13)
     for number, one in enumerate(_spread(pair, distances(lines, pair.second_uv))):
         color = PALETTE[number % len(PALETTE)]
         x, y = (pair.first_uv[one] + 0.5) * scale

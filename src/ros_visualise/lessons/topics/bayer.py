@@ -200,8 +200,9 @@ def _about_green(work: _Measured, plain: Pixels, found: Pixels) -> str:
     )
     return (
         f"Where these two differences are more than {_EDGE} levels apart, at {share:.1f} % of the"
-        f" pixels without green, green is off by {edge:.1f} levels (RMS), by the bilinear method"
-        f" {plain_edge:.1f}; elsewhere by {rest:.1f} and {plain_rest:.1f}{why}."
+        f" pixels without green, green is off by {edge:.1f} levels (RMS), and with the bilinear"
+        f" method by {plain_edge:.1f}. At the others it is off by {rest:.1f}, and with the bilinear"
+        f" method by {plain_rest:.1f}{why}."
     )
 
 

@@ -29,7 +29,7 @@ _MOST = 100_000  # largest number of poses
 class TreeParams:
     """The query to tf."""
 
-    target: str = param("", "the frame to answer in; empty: the root")
+    target: str = param("", "the frame in which its pose is given; empty: the root")
     source: str = param("", "the frame to locate; empty: the deepest in the tree")
 
 

@@ -168,8 +168,8 @@ LESSON = Lesson(
     "nodes, topics and messages, publish and subscribe, rates and drops, on the running graph",
     """
     A robot's software is made of many small programs, called nodes, that send each other messages.
-    These images come from nodes themselves, and show the messages that they get: pictures of
-    {width} x {height} pixels. Play, pause, change the rate, and watch them.
+    Each image here is drawn by such a node, and shows the messages that the node receives: pictures
+    of {width} x {height} pixels. Play, pause, change the rate, and watch them.
     """,
     [
         Step(message),

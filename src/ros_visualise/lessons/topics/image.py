@@ -35,8 +35,8 @@ def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
         A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row 0
         are at the top left. Each pixel of this one has three numbers of 8 bits: how much blue,
         green and red there is. At ({x}, {y}) these are blue {blue}, green {green}, red {red}. In
-        gray they become one number, {gray}; such numbers are written into the pixels. Click another
-        pixel.
+        gray they become one number, {gray}; the figure shows this number for each pixel. Click
+        another pixel.
 
             {width} × {height} pixels
             × 3 channels × 1 byte = {size} bytes
@@ -184,13 +184,14 @@ def encodings(image: Image, params: object) -> dict[str, Message]:
         rows.append(f"    {name:12} {depth} × {8 * size:2} bits {count * depth * size:12} bytes")
     table = "\n".join(rows)
     text = f"""
-A message sensor_msgs/Image holds bytes, and the name of their encoding, which defines how to read
-them. Read with a wrong name, the same bytes give another picture: above, red and blue are swapped.
+A sensor_msgs/Image message holds bytes, and the name of their encoding, which defines how to read
+them. Read with the wrong name, the same bytes give another picture: above, red and blue are
+swapped.
 
 {table}
 
 This picture is bgr8. Depth images are 32FC1, in metres, or 16UC1, in millimetres; mono16 has the
-same kind of bytes as 16UC1, but means gray levels.
+same kind of bytes as 16UC1, but they are gray levels.
 """
     return show(image, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), text)
 

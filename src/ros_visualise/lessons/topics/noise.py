@@ -70,7 +70,7 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
         MSE is the mean of the squared differences.
 
         Here the MSE is {square:.1f}, its square root {root:.1f} levels, and the PSNR {psnr:.2f} dB.
-        20 dB mean an error of a tenth of the full range (255 / 10), 40 dB a hundredth.
+        20 dB means an error of a tenth of the full range (255 / 10), 40 dB a hundredth.
         """
     work = _Noisy(clean, added)
     error = mean_square(added, clean)
@@ -124,7 +124,7 @@ class MedianParams:
 
 @node("median", params=MedianParams, inputs=TAKES, outputs=GIVES)
 def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
-    """A median: the middle one of the neighbours."""
+    """A median: the middle level of the neighbours."""
     work = work_of(image, _Noisy)
     size = params.size | 1
     smoothed = median(work.noisy, size)
@@ -145,7 +145,7 @@ class BilateralParams:
                       min=3, max=31, slider=(3, 15))  # fmt: skip
     sigma_color: float = param(
         50.0,
-        "largest difference of levels that are still averaged",
+        "largest difference between levels that are still averaged",
         min=1,
         max=255,
         slider=(1, 150),

@@ -103,8 +103,8 @@ class GridCorners:
 
             Its eigenvalues are how much the patch changes when it is moved in the worst and in the
             best direction: both small, flat; one large, an edge; both large, a corner. The best
-            corner here, at ({x}, {y}), has {lesser:.0f} and {greater:.0f}. If "large" is above
-            {least:.2f}, then {flat:.1f} % of the pixels are flat, {edge:.1f} % are edges and
+            corner here, at ({x}, {y}), has {lesser:.0f} and {greater:.0f}. If we call a value above
+            {least:.2f} large, {flat:.1f} % of the pixels are flat, {edge:.1f} % are edges and
             {corner:.1f} % are corners. The best corner of each cell of a grid is followed, so that
             they cover the picture: {count} corners (green).
             """
@@ -162,10 +162,10 @@ def flow(image: Image, params: object) -> dict[str, Message]:
 
         This holds for motions of about a pixel. So it is done in small copies of the picture first,
         and repeated. The fastest corner, at ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels;
-        the equations alone, once, give ({first_u:.1f}, {first_v:.1f}). Each corner is also followed
-        back: what does not return to where it began is dropped. {count} corners of the previous
-        picture are found in this one (arrows{times}). They moved by a median of {median:.1f}
-        pixels, and at most by {most:.1f}.
+        solving the equations only once gives ({first_u:.1f}, {first_v:.1f}). Each corner is also
+        followed back: one that does not return to where it began is dropped. {count} corners of
+        the previous picture are found in this one (arrows{times}). They moved by a median of
+        {median:.1f} pixels, and at most by {most:.1f}.
         """
     times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
     return show(
@@ -295,7 +295,7 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
     ]
     text = """
         The point is where the rays of both views meet, so the motion gives a depth to each corner,
-        but only in lengths of the camera's own step. Eight of ten points are {near:.1f} to
+        but only in units of the camera's own step. Eight of ten points are {near:.1f} to
         {far:.1f} steps away. If the step and all distances are {factor:g} times as long (orange),
         both pictures stay the same: the points are seen {error:.3f} pixels from their corners on
         average before, {other:.3f} after.

@@ -213,9 +213,9 @@ class Allan:
                 σ²(τ) = ½ ⟨ (mean over the next τ
                              − mean over this τ)² ⟩
 
-            White noise falls as N / √τ. Then comes a floor: longer means are no better. The floor
-            divided by {ratio} is the instability of the bias. After that the curve rises, because
-            the bias changes. From {count} measurements in {seconds:.0f} s:
+            White noise falls as N / √τ. Then comes a floor: averaging for longer does not help.
+            The floor divided by {ratio} is the bias instability. After that the curve rises,
+            because the bias changes. From {count} measurements in {seconds:.0f} s:
 
                 gyroscope, rad/s
             {gyro}
@@ -258,7 +258,7 @@ def _about_noise(times_s: Floats, deviation: Floats) -> str:
     lowest = int(deviation.argmin())
     floor, time_s = deviation[lowest], times_s[lowest]
     if lowest == len(times_s) - 1:
-        lines.append(f"floor not reached: {floor:.2e} at {time_s:.3g} s")
+        lines.append(f"floor not reached; lowest so far {floor:.2e}, at {time_s:.3g} s")
     else:
         lines.append(f"floor = {floor:.2e} at {time_s:.3g} s")
         lines.append(f"floor / {OF_BIAS} = {floor / OF_BIAS:.2e}")

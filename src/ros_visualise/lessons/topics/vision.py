@@ -137,8 +137,8 @@ def filters(image: Image, params: object) -> dict[str, Message]:
         {rows}
 
         The correlation compares the kernel's answers, before negative ones become zero, with
-        Sobel's derivative at all places of this picture. 1 would mean: the same, but for scale and
-        bias.
+        Sobel's derivative at all places of this picture. 1 would mean that they differ only in
+        scale and bias.
         """
     return show(image, picture_grid(shown, 3), text, rows="\n".join(rows))
 
@@ -166,7 +166,7 @@ def things(image: Image, params: ThingsParams) -> dict[str, Message]:
         know what a landmark is.
 
         The network's later layers work in the same way: their kernels slide over the maps of the
-        layer before, and each sees a wider part of the picture. The last layers detect the objects:
+        layer before, and each sees a larger part of it. The last layers detect the objects:
 
         {found}
 

@@ -66,7 +66,7 @@ def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> st
     if wanted in ("none", "first"):
         return first_image(recording, images) if wanted == "first" else None
     known = f"choose from {', '.join(images)}" if images else "none in the recording"
-    raise UsageError(f"image={wanted}: no such topic of images; {known}")
+    raise UsageError(f"image={wanted}: no such image topic; {known}")
 
 
 @contextmanager

@@ -93,4 +93,4 @@ class RobotDescription:
         if isinstance(found, str):
             self._take(Text(found))
         else:
-            self._reject(f"a parameter of the type {type(found).__name__}, not a text")
+            self._reject(f"must be a string, not {type(found).__name__}")

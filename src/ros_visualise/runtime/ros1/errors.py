@@ -53,7 +53,7 @@ def translated(asked: str) -> Iterator[None]:
         raise
     except rospkg.ResourceNotFound as error:
         package = error.args[0]
-        raise OpenError(f"{asked}: no package {package!r}; rospack find {package}") from None
+        raise OpenError(f"{asked}: no package {package!r}; try: rospack find {package}") from None
     except UNANSWERED as error:
         if isinstance(error, rospy.ServiceException) and _REFUSED in str(error):
             raise RosVisualiseError(str(error)) from error

@@ -33,7 +33,8 @@ def translated(
         raise
     except PackageNotFoundError as error:
         package = error.args[0]
-        raise OpenError(f"{asked}: no package {package!r}; ros2 pkg prefix {package}") from None
+        why = f"no package {package!r}; try: ros2 pkg prefix {package}"
+        raise OpenError(f"{asked}: {why}") from None
     except (NameValidationException, ValueError) as error:
         raise UsageError(f"invalid ROS 2 name {asked}: {_first_line(error)}") from None
     except RuntimeError as error:

@@ -47,6 +47,7 @@ def _import(name: str) -> Any:
     except ImportError as error:
         why, python = str(error).splitlines()[0], platform.python_version()
         raise UsageError(
-            f"cannot import {name} of ROS 2 ({why}); source the setup.bash of a ROS 2 for Python"
+            f"cannot import {name} of ROS 2 ({why}); source the setup.bash of a ROS 2 built for"
+            f" Python"
             f" {python.rpartition('.')[0]}"
         ) from None

@@ -117,7 +117,7 @@ def find_folder(path: Path) -> Path:
     if len(found) > 1:
         names = ", ".join(str(one.relative_to(path)) for one in found[:_LISTED])
         more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-        raise OpenError(f"{path}: holds {names}{more}; choose, for instance {found[0]}")
+        raise OpenError(f"{path}: holds {names}{more}; choose one, for instance {found[0]}")
     return found[0]
 
 

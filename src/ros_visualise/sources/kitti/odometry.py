@@ -100,7 +100,10 @@ def _read_truth(frames: int, findings: Findings) -> dict[int, Floats]:
     found = {number: T for number, T in enumerate(poses) if T is not None}
     whole = max([frames, *(number for number, line in enumerate(lines, 1) if line.strip())])
     if missing := whole - len(found):
-        why = f"{missing} of {whole} poses are missing or damaged; as many of /odom and /tf skipped"
+        why = (
+            f"{missing} of {whole} poses are missing or damaged;"
+            " as many messages of /odom and /tf skipped"
+        )
         findings.lose(DamagedFile(path, why), missing * _POSE_TOPICS)
     return found
 
@@ -119,7 +122,7 @@ def _parse_pose(line: str) -> Floats | None:
 def _find_scanner(calib: CalibrationFile, notes: list[str]) -> Floats | None:
     """T_rect0_velodyne, if it is known; not all sequences have it."""
     if not calib.exists:
-        notes.append("no calib.txt: no camera has its camera_info and its frame")
+        notes.append("no calib.txt: the cameras have no camera_info and no frames")
         return None
     if "Tr" not in calib.rows and calib.rows and all(map(len, calib.rows.values())):
         notes.append("calib.txt has no Tr: the scanner's pose is unknown")

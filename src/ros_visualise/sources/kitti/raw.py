@@ -36,8 +36,8 @@ _RAW_SIZE = (1392, 512)
 _FIRST_DAY = "2011_09_26"
 _MS = 1_000_000
 _LACKING = {
-    "cam_to_cam": "no camera has its camera_info and its frame",
-    "velo_to_cam": "no camera has its frame",
+    "cam_to_cam": "the cameras have no camera_info and no frames",
+    "velo_to_cam": "the cameras have no frames",
     "imu_to_velo": "the scanner and the cameras are not connected to base_link",
 }
 """Effect of a missing calibration file."""
@@ -94,7 +94,7 @@ def _report_empty(drive: _Drive) -> None:
         elif times := stamps.read_times(data.with_name("timestamps.txt"), stamps.parse_time):
             drive.compare(name, 0, len(times))
         elif data.parent.is_dir():
-            drive.notes.append(f"{name}: holds no frames; unpack it again if it should")
+            drive.notes.append(f"{name}: holds no frames; unpack it again if it should have some")
 
 
 def _is_unsynced(drive: _Drive) -> bool:

@@ -112,7 +112,7 @@ def read_still(file: Path) -> Still:
     except OSError:  # reported when it is shown
         return Still()
     except supervision.ERRORS as error:
-        log.warning("%s: damaged metadata are not used: %s", file, error or type(error).__name__)
+        log.warning("%s: ignoring damaged metadata: %s", file, error or type(error).__name__)
         return Still()
     is_turned = exif.get(_ORIENTATION, 1) not in (0, 1) or _is_on_its_side(own, size)
     if is_turned:

@@ -71,7 +71,7 @@ def _loss(records: Records) -> Loss:
     if records.damaged:
         loss.notes.append(f"{records.damaged} damaged bytes skipped")
     if records.strangers:
-        loss.notes.append(f"{records.strangers} samples of undescribed topics")
+        loss.notes.append(f"{records.strangers} samples of topics without a description")
     if records.cut:
         loss.notes.append(f"cut off {records.cut} bytes into its last message")
     return loss

@@ -56,7 +56,7 @@ def image_topic(recording: Recording, wanted: str | None) -> str:
         return str(wanted)
     if wanted is not None:
         there = f"choose from {', '.join(topics)}" if topics else "it has no images"
-        raise UsageError(f"{recording.path}: no topic {wanted} of images; {there}")
+        raise UsageError(f"{recording.path}: no image topic {wanted}; {there}")
     found = first_image(recording, topics)
     if found is None:  # some films do not say how many images they have
         found = next((topic for topic in topics if _first_message(recording, topic)), None)

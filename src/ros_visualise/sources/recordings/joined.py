@@ -251,7 +251,9 @@ def parse_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
     for text in texts:
         name, _, value = text.rpartition("=")
         if name not in named:
-            raise UsageError(f"--offset {text}: give NAME=SECONDS of {', '.join(joined.names)}")
+            raise UsageError(
+                f"--offset {text}: give NAME=SECONDS, with NAME one of {', '.join(joined.names)}"
+            )
         try:
             found[named[name]] = float(value)
         except ValueError:

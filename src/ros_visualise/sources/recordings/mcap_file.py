@@ -231,7 +231,7 @@ class McapFile:
         counts, span_ns = _contents(messages(records, ANY_CHANNEL, *EVER)[0])
         strangers = sum(n for channel, n in counts.items() if channel not in self.channels)
         if strangers:
-            self._lose(piece, "messages of undescribed channels", strangers)
+            self._lose(piece, "messages on channels without a description", strangers)
         self._compare(piece, counts, span_ns)
 
     def _lose(self, piece: int, why: str, messages: int) -> None:

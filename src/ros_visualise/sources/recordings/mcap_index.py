@@ -251,7 +251,7 @@ def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
         elif kind == Opcode.STATISTICS:
             statistics = read_statistics(body)
     if position != len(summary):
-        raise DamagedData("its summary ends in a record")
+        raise DamagedData("its summary ends within a record")
     index.extras.sort()
     return index, statistics, chunks
 

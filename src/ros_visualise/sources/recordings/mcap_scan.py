@@ -153,7 +153,7 @@ class _Pieces:
         found = +Counter(counts)
         unknown = sum(counts.pop(channel) for channel in counts.keys() - self.index.channels.keys())
         if unknown:
-            self._loss.add(f"{unknown} messages of undescribed channels")
+            self._loss.add(f"{unknown} messages on channels without a description")
         declared = found if self._statistics is None else _counted(self._statistics, found)
         missing = (declared - found).total()
         if self._statistics is not None:
@@ -177,7 +177,7 @@ class _Pieces:
         seen, statistics = self._seen, self._statistics
         if found != declared:
             there, counted = found.total(), declared.total()
-            of = f"{counted} messages" if counted != there else f"{there} messages of other topics"
+            of = f"{counted} messages" if counted != there else f"{there} messages on other topics"
             yield f"its statistics count {of}; found {there}"
         for what, kind, index in _COUNTED:
             counts = [seen[index]] if seen[index] else []

@@ -156,7 +156,7 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
     except OpenError as error:
         raise OpenError(f"{file}: unpacked, it {error}") from None
     except OSError as error:
-        raise OpenError(f"{file}: {error.strerror}; make room for it unpacked") from None
+        raise OpenError(f"{file}: {error.strerror}; make room for the unpacked file") from None
     return target
 
 

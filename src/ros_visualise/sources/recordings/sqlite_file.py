@@ -79,7 +79,7 @@ class SqliteFile:
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
         if unknown:
-            loss.add(f"{unknown} messages of undescribed topics", unknown)
+            loss.add(f"{unknown} messages on topics without a description", unknown)
         if left := left_beside(path):
             why = f"never finished by its recorder, which left {left} beside it"
             loss.add(f"{why}; messages found: {sum(self.counts.values())}")

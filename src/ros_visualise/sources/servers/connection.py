@@ -168,7 +168,7 @@ class Connection:
             raise Unreachable(self._reason(error)) from None
         self._report_notes()
         if not self._dialect.channels:
-            raise Unreachable("it offers no topics; start what publishes them")
+            raise Unreachable("it offers no topics; start the nodes that publish them")
 
     def _watch(self) -> None:
         """The thread: receive, and connect again after a while, until it is closed."""

@@ -79,11 +79,15 @@ def subtract(one: Image, other: Image) -> Image:
         raise RosVisualiseError("the images differ in size; choose Wipe")
     is_measured = one.encoding in MEASUREMENTS
     if is_measured != (other.encoding in MEASUREMENTS):
-        raise RosVisualiseError("measurements and gray levels cannot be subtracted; choose Wipe")
+        raise RosVisualiseError(
+            "measurements and gray levels cannot be subtracted from each other; choose Wipe"
+        )
     first, second, encoding = one.pixels, other.pixels, one.encoding
     if first.dtype != second.dtype or first.shape != second.shape:
         if is_measured:
-            raise RosVisualiseError("measurements of different types cannot be subtracted")
+            raise RosVisualiseError(
+                "measurements of different types cannot be subtracted from each other"
+            )
         first, second, encoding = _seen(one), _seen(other), "bgr8"
     elif order_of(one.encoding) != order_of(other.encoding) and first.ndim == 3:
         second = cv2.cvtColor(

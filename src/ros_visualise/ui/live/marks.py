@@ -82,7 +82,7 @@ class Marks:
 
 
 def _read(path: Path) -> tuple[dict[float, str], str]:
-    advice = "remove it, or put a list of 'time' and 'name' under 'marks'"
+    advice = "remove it, or put a list of entries with 'time' and 'name' under 'marks'"
     found = open_yaml(path, advice)
     marks: Any = found.get("marks") if isinstance(found, dict) else None
     notes: Any = found.get("notes", "") if isinstance(found, dict) else ""

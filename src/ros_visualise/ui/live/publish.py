@@ -145,7 +145,10 @@ class PublishHub:
         repeated = _Repeated(request)
         if self._publish(form, repeated) and request.rate:
             if len(self._repeated) >= _MOST_RATES:
-                self._tell(form, problem=f"{_MOST_RATES} messages are repeated already")
+                self._tell(
+                    form,
+                    problem=f"{_MOST_RATES} messages are already being repeated; stop one first",
+                )
                 return
             self._repeated[form] = repeated
 

@@ -16,14 +16,14 @@ from ros_visualise.ui.scene.scene import Scene
 
 Value = bool | float | str
 _AUTO = "Auto"
-_SIZED = "Metres, for a robot of 1 m"
+_SIZED = "Size in metres; Auto suits a robot 1 m long"
 _COLORED = (PointCloud, Marker, MarkerArray, Detections3D, OccupancyGrid)
 _APPEARANCE: Mapping[str, tuple[str, tuple[float, float, float] | None, str]] = {
     "axes": ("Frame axes", None, "x red, y green, z blue"),
     "names": ("Frame names", None, "Frames close to each other share a label"),
     "axes_size": ("Axes size", (0.1, 5.0, 0.1), _SIZED),
     "point_size": ("Point size", (0.01, 0.5, 0.01), _SIZED),
-    "max_points": ("Max points", (5000, 500_000, 5000), "Points drawn of one cloud"),
+    "max_points": ("Max points", (5000, 500_000, 5000), "Points drawn per cloud"),
     "covariances": ("Covariances", None, "Ellipsoids of two standard deviations"),
 }
 """Field of an `Appearance` -> its label, its range with a step, and a line of help."""

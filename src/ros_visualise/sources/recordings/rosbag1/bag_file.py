@@ -73,7 +73,7 @@ class BagFile:
         self.ends_ns = np.array([chunk.end_ns for chunk in self._chunks], np.int64)
         nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
         if nameless:
-            layout.loss.add(f"{nameless} messages of undescribed topics", nameless)
+            layout.loss.add(f"{nameless} messages on topics without a description", nameless)
         loss.absorb(layout.loss)
 
     @cached_property

@@ -69,7 +69,7 @@ export default {
         </q-btn>
         <q-btn flat dense icon="functions" aria-label="Add an expression" title="Add a curve computed from others" @click="edit(null)" />
         <q-btn flat dense icon="horizontal_split" aria-label="Add a pane" title="Add a pane" @click="change(() => panes.push(paneOf()))" />
-        <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole time (double click)" @click="fit" />
+        <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole time range (double click)" @click="fit" />
         <q-btn flat dense icon="download" aria-label="Save" title="Save what is shown">
           <q-menu auto-close><q-list dense>
             <q-item v-for="(act, kind) in savers" :key="kind" clickable @click="act"><q-item-section>{{ kind }}</q-item-section></q-item>
@@ -105,7 +105,7 @@ export default {
             <button v-for="[topic, curves] in proposed" :key="topic" class="rv-link" :title="curves.join('  ')" @click="change(() => pane.curves.push(...curves))">{{ topic }}</button></span>
           <span class="rv-space"></span>
           <q-btn v-if="pane.curves.length > 1" flat dense size="sm" icon="format_line_spacing" :color="pane.own ? 'primary' : undefined" :aria-pressed="String(pane.own)"
-            aria-label="Separate scales" title="A scale of its own for each curve" @click="change(() => (pane.own = !pane.own))" />
+            aria-label="Separate scales" title="Give each curve its own scale" @click="change(() => (pane.own = !pane.own))" />
           <q-btn v-if="panes.length > 1" flat dense size="sm" icon="close" aria-label="Remove pane" title="Remove pane" @click="change(() => panes.splice(i, 1))" />
         </div>
         <div class="rv-chart" tabindex="0" role="img" :aria-label="'Plot of ' + pane.curves.join(', ')" @keydown="press">

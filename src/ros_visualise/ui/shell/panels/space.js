@@ -28,7 +28,7 @@ export default {
           <option value="${FOLLOW_NONE}">Follow nothing</option>
           <option v-for="frame in frames" :key="frame" :value="frame">Follow {{ frame }}</option>
         </select>
-        <select v-model="click" aria-label="Click" title="Action of a click" @change="clear">
+        <select v-model="click" aria-label="Click" title="What a click does" @change="clear">
           <option value="">Click: turn view</option>
           <option value="place">Click: show coordinates</option>
           <option value="distance">Click: measure distance</option>
