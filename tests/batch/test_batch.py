@@ -231,6 +231,19 @@ def test_ctrl_c_goes_on_later(once, tmp_path):
     assert status["done"] + status["left"] == 10
 
 
+@pytest.mark.parametrize(
+    "option",
+    [("--record", "a.xyz"), ("--params", "missing.yaml"), ("--preset", "missing")],
+    ids=str,
+)
+def test_a_wrong_option_is_one_line_before_anything_starts(tmp_path, option):
+    films(tmp_path, 1, images=1)
+    done = batch(tmp_path, "--out", tmp_path / "out", *option)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert option[1] in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_inputs_are_found(tmp_path):
     films(tmp_path / "a" / "b", 2)
     drive(tmp_path / "a" / "drive.mcap")

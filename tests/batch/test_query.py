@@ -58,7 +58,12 @@ def test_answers_are_printed_and_written(once, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("SELEC x",), ("SELECT nothing FROM poses",), ("SELECT 1", "--plot", "a.txt")],
+    [
+        ("SELEC x",),
+        ("SELECT nothing FROM poses",),
+        ("SELECT 1", "--plot", "a.txt"),
+        ("SELECT 1", "--csv", "/dev/null/a.csv"),
+    ],
     ids=str,
 )
 def test_a_wrong_question_is_one_line(once, arguments):

@@ -71,6 +71,8 @@ def run(options: QueryOptions) -> int:
 
 
 def _save(answer: duckdb.DuckDBPyRelation, write: str, path: Path, overwrite: bool) -> None:
+    from contextlib import suppress
+
     from ros_visualise.sinks.files import TargetFile
 
     TargetFile.check(path, overwrite)
@@ -79,7 +81,8 @@ def _save(answer: duckdb.DuckDBPyRelation, write: str, path: Path, overwrite: bo
         getattr(answer, write)(str(new))
         new.replace(path)
     finally:
-        new.unlink(missing_ok=True)
+        with suppress(OSError):
+            new.unlink()
 
 
 def _print(answer: duckdb.DuckDBPyRelation, as_json: bool) -> None:

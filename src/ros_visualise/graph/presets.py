@@ -30,14 +30,19 @@ NAMES = tuple(_DIFFERENCES)
 """All presets."""
 
 
+def check_preset(name: str) -> None:
+    """Raise UsageError if there is no preset of this name."""
+    if name not in _DIFFERENCES:
+        raise UsageError(f"no preset {name!r}{did_you_mean(name, NAMES)}")
+
+
 def preset(name: str, graph: Graph) -> Settings:
     """The parameters that a preset sets in a graph.
 
     Raises:
         UsageError: unknown preset, or a graph without its nodes.
     """
-    if name not in _DIFFERENCES:
-        raise UsageError(f"no preset {name!r}{did_you_mean(name, NAMES)}")
+    check_preset(name)
     nodes = {member.name for member in graph.members}
     found = {
         node: {**values, **_DIFFERENCES[name].get(node, {})}

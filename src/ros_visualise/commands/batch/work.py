@@ -30,10 +30,14 @@ from ros_visualise.commands.batch import BatchOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import counted, print_json, print_result, print_status, sized
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
+from ros_visualise.graph.presets import check_preset
 from ros_visualise.landmarks.networks.session import Provider
 from ros_visualise.nodes import find_node
 from ros_visualise.running.arguments import parse_setting
 from ros_visualise.running.graphs import parse_insertion
+from ros_visualise.runtime.saving import load
+from ros_visualise.sinks import kind_of
+from ros_visualise.sinks.names import parse_target
 
 _SHOWN = 5  # failures that are printed
 _HOST = "127.0.0.1"
@@ -83,6 +87,12 @@ def _work(options: BatchOptions) -> Work:
         find_node(parse_insertion(text).node)
     for text in options.set:
         parse_setting(text)
+    for text in options.record:
+        kind_of(parse_target(text)[0])
+    if options.preset:
+        check_preset(options.preset)
+    if options.params:
+        load(options.params)
     return Work(
         pipeline=options.pipeline,
         node=tuple(map(absolute, options.node)),
