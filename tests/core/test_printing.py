@@ -139,6 +139,8 @@ def test_a_full_disk_for_the_answer_is_said_once(bag):
         ("http://10.0.0.5/v.cgi?user=me&pwd=secret", "http://10.0.0.5/v.cgi?***"),
         ("http://:secret@host", "http://:***@host"),
         ("rtsp://host:554/a@b:c", "rtsp://host:554/a@b:c"),
+        ("ws://host:8080/0123456789abcdefghijk_/foxglove", "ws://host:8080/***/foxglove"),
+        ("ws://host:8765/foxglove", "ws://host:8765/foxglove"),
         ("/dev/video0", "/dev/video0"),
         ("is it a:b@c?", "is it a:b@c?"),
     ],

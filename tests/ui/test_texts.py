@@ -89,8 +89,8 @@ def test_texts_of_a_live_graph_are_found_while_they_are_kept(live):
     assert [one[1:] for one in answer["found"]] == [("/said", "LAND now"), ("/said", "Landed")]
     assert answer["share"] == 1.0
     ((to_s, *_),) = found.find("take")["found"]
-    shown = rewinder.subscribe("/said", 10)
     rewinder.seek(to_s, paused=True)
+    shown = rewinder.subscribe("/said", 10)
     assert shown.take(60).text == "Take off"
     assert found.find("battery")["count"] == 1
     rewinder.buffer.add(10**15, "/odom", odometry([0, 0, 0], 1))

@@ -18,6 +18,7 @@ from typing import Any
 from ros_visualise.core.errors import RosVisualiseError
 
 _PASSWORD = re.compile(r"(://[^/?#:]*):[^/?#]*@")
+_TOKEN = re.compile(r"/[\w-]{20,}(?=/foxglove$)")  # of another page
 _QUERY = re.compile(r"(://[^?\s]*\?)\S+")
 
 
@@ -33,8 +34,9 @@ def escaped(text: str) -> str:
 
 
 def without_secrets(address: str) -> str:
-    """An address without its password, and without its query, which may hold one too."""
-    return _QUERY.sub(r"\1***", _PASSWORD.sub(r"\1:***@", address))
+    """An address without its password or token, and without its query, which may hold one too."""
+    found = _TOKEN.sub("/***", _PASSWORD.sub(r"\1:***@", address))
+    return _QUERY.sub(r"\1***", found)
 
 
 def print_status(line: str) -> None:

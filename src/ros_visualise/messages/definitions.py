@@ -104,7 +104,7 @@ def has_strings(fields: Iterable[tuple[str, Any]]) -> bool:
 
 
 def _items(fields: Iterable[tuple[str, Any]]) -> Iterator[Any]:
-    """What each field is, or what an array has."""
+    """Types of fields, and of the items of arrays."""
     return (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
 
 

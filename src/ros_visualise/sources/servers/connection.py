@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import socket
 import struct
 import threading
@@ -36,6 +37,7 @@ _BACK_OFF_S = (0.5, 10.0)
 _MOST_WAITING = 2000
 _SHARE = 32  # of the memory, for messages that wait
 _MOST_NOTES = 20
+_NUMBER = re.compile(r"\d+")
 _MOST_TEXT = 4 << 20  # of definitions, which take half a minute to parse
 
 
@@ -259,9 +261,10 @@ class Connection:
             self._report(f"new topics, not shown: {', '.join(sorted(late)[:3])}; open it again")
 
     def _report(self, text: str) -> None:
-        """Log a text, once."""
-        if text not in self._said and len(self._said) < _MOST_NOTES:
-            self._said.add(text)
+        """Log a text, once, whatever numbers it has."""
+        kind = _NUMBER.sub("0", text)
+        if kind not in self._said and len(self._said) < _MOST_NOTES:
+            self._said.add(kind)
             log.warning("%s: %s (further occurrences suppressed)", self.name, text)
 
     def _reason(self, error: Exception) -> str:

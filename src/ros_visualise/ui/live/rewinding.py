@@ -164,9 +164,11 @@ class Rewinder:
         self._show(batch, 0)
         self.past = None
 
-    def _show(self, batch: Collection[Kept], epoch: int) -> None:
+    def _show(
+        self, batch: Collection[Kept], epoch: int, to: Collection[RewoundSubscription] = ()
+    ) -> None:
         for one in batch:
-            listening = [shown for shown in self._shown if shown.topic == one.topic]
+            listening = [shown for shown in to or self._shown if shown.topic == one.topic]
             if listening:
                 is_packed = isinstance(one.message, PackedImage)
                 message = one.message.unpacked() if is_packed else one.message
@@ -208,8 +210,8 @@ class Rewinder:
             self._kept.pop(topic).close()
         for topic in wanted - self._kept.keys():
             spec = self.graph.topics.get(topic)
-            depth = 1 if spec is None or spec.type is Image else _DEPTH
-            self._kept[topic] = self.runtime.subscribe(topic, depth)
+            is_small = topic in self.text_topics or (spec is not None and spec.type is not Image)
+            self._kept[topic] = self.runtime.subscribe(topic, _DEPTH if is_small else 1)
 
     def _end(self) -> None:
         for subscription in self._kept.values():
@@ -242,6 +244,10 @@ class Rewinder:
         shown = RewoundSubscription(topic, self.runtime.subscribe(topic, depth), depth, self)
         with self._changing:
             self._shown.add(shown)
+            if self.past is not None:
+                place_ns = round(self.past.state.position_s * 1e9)
+                _, batch = next(self.buffer.read(place_ns), (0, ()))
+                self._show(batch, self.past.epoch, (shown,))
         return shown
 
     def leave(self, shown: RewoundSubscription) -> None:

@@ -72,7 +72,7 @@ class Texts:
         return len(self._said) >= _MOST or self._characters > _MOST_CHARACTERS
 
     def _note(self, place_s: float, topic: str, message: Any) -> None:
-        """Keep the texts of a message; a damaged one has none."""
+        """Keep the texts of a message, if it can be read."""
         text = ""
         with suppress(RosVisualiseError):
             text = "\n".join(texts_of(as_ros(message)))[:_LONGEST]
