@@ -5,6 +5,10 @@ import pytest
 from driven import drive, params
 from world import HERE, Pose, Sensor, World, along, from_rpy, square, tags_on_ground
 
+from ros_visualise.estimation.measuring import turn_of
+from ros_visualise.estimation.robot import core
+from ros_visualise.estimation.state import State
+
 TAGS = tags_on_ground([(x, y, -5) for x in range(0, 13, 4) for y in range(0, 13, 4)])
 UNSTEADY = "camera 1 is less steady than camera_turn says"
 
@@ -17,6 +21,42 @@ def test_a_camera_less_steady_than_stated_is_named_and_allowed_for(shakes_deg):
     assert run.counted("loss") == 0, run.lines
     assert run.falsely_certain(world, 8) == 0
     assert run.nees(world, 8).mean() < 9
+
+
+def measured(prior, divided_after):
+    """A state with this prior variance of a camera's attitude, after measurements that share it."""
+    random, turn = np.random.default_rng(4), turn_of(0)
+    P = np.zeros((core(), core()))
+    P[:3, :3], P[turn, turn] = np.eye(3), prior * np.eye(3)
+    state = State(P=P)
+    for name in ("near", "far"):
+        state.add(name, np.eye(3), np.zeros(3), np.eye(6))
+    for n in range(6):
+        if n == divided_after:
+            state = state.divided({"near"})
+        position = state.rows("near").start + np.arange(3)
+        columns = np.concatenate([np.arange(3), np.arange(turn.start, turn.stop), position])
+        if n < 2:
+            columns[6:] = state.rows("far").start + np.arange(3)
+        H = random.normal(size=(3, 9))
+        x = np.concatenate([state.robot.p, state.robot.own[turn.start - core() :][:3]])
+        x = np.concatenate([x, state.landmarks_p[1 if n < 2 else 0]])
+        state = state.corrected(columns, H, random.normal(0, 3, 3) - H @ x, np.eye(3))
+    return state
+
+
+@pytest.mark.parametrize("divided_after", [3, 9])
+def test_a_prior_that_was_too_small_is_replaced_as_if_it_had_never_been(divided_after):
+    turn = turn_of(0)
+    found = measured(0.04, divided_after).with_prior(turn, 0.04, 0.36).whole()
+    expected = measured(0.36, divided_after).whole()
+    np.testing.assert_allclose(found.P, expected.P, atol=1e-9)
+    np.testing.assert_allclose(found.robot.own, expected.robot.own, atol=1e-9)
+    np.testing.assert_allclose(found.robot.p, expected.robot.p, atol=1e-9)
+    both = (dict(zip(one.keys, one.landmarks_p, strict=True)) for one in (found, expected))
+    for p, q in zip(*(sorted(each.items()) for each in both), strict=True):
+        assert p[0] == q[0]
+        np.testing.assert_allclose(p[1], q[1], atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))

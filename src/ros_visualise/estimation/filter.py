@@ -238,6 +238,8 @@ class Filter:
         belief.cameras = tuple(cameras)
         if after.level > before.level:
             now = errors.at_level(after.level)
+            believed_rad = errors.at_level(before.level).turn_rad
+            belief.state = belief.state.with_prior(turn, believed_rad**2, now.turn_rad**2)
             belief.state.inflate(turn, np.eye(3) * now.turn_rad**2)
             belief.note(
                 f"camera {view.camera + 1} is less steady than camera_turn says; "

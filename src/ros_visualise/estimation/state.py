@@ -182,6 +182,27 @@ class State:
         """Add an independent error of that covariance."""
         self._own()[rows, rows] += covariance
 
+    def with_prior(self, rows: slice, before: float, now: float) -> State:
+        """The state as if the prior variance of sensors' states, of mean 0, had been larger.
+
+        What was learnt with the former prior moves with it: robot, landmarks, all that is
+        correlated. This takes back a measurement of 0: an update with negative noise.
+
+        Args:
+            rows: the states, constant meanwhile or slow.
+            before, now: variance of their prior, as it was and as it is.
+        """
+        extra = 1 / (1 / before - 1 / now)
+        values, axes = np.linalg.eigh(self.P[rows, rows])
+        left = (axes / np.maximum(extra - values, extra - before)) @ axes.T
+        own = self.robot.own[rows.start - core() :][: rows.stop - rows.start]
+        across = self.joint[:, rows]
+        error = across @ left @ own
+        new = self.moved(error)
+        new._set(self.joint + across @ left @ across.T)
+        new.gradient = self.gradient + error[self.size :]
+        return new
+
     def remove(self, *keys: str) -> None:
         """Remove landmarks, active or not."""
         if self.resting:
