@@ -76,6 +76,7 @@ def test_what_fails_is_a_row_and_stops_nothing_else(tmp_path, bad_node):
     assert done.returncode == 1, done.stderr
     report = json.loads(done.stdout)
     assert (report["tasks"], report["done"], report["left"]) == (9, 3, 0)
+    assert "3 done (1 with errors), 0 left, 6 failed" in batch("status", out).stdout
     query = "SELECT recording, kind, attempts FROM '{}/failures.parquet'"
     assert set(ask(out, query)) == {
         ("48.mkv", "crash", 3),

@@ -243,9 +243,12 @@ def _print(report: dict[str, Any], as_json: bool, results: Results) -> None:
     if as_json:
         print_json(report)
         return
+    with_errors = sum(one["kind"] == "node" for one in report["failures"])
+    failed = len(report["failures"]) - with_errors
     lines = [
         f"{counted(report['recordings'], 'recording')}, {counted(report['tasks'], 'task')}:"
-        f" {report['done']} done, {report['left']} left, {len(report['failures'])} failed"
+        f" {report['done']} done{f' ({with_errors} with errors)' if with_errors else ''},"
+        f" {report['left']} left, {failed} failed"
     ]
     for one in report["failures"][:_SHOWN]:
         lines.append(f"  {one['recording']}: {one['kind']}: {one['reason']}")
