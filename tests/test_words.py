@@ -61,6 +61,12 @@ def test_sentences_are_read_once():
                 )
 
 
+def test_arguments_of_launch_files_are_read_once():
+    said = [one for one in texts() if one.where.startswith("launch/")]
+    assert len(said) > 300
+    assert [one for one in said if TURNS.search(one.text)] == []
+
+
 def test_listing_has_texts_of_every_kind():
     said = {one.text for one in texts()}
     assert {

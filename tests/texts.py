@@ -1,7 +1,7 @@
 """All texts that people read, in one listing: ``python tests/texts.py``.
 
 Help of parameters, options, commands and actions, first lines of nodes' docstrings, messages with
-their placeholders in braces, and labels of the page.
+their placeholders in braces, labels of the page, and arguments of the launch files.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ CODE = re.compile(
 )
 """What is no prose: a regular expression, markup, a statement, a style, SQL, PDF."""
 
+ARGUMENT = re.compile(r"""<arg [^>]*(?:doc|description)="([^"]*)\"""")
 QUOTED = re.compile(r"""(["'`])((?:(?!\1)[^\\]|\\.)*?)\1""")
 
 
@@ -42,6 +43,10 @@ def texts() -> Iterator[Text]:
         yield from _python(path)
     for path in sorted([*ROOT.rglob("*.js"), *ROOT.rglob("*.html")]):
         yield from _page(path)
+    for path in sorted((ROOT.parents[1] / "launch").glob("*.launch*")):
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            for text in ARGUMENT.findall(line):
+                yield Text(f"launch/{path.name}:{number}", text)
 
 
 def _python(path: Path) -> Iterator[Text]:

@@ -53,7 +53,7 @@ GIVEN: dict[str, list[dict[str, Any]]] = {
     "node": [{"node": "vignette", "takes": "image_raw", "input": "/there"}, {"name": "mine"}],
     "landmark_detector": [{"model": "/own.onnx", "names": "/names.txt"}],
 }
-ROBOTS = {"simulator": "robot: husky, quadrotor or none (one that runs already)"}
+ROBOTS = {"simulator": "robot: husky, quadrotor or none (one that is already running)"}
 """What there is of Gazebo differs: ROS 2's is started by packages of its own."""
 
 

@@ -190,7 +190,7 @@ class State:
 
         Args:
             rows: the states, constant meanwhile or slow.
-            before, now: variance of their prior, as it was and as it is.
+            before, now: previous and present variance of their prior.
         """
         extra = 1 / (1 / before - 1 / now)
         values, axes = np.linalg.eigh(self.P[rows, rows])
