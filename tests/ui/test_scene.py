@@ -222,6 +222,14 @@ def test_the_first_fix_is_where_its_frame_is(scene, look):
     look("topics/fix/fix", lambda node: np.allclose(node["position"], [7, 119.2, 2], atol=0.3))
 
 
+def test_a_track_below_its_start_is_over_the_grid_with_the_attitude_at_its_end(scene, look):
+    for altitude in (500.0, 480.0):
+        draw(scene, fix=NavSatFix(48.0, 11.0, altitude, header=Header(S, "gps")))
+    draw(scene, imu=Imu(LEVEL, np.zeros(3), np.array([0, 0, 9.81]), header=Header(S, "base_link")))
+    look("topics/imu", lambda node: np.allclose(node["position"], [0, 0, -20], atol=0.01))
+    assert look.update()["/world/grid"]["position"][2] < -19.99
+
+
 def test_whoever_looks_later_sees_fixes_at_the_same_places(scene, look):
     for second, latitude in ((1, 48.0), (2, 48.001)):
         scene.show("/fix", NavSatFix(latitude, 11.0, 500.0, header=Header(second * S, "gps")))

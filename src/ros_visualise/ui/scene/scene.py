@@ -10,9 +10,12 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ros_visualise.core.errors import NoTransform
-from ros_visualise.data import CameraInfo, Floats, JointState, Text, Transforms
+from ros_visualise.data import CameraInfo, Floats, Imu, JointState, Text, Transforms
 from ros_visualise.data.poses import is_static
+from ros_visualise.geometry import se3
 from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.live.space.tree import SpaceTree
 from ros_visualise.ui.scene.axes import FrameAxes
@@ -255,7 +258,7 @@ class Scene:
         stamp_ns = 0 if drawing.stays else message.header.stamp_ns
         patient = self._clock() < entry.until_s
         try:
-            T = self.frames.locate(entry.frame, stamp_ns, patient)
+            T = self._locate(entry, stamp_ns, patient)
         except NoTransform as error:
             if not patient:  # it is drawn when its frame is known, unless another comes before
                 entry.shown, entry.problem = None, str(error)
@@ -265,6 +268,18 @@ class Scene:
         entry.draw(drawing, self._appearance.for_robot(self._size_m))
         if entry.problem:
             self._report(topic, entry.problem)
+
+    def _locate(self, entry: SceneTopic, stamp_ns: int, patient: bool) -> Floats:
+        """T_fixed_frame of a topic; without any transforms, an IMU is where topics have the robot.
+
+        Raises:
+            NoTransform: it is unknown.
+        """
+        is_imu = entry.kind is Imu and not self.frames.links.all()
+        robot = self._topics.robot() if is_imu else None
+        if robot is not None:
+            return se3.from_parts(np.eye(3), robot[:3, 3])
+        return self.frames.locate(entry.frame, stamp_ns, patient)
 
     def _robot(self) -> Floats | None:
         """T_fixed_robot: by its frame, else by the first odometry, else by the frame that moves."""

@@ -37,6 +37,7 @@ class SceneView:
         self._settled = False
         self._far = 0.0
         self._robot: Floats | None = None
+        self._lowest_m = 0.0
         tree.add("/world", SpaceNode())
         self._grid = tree.add("/world/grid", Grid(visible=False))
         self._hints = tree.add("/view", ViewHints())
@@ -64,6 +65,7 @@ class SceneView:
     def restart(self) -> None:
         """Choose the view anew, as the fixed frame has changed."""
         self._started_s, self._settled, self._robot = None, False, None
+        self._lowest_m = 0.0
 
     def update(
         self, T_fixed_robot: Floats | None, extent: Callable[[], npt.NDArray[np.floating]]
@@ -79,6 +81,9 @@ class SceneView:
         self._robot, self._extent = T_fixed_robot, extent
         if T_fixed_robot is not None:  # after a time jump it stays in view until it comes again
             self._hints.robot = T_fixed_robot[:3, 3]
+            if not T_fixed_robot[:3, 0].any():  # a track has no ground, and may go below its start
+                self._lowest_m = min(self._lowest_m, float(T_fixed_robot[2, 3]))
+                self._grid.position = (0.0, 0.0, self._lowest_m)
         if not self._settled:
             self._settle()
 
