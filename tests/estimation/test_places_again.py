@@ -9,7 +9,8 @@ import visual_flight
 from visual_flight import Flight
 
 from ros_visualise.estimation.visual.closing import close_way, edge_errors
-from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder, SeenPlace
+from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder
+from ros_visualise.estimation.visual.views import SeenPlace
 from ros_visualise.geometry import similarity
 from ros_visualise.geometry.similarity import Similarity
 from ros_visualise.vision.places import PlaceFeatures

@@ -5,7 +5,8 @@ import pytest
 from ros_visualise.core.errors import OpenError, ParameterError, UsageError
 from ros_visualise.core.synchronizer import Latest
 from ros_visualise.data import Image, Odometry, ParameterEvent
-from ros_visualise.graph.landmarks import with_tags
+from ros_visualise.graph import place
+from ros_visualise.graph.landmarks import with_known_places, with_tags
 from ros_visualise.graph.pipelines import (
     alone,
     demo_pipeline,
@@ -315,6 +316,14 @@ def test_odometry_by_eye_is_what_a_navigator_corrects_and_rests_first():
     assert navigator.inputs["odometry"] == eye.outputs["odometry"]
     assert navigator.params.imu is False
     assert graph.source.params.mission_delay > 0.5
+
+
+def test_a_navigator_takes_the_places_of_a_recognizer():
+    graph = with_tags(simulation_pipeline("quadrotor"), None, "")
+    assert with_known_places(graph) is graph
+    inputs = {"image": "/image_raw", "odometry": "/odom"}
+    graph = with_known_places(graph.joined(place(find_node("place_recognizer"), inputs)))
+    assert graph.node("landmark_navigator").inputs["places"] == "/places"
 
 
 def test_odometry_by_eye_is_added_only_if_asked_for_or_needed():

@@ -27,6 +27,7 @@ from ros_visualise.simulation.worlds import WORLDS
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
 GEOREFERENCE, _TRACKER = "georeference", "tracker"
+PLACES = "place_recognizer"
 LANDING, POSE_ERROR = "landing_target", "pose_error"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or convert those that others found."""
@@ -150,6 +151,20 @@ def with_landmarks(
     if TAGS in (node.name for node in found) and _is_simulated(graph) and graph.source is not None:
         whole = whole.configured({TAGS: _of_simulation(graph.source.params)})
     return whole.configured({node.name: settings.get(node.type.name, {}) for node in found})
+
+
+def with_known_places(graph: Graph) -> Graph:
+    """The same graph; its navigator takes the places of a `place_recognizer`, if it has both."""
+    found = [one.outputs["places"] for one in graph.nodes if one.type.name == PLACES]
+    if not found:
+        return graph
+    nodes = [
+        replace(one, inputs={**one.inputs, "places": found[0]})
+        if one.type.name == NAVIGATOR and "places" not in one.inputs
+        else one
+        for one in graph.nodes
+    ]
+    return replace(graph, nodes=tuple(nodes))
 
 
 def _with_landing(found: Sequence[Node], inputs: Mapping[str, str]) -> list[Node]:

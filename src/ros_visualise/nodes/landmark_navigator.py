@@ -48,6 +48,7 @@ from ros_visualise.nodes.landmark_localizer import save_landmarks
 log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
+_PLACE = "place_"  # as `place_recognizer` names them
 _TWO_PUBLISH = (
     "another node already publishes {0} -> {1}: starting from its last value; stop it, or play"
     " the recording without its localization"
@@ -64,6 +65,7 @@ _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
     inputs={
         "detections": Detections,
         "objects": Detections,
+        "places": Detections,
         "odometry": Odometry,
         "imu": Imu,
         **{sensor.name: sensor.message for sensor in SENSORS.all()},
@@ -144,6 +146,7 @@ class LandmarkNavigator:
         params: NavigatorParams,
         detections: Detections | None = None,
         objects: Detections | None = None,
+        places: Detections | None = None,
         odometry: Odometry | None = None,
         imu: Imu | None = None,
         *,
@@ -164,9 +167,11 @@ class LandmarkNavigator:
             self._see(self._navigator, detections, params.class_prefix, frames)
         elif objects is not None:
             self._see(self._navigator, objects, params.object_prefix, frames)
+        elif places is not None:
+            self._see(self._navigator, places, _PLACE, frames)
         for name, message in others.items():
             self._read(name, message, frames)
-        is_image = detections is not None or objects is not None
+        is_image = any(one is not None for one in (detections, objects, places))
         return (answer | ({} if is_image else self._landmarks()) | self._shown()) or None
 
     def _see(

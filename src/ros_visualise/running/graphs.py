@@ -16,7 +16,7 @@ from ros_visualise.core.params import specs
 from ros_visualise.core.printing import without_secrets
 from ros_visualise.data import Image
 from ros_visualise.graph import IMAGE_NODES, Graph
-from ros_visualise.graph.landmarks import with_tags
+from ros_visualise.graph.landmarks import with_known_places, with_tags
 from ros_visualise.graph.pipelines import (
     film_pipeline,
     image_pipeline,
@@ -165,7 +165,7 @@ def graph_of(selection: Selection, options: NodeOptions) -> Graph:
         graph = with_vehicles(selection.graph(undo), vehicles)
         graph = with_visual_odometry(graph, options.visual_odometry, options.navigate is not None)
         graph = with_tags(graph, options.landmarks, options.navigate)
-        graph = guiding_vehicles(_with_nodes(graph, options.node))
+        graph = guiding_vehicles(with_known_places(_with_nodes(graph, options.node)))
         if options.preset:
             graph = graph.configured(preset(options.preset, graph))
         graph = with_settings(graph, options, selection.is_recording)

@@ -30,6 +30,7 @@ _FAR = 60  # differing bits of descriptors that are no match
 _RATIO = 0.9  # of the differing bits of the best and of the second-best match
 
 Descriptors = npt.NDArray[np.uint8]
+Words = npt.NDArray[np.int32]
 
 
 class PlaceFeatures(NamedTuple):
@@ -66,20 +67,30 @@ def match_features(first: PlaceFeatures, second: PlaceFeatures) -> npt.NDArray[n
 
 
 class PlaceIndex:
-    """See the module. Images are numbered in the order in which they are added."""
+    """See the module. Images are numbered in the order in which they are added.
+
+    Attributes:
+        count: number of images that were added.
+    """
 
     def __init__(self) -> None:
         drawn = np.random.default_rng(0)
         self._bits = np.stack([drawn.permutation(256)[:_BITS] for _ in range(_TABLES)])
-        self._added: list[npt.NDArray[np.int32]] = []
-        self._sorted = np.zeros(0, np.int32), np.zeros(0, np.int32)
-        self._is_sorted = True
+        self.count = 0
+        self._added: list[tuple[int, Words]] = []
+        self._sorted: tuple[Words, Words] = np.zeros(0, np.int32), np.zeros(0, np.int32)
 
     def add(self, features: PlaceFeatures) -> int:
         """Add an image; its number."""
-        self._added.append(self._words(features))
-        self._is_sorted = False
-        return len(self._added) - 1
+        self._added.append((self.count, self._words(features)))
+        self.count += 1
+        return self.count - 1
+
+    def drop(self, number: int) -> None:
+        """Forget an image."""
+        words, owners = self._buckets()
+        kept = owners != number
+        self._sorted = words[kept], owners[kept]
 
     def find(self, features: PlaceFeatures, before: int, most: int) -> list[int]:
         """Numbers below ``before`` of the images most like this one, the best first."""
@@ -97,17 +108,17 @@ class PlaceIndex:
         best = np.argsort(-score, kind="stable")[:most]
         return [int(one) for one in best if score[one] > 0]
 
-    def _buckets(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    def _buckets(self) -> tuple[Words, Words]:
         """The words of all images, in order, and the image of each."""
-        if not self._is_sorted:
-            words = np.concatenate(self._added)
-            numbers = np.arange(len(self._added), dtype=np.int32)
-            owners = np.repeat(numbers, [len(one) for one in self._added])
-            order = np.argsort(words, kind="stable")
-            self._sorted, self._is_sorted = (words[order], owners[order]), True
+        if self._added:
+            words = np.concatenate([self._sorted[0], *(one for _, one in self._added)])
+            own = [np.full(len(one), number, np.int32) for number, one in self._added]
+            order = np.argsort(words, kind="stable")  # quick, as its parts are in order
+            self._sorted = words[order], np.concatenate([self._sorted[1], *own])[order]
+            self._added = []
         return self._sorted
 
-    def _words(self, features: PlaceFeatures) -> npt.NDArray[np.int32]:
+    def _words(self, features: PlaceFeatures) -> Words:
         """The buckets of an image, each once."""
         bits = np.unpackbits(features.descriptors, axis=1)[:, self._bits].astype(np.int32)
         powers = 1 << np.arange(_BITS, dtype=np.int32)

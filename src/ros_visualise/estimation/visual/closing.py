@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.visual.revisits import Closure, SeenPlace
+from ros_visualise.estimation.visual.revisits import Closure
+from ros_visualise.estimation.visual.views import SeenPlace
 from ros_visualise.geometry import se3, similarity
 from ros_visualise.geometry.similarity import Similarity
 

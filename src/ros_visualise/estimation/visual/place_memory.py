@@ -1,0 +1,286 @@
+"""Places that a camera knows again while it moves: a bounded memory of views with depths.
+
+A place is a view whose features have depths by the views just before it. Its pose in later views
+is a measurement like that of a tag: it says how far the odometry has drifted since, and where the
+robot is after it was carried away. What looks like a place counts only if three views in a row
+agree, if no other place looks nearly as much like it, and if no odometry drifts that far.
+
+Source: R. Mur-Artal, J. Tardos, ORB-SLAM2, IEEE T-RO 2017 (candidates, geometry, repetition).
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Floats, Pixels
+from ros_visualise.estimation.visual.views import (
+    LEAST,
+    SeenPlace,
+    ViewFromPlace,
+    inverse_depths,
+    twist_covariance,
+    view_from,
+)
+from ros_visualise.geometry import se3
+from ros_visualise.landmarks.pose.rays import rays_of
+from ros_visualise.vision.places import PlaceFeatures, PlaceIndex, find_features, match_features
+
+_NEW_VIEW, _NEAR = 0.05, 0.8  # parallax of a new view, rad; its quantile: near corners show it
+_FEWER = 0.5  # of a view's features in the next, below which that is new
+_BESIDE = 8  # views before a place that show its depths
+_LEAST_POINTS = 60  # with depths, of a place
+_KNOWN = 0.4  # of a place's points in view, below which another place begins
+_FIRST = 6  # sightings of a new place, from which its pose is estimated
+_TRIED = 5  # places, by the index
+_OTHER = 0.5  # of the points that agree: another place with more makes a place ambiguous
+_AGREEING, _WITHIN = 2, 4  # earlier views that say the same, of so many
+_SAME = 0.15, 0.08  # of the depth, and rad: sightings that agree
+_DRIFT = 0.1, 0.15  # most of an odometry: of the way, and rad
+_AGAIN = 0.2  # way between sightings of a place, in its depths: those of fewer err alike
+_SCALE = 0.03  # standard deviation of the depths of a place, as a fraction
+_TURN = 0.03  # rad: standard deviation of the rotation between views, as on a gimbal
+_WIDEST = 0.3  # cosine of the angle from the axis up to which a lens is used
+
+
+class PlaceSighting(NamedTuple):
+    """A place in a view: T_camera_place, its covariance, and the points that agree.
+
+    ``id`` is made from what the place looks like, so that no two maps confuse their places. The
+    axes of a place are those of its view, and its origin lies ahead of that by its depth.
+    ``covariance`` (6, 6) is of the position and of a rotation about the camera's axes.
+    """
+
+    id: int
+    R: Floats
+    t: Floats
+    covariance: Floats
+    points: int
+
+
+@dataclass(eq=False)
+class _Place:
+    view: SeenPlace
+    inverse: Floats
+    depth: float
+    part: int  # number of interruptions before
+    seen_at: float  # length of the way at its last sighting
+    seen_in: int  # the part of that
+    count: int = 0
+
+
+class _Found(NamedTuple):
+    number: int
+    pose: ViewFromPlace
+
+
+class PlaceMemory:
+    """See the module.
+
+    Args:
+        info: calibration of the camera.
+        most: number of places; the one nearest to another is forgotten.
+
+    Attributes:
+        counts: numbers of views, places, sightings again, and of those that are ambiguous, or
+            farther away than an odometry drifts.
+    """
+
+    def __init__(self, info: CameraInfo, most: int = 500) -> None:
+        self._info, self._most = info, most
+        self._focal = float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
+        self._size = np.array([info.width, info.height], float)
+        self._index = PlaceIndex()
+        self._places: dict[int, _Place] = {}
+        self._recent: deque[SeenPlace] = deque(maxlen=_BESIDE)
+        self._history: deque[tuple[SeenPlace, list[_Found]]] = deque(maxlen=_WITHIN)
+        self._way, self._part, self._newest = 0.0, 0, -1
+        names = ("views", "places", "known again", "ambiguous", "too far")
+        self.counts = dict.fromkeys(names, 0)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def interrupt(self) -> None:
+        """Note that the odometry was lost: it may be anywhere now."""
+        self._part += 1
+        self._recent.clear()
+        self._history.clear()
+        self._newest = -1
+
+    def look(self, stamp_ns: int, gray: Pixels, T_odom_camera: Floats) -> list[PlaceSighting]:
+        """The places in an image (H, W), uint8; none if it is no new view."""
+        view = self._view(stamp_ns, gray, T_odom_camera)
+        if len(view.rays) < LEAST or not self._is_new(view):
+            return []
+        if self._recent:
+            self._way += float(np.linalg.norm(view.p - self._recent[-1].p))
+        self.counts["views"] += 1
+        found = self._candidates(view)
+        again = [one for one in found if self._is_confirmed(one, view)]
+        self._history.append((view, found))
+        sightings = self._of_newest(view)
+        is_known = bool(sightings) or self._is_followed(view)
+        for one in again:
+            place = self._places[one.number]
+            is_known |= len(one.pose.seen) > _KNOWN * (place.inverse > 0).sum()
+            if self._is_due(place):
+                sightings.append(self._sighting(one))
+                self.counts["known again"] += 1
+        self._recent.append(view)
+        if not is_known:
+            sightings += self._begin(view)
+        return sightings
+
+    def _view(self, stamp_ns: int, gray: Pixels, T: Floats) -> SeenPlace:
+        features = find_features(gray)
+        directions = rays_of(features.pixels_uv, self._info).directions
+        good = directions[:, 2] > _WIDEST
+        rays = directions[good, :2] / directions[good, 2:]
+        kept = PlaceFeatures(features.pixels_uv[good], features.descriptors[good])
+        return SeenPlace(stamp_ns, 0, kept, rays, T[:3, :3], T[:3, 3])
+
+    def _is_new(self, view: SeenPlace) -> bool:
+        """True if the view has changed enough since the last one."""
+        if not self._recent:
+            return True
+        last = self._recent[-1]
+        pairs = match_features(last.features, view.features)
+        if len(pairs) <= _FEWER * min(len(last.rays), len(view.rays)) / 2:
+            return True
+        turned = np.insert(last.rays[pairs[:, 0]], 2, 1.0, axis=1) @ (view.R.T @ last.R).T
+        away = view.rays[pairs[:, 1]] - turned[:, :2] / turned[:, 2:]
+        return float(np.quantile(np.linalg.norm(away, axis=1), _NEAR)) > _NEW_VIEW
+
+    # places seen again
+
+    def _candidates(self, view: SeenPlace) -> list[_Found]:
+        """Places that a view shows, the best first; none if others look nearly as much like it."""
+        tried = self._index.find(view.features, self._index.count, _TRIED)
+        several = [
+            _Found(n, pose)
+            for n in tried
+            if n in self._places and n != self._newest and (pose := self._from(n, view))
+        ]
+        several.sort(key=lambda one: -len(one.pose.seen))
+        if not several:
+            return []
+        best = several[0]
+        agreeing = [one for one in several if self._agree(one, one.pose, best, view, view)]
+        others = [one for one in several if one not in agreeing]
+        if any(len(one.pose.seen) > _OTHER * len(best.pose.seen) for one in others):
+            self.counts["ambiguous"] += 1
+            return []
+        if self._is_too_far(best, view):
+            self.counts["too far"] += 1
+            return []
+        return agreeing
+
+    def _from(self, number: int, view: SeenPlace) -> ViewFromPlace | None:
+        place = self._places[number]
+        return view_from(place.view, place.inverse, view, self._focal, self._size)
+
+    def _agree(
+        self, one: _Found, pose: ViewFromPlace, other: _Found, at: SeenPlace, other_at: SeenPlace
+    ) -> bool:
+        """True if two sightings place the first view alike, by the odometry between each two."""
+        a, b = self._places.get(one.number), self._places.get(other.number)
+        if a is None or b is None:
+            return False
+        T_a = _rigid(a.view) @ se3.inverse(se3.from_parts(pose.R, pose.t))
+        T_b = _rigid(b.view) @ se3.inverse(se3.from_parts(other.pose.R, other.pose.t))
+        T_b = T_b @ se3.inverse(_rigid(other_at)) @ _rigid(at)
+        off = se3.inverse(T_a) @ T_b
+        is_near = np.linalg.norm(off[:3, 3]) < _SAME[0] * max(a.depth, b.depth)
+        return bool(is_near and np.linalg.norm(se3.rotation_vector(off[:3, :3])) < _SAME[1])
+
+    def _is_too_far(self, one: _Found, view: SeenPlace) -> bool:
+        """True if the odometry cannot have drifted by so much since the place was seen last."""
+        place = self._places[one.number]
+        if place.part != self._part:
+            return False
+        T = _rigid(place.view) @ se3.inverse(se3.from_parts(one.pose.R, one.pose.t))
+        off = se3.inverse(_rigid(view)) @ T
+        way = self._way - place.seen_at + float(np.linalg.norm(one.pose.t))
+        far = float(np.linalg.norm(off[:3, 3])) > _DRIFT[0] * way + _SAME[0] * place.depth
+        turned = float(np.linalg.norm(se3.rotation_vector(off[:3, :3])))
+        return far or turned > _SAME[1] + _DRIFT[1] * np.sqrt(way / max(place.depth, 1e-9) / 10)
+
+    def _is_confirmed(self, one: _Found, view: SeenPlace) -> bool:
+        """True if earlier views say the same."""
+        votes = sum(
+            any(self._agree(one, one.pose, other, view, at) for other in found[:1])
+            for at, found in self._history
+        )
+        return votes >= _AGREEING
+
+    def _is_due(self, place: _Place) -> bool:
+        """True if a sighting is worth something: the way since the last one is long enough."""
+        return place.seen_in != self._part or self._way - place.seen_at > _AGAIN * place.depth
+
+    def _sighting(self, one: _Found) -> PlaceSighting:
+        place, pose = self._places[one.number], one.pose
+        place.seen_at, place.seen_in = self._way, self._part
+        place.count += 1
+        ahead = np.array([0.0, 0, place.depth])
+        t = pose.R @ ahead + pose.t
+        change = se3.about_itself(t)
+        covariance = change @ twist_covariance(pose.seen, self._focal) @ change.T
+        covariance[:3, :3] += (_SCALE * np.linalg.norm(pose.t)) ** 2 * np.eye(3)
+        id = zlib.crc32(place.view.features.descriptors.tobytes())
+        return PlaceSighting(id, pose.R, t, covariance, len(pose.seen))
+
+    # new places
+
+    def _of_newest(self, view: SeenPlace) -> list[PlaceSighting]:
+        """The newest place, in the first views after it."""
+        place = self._places.get(self._newest)
+        pose = self._from(self._newest, view) if place else None
+        if place is None or pose is None or place.count >= _FIRST:
+            return []
+        found = _Found(self._newest, pose)
+        return [] if self._is_too_far(found, view) else [self._sighting(found)]
+
+    def _is_followed(self, view: SeenPlace) -> bool:
+        """True if the newest place still fills much of the view."""
+        place = self._places.get(self._newest)
+        pose = self._from(self._newest, view) if place else None
+        return bool(place and pose and len(pose.seen) > _KNOWN * (place.inverse > 0).sum())
+
+    def _begin(self, view: SeenPlace) -> list[PlaceSighting]:
+        """Remember a view as a place, if enough of it has a depth."""
+        beside = list(self._recent)[-2::-1]
+        inverse = inverse_depths(view, beside, self._focal, _TURN)
+        known = inverse > 0
+        if known.sum() < _LEAST_POINTS:
+            return []
+        kept = PlaceFeatures(view.features.pixels_uv[known], view.features.descriptors[known])
+        of_place = SeenPlace(view.stamp_ns, 0, kept, view.rays[known], view.R, view.p)
+        depth = float(np.median(1 / inverse[known]))
+        if len(self._places) >= self._most:
+            self._forget()
+        self._newest = self._index.add(kept)
+        self._places[self._newest] = _Place(
+            of_place, inverse[known], depth, self._part, self._way, self._part
+        )
+        self.counts["places"] += 1
+        pose = self._from(self._newest, view)
+        return [] if pose is None else [self._sighting(_Found(self._newest, pose))]
+
+    def _forget(self) -> None:
+        """Forget the place that is nearest to another one."""
+        numbers = list(self._places)
+        at = np.array([self._places[n].view.p for n in numbers])
+        apart = np.linalg.norm(at[:, None] - at, axis=2) + np.diag(np.full(len(at), np.inf))
+        number = numbers[int(np.argmin(apart.min(axis=1)))]
+        del self._places[number]
+        self._index.drop(number)
+
+
+def _rigid(view: SeenPlace) -> Floats:
+    """T_odom_camera (4, 4) of a view."""
+    return se3.from_parts(view.R, view.p)
