@@ -196,6 +196,16 @@ def test_gps_holds_the_error_small_between_landmarks():
     assert_expected(errors[-1], covariances[-1])
 
 
+def test_gps_may_come_seconds_before_the_odometry():
+    """As an odometry by eye does, which first looks for a start."""
+    one, told, _, gps = flight(length_m=200.0, tags=0)
+    late = [sight for sight in told if sight[1] > gps[5].header.stamp_ns]
+    navigator = Navigator(BUILD, start=rigid.IDENTITY)
+    errors, _ = fly(navigator, one, late, gps=gps)
+    assert len(errors) > 0.9 * len(late)
+    assert navigator.counts["gps used"] > 50
+
+
 def test_gps_finds_out_where_it_counts_from():
     one, told, _, gps = flight(length_m=200.0, tags=0)
     nobody = replace(BUILD, sensors={"gps": replace(GPS, gps_origin="")})

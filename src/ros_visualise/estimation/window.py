@@ -147,15 +147,15 @@ class EventWindow:
             return
         horizon_ns = newest_ns - round(self.filter.settings.delay_s * 1e9)
         gone = 0
-        while gone + 1 < len(self._known) and self._known[gone + 1].belief.now_ns <= horizon_ns:
+        while gone + 1 < len(self._known) and self._known[gone + 1].key[0] <= horizon_ns:
             gone += 1
         if not gone:
             return
         del self._known[:gone]
         first = self._known[0]
         del self._entries[: bisect_right(self._entries, first.key, key=lambda one: one.key)]
-        self.filter.odometer.forget(first.belief.now_ns)
-        self.filter.imu.forget(first.belief.now_ns)
+        self.filter.odometer.forget(first.key[0])
+        self.filter.imu.forget(first.key[0])
 
 
 def _kind(event: Event) -> str:
