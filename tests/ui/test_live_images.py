@@ -97,9 +97,11 @@ def run_async(work, **kinds):
 
 
 async def until(check):
-    async with asyncio.timeout(60):
+    async def wait():
         while not check():
             await asyncio.sleep(0.005)
+
+    await asyncio.wait_for(wait(), 60)
 
 
 async def settle():
