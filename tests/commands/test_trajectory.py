@@ -399,7 +399,9 @@ class TestRefusals:
     @pytest.mark.parametrize("delta", ["1", "0f", "1.5f", "-1m", "5 m", "nans", "1km"])
     def test_deltas(self, refused, compared, delta):
         said = refused(*compared["kitti"], f"--delta={delta}")
-        assert "give a number of poses as 1f, or 10m, 5deg, 1s" in said
+        assert (
+            "give a number of poses (1f), a distance (10m), an angle (5deg) or a time (1s)" in said
+        )
 
     def test_too_many_arguments_name_the_help_of_the_command(self, run, capsys):
         with pytest.raises(SystemExit):

@@ -280,10 +280,10 @@ def test_a_file_that_lacks_its_last_images_is_said(
         assert len(times_ms(video)) <= 40
         size = len(data)
         assert video.faults[-1].endswith(
-            f" s, cut off after {size - missing} of {size} bytes or more"
+            f" s, cut off after {size - missing} of at least {size} bytes"
         )
         (note,) = sources.info(path)["lost"]["notes"]
-        assert note.endswith(f" s, cut off after {size - missing} of {size} bytes or more")
+        assert note.endswith(f" s, cut off after {size - missing} of at least {size} bytes")
 
 
 @pytest.mark.parametrize("trailer", [b"\0" * 50, b"SEFT1234" * 9, b"\xff" * 7])

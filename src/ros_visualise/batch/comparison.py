@@ -32,7 +32,7 @@ METRICS: Mapping[str, str] = {
     "gap_s": "difference in its longest gap, seconds",
     "lost": "lost detections: no other of that class in the same place",
     "gained": "new detections",
-    "moved": "1 minus the mean overlap (IoU) of all other detections",
+    "moved": "1 minus the mean overlap (IoU) of the matched detections",
     "position_m": "rms distance of poses",
     "rotation_deg": "rms angle of poses",
     "ate_m": "increase in the rms distance from the truth",

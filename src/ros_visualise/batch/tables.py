@@ -85,7 +85,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "node VARCHAR -: node",
         "inputs VARCHAR -: topics of its inputs, separated by commas",
         "processed BIGINT -: messages processed",
-        "dropped BIGINT -: messages not processed, or without an answer",
+        "dropped BIGINT -: messages not processed, or for which the node had no result",
         "errors BIGINT -: errors not caused by a message",
         "step_ms DOUBLE ms: median duration of a step",
         "p50_ms DOUBLE ms: median time from the source to the end of a step",

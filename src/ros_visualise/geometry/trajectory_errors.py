@@ -53,7 +53,10 @@ def parse_delta(text: str) -> Delta:
     found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(f|m|deg|s)", text)
     amount = float(found[1]) if found else 0.0
     if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
-        raise UsageError(f"delta {text!r}: give a number of poses as 1f, or 10m, 5deg, 1s")
+        raise UsageError(
+            f"delta {text!r}: give a number of poses (1f), a distance (10m), an angle"
+            " (5deg) or a time (1s)"
+        )
     return Delta(amount, found[2])
 
 

@@ -340,7 +340,7 @@ class Px4Modes:
 
     def _fall_back(self, mode: Px4Mode, lost: str) -> None:
         self.enter(mode)
-        text = f"Failsafe: {lost} lost, {mode.name.lower()}"
+        text = f"Failsafe: {lost} lost; mode {mode.name.lower()}"
         log.warning("%s", text)
         self._say(text)
 

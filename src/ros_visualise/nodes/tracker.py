@@ -129,7 +129,7 @@ class TrackerParams:
         group="association",
     )
     same_class: bool = param(
-        False, "match detections only with tracks of their class", group="association"
+        False, "match detections only with tracks of the same class", group="association"
     )
     fixed_frame: str = param("odom", "frame in which the ground is still", group="ground")
     ground_height: float = param(

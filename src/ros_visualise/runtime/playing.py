@@ -24,7 +24,9 @@ class PlayingParams(LiveParams):
     """Playback of a recording, beside the source's own parameters."""
 
     paused: bool = param(
-        False, "pause; becomes true at the end, where false plays again", saved=False
+        False,
+        "pause; becomes true at the end; set it to false there to play again from the start",
+        saved=False,
     )
     rate: float = param(
         1.0,

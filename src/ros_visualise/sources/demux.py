@@ -180,6 +180,7 @@ def _no_video(path: Path, why: str = "") -> OpenError:
         return OpenError(f"{path}: a playlist, which only names videos; give one of them")
     if head[4:8] == b"ftyp":
         return OpenError(
-            f"{path}: {why}cut off, its index is missing; copy it again, or repair it with untrunc"
+            f"{path}: {why}cut off, so its index is missing; copy it again, or repair it with"
+            " untrunc"
         )
     return NoVideo(f"{path}: {why}not a video that FFmpeg can read; give a video file")

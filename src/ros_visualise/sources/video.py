@@ -243,7 +243,7 @@ class Video:
         if from_start and hidden > max(_MOST_SILENT, _SILENT * decoder.expected):
             faults.append(f"{hidden} of {decoder.expected} images could not be decoded")
         if size < promised:
-            what = f"cut off after {size} of {promised} bytes or more"
+            what = f"cut off after {size} of at least {promised} bytes"
             faults.append(f"it ends at {end_ns / 1e9:.2f} s, {what}")
         elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(

@@ -87,7 +87,7 @@ def test_what_is_lost_is_told(tmp_path, tell):
     assert lost["bytes"] > len(data) // 3
     *_, amount, why = tell(path, status=1).splitlines()
     assert amount == f"lost:        {lost['bytes']} bytes"
-    assert re.fullmatch(r" +cut off after [\d.]+ of [\d.]+ MB or more", why)
+    assert re.fullmatch(r" +cut off after [\d.]+ of at least [\d.]+ MB", why)
 
 
 def test_a_video_is_told_of_in_the_same_way(tmp_path, tell):

@@ -19,7 +19,7 @@ class ComparisonOptions:
 
     truth: str | None = option(
         None,
-        "the true trajectory; reports ATE and RPE as evo does",
+        "the true trajectory; with it, ATE and RPE are reported as evo does",
         metavar="TOPIC|FILE[@TOPIC]",
     )
     align: str = option(

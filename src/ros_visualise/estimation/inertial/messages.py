@@ -56,7 +56,7 @@ class InertialInput:
         """Take a measurement of the IMU."""
         name = imu.header.frame_id
         if imu.angular_covariance[0, 0] < 0 or imu.linear_covariance[0, 0] < 0:  # REP 145
-            self.problem = "the IMU is not used: it has no angular velocity or no acceleration"
+            self.problem = "the IMU is not used: it lacks angular velocity or acceleration"
             return
         if name not in self._mounted:
             try:

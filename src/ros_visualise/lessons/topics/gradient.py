@@ -40,7 +40,7 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
     text = """
         Along row {row} (yellow) the gray levels are a curve f (blue). Its derivative (red) is
         how fast it changes. A picture has no values between two pixels, so the derivative is half
-        the difference of the two neighbours:
+        the difference between the two neighbours:
 
             f'(x) ≈ (f(x + 1) − f(x − 1)) / 2
 

@@ -145,9 +145,9 @@ def poses(image: Image, params: CornerParams) -> dict[str, Message]:
     best = found[0]
     rows = "\n".join(map(_described, found))
     text = f"""
-From the homography, the size of the tag ({seen.size_m:g} m) and the focal length of the camera
-({seen.info.K[0, 0]:.0f} pixels; a guess, if your camera is not calibrated) follows the pose of the
-tag: its position and its orientation. It is {np.linalg.norm(best.position_xyz):.3f} m away.
+The homography, the size of the tag ({seen.size_m:g} m) and the focal length of the camera
+({seen.info.K[0, 0]:.0f} pixels; a guess, if your camera is not calibrated) together give the pose
+of the tag: its position and its orientation. It is {np.linalg.norm(best.position_xyz):.3f} m away.
 
 From far away a square that is tilted to the left looks like one that is tilted to the right, so
 there can be two readings. With corners that are off by {params.sigma:g} pixels, the table shows for

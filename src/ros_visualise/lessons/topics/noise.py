@@ -100,8 +100,8 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
     work = work_of(image, _Noisy)
     smoothed = cv2.GaussianBlur(work.noisy, (0, 0), params.sigma)
     text = """
-        Noise is as often too bright as too dark, so it averages out in a mean. Each pixel becomes
-        the mean of its neighbours, weighted by a Gaussian of their distance d:
+        Noise makes a pixel too bright as often as too dark, so it averages out in a mean. Each
+        pixel becomes the mean of its neighbours, weighted by a Gaussian of their distance d:
 
             w(d) = exp(−d² / 2σ²),   σ = {sigma:g}
 

@@ -288,7 +288,7 @@ class BagScan:
         if missing:
             here, whole = self._size / 1e6, self._needed / 1e6
             digits = 1 if whole >= 1 else 4
-            notes.append(f"cut off after {here:.{digits}f} of {whole:.{digits}f} MB or more")
+            notes.append(f"cut off after {here:.{digits}f} of at least {whole:.{digits}f} MB")
         elif not self._has_end:
             found = sum(chunk.messages for chunk in self._layout.chunks)
             notes.append(f"never finished by its recorder; messages found: {found}")

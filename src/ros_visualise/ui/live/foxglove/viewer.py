@@ -212,7 +212,7 @@ class FoxgloveViewer:
         self._require_control()
         line = None if self._shown is None else self._shown.line
         if line is None:
-            raise BadRequest("this source cannot be paused or sought")
+            raise BadRequest("this source can neither pause nor seek")
         try:
             control(line, request)
         except BadRequest as error:

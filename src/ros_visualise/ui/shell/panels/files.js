@@ -44,7 +44,7 @@ export default {
           <q-btn v-for="[label, action] in ends" :key="action" outline dense no-caps size="sm" :label="label" :disable="readOnly" @click="act({ [action]: 1 })" />
         </span>
         <template v-if="all.exportable.length">
-          <label class="rv-field">File<input v-model="part" placeholder="part-….mcap" :disabled="readOnly" title="New file with this range: .mcap, .bag, .mp4 or .csv; empty is a new .mcap"></label>
+          <label class="rv-field">File<input v-model="part" placeholder="part-….mcap" :disabled="readOnly" title="New file with this range: .mcap, .bag, .mp4 or .csv; leave it empty for a new .mcap"></label>
           <details>
             <summary>Topics to export ({{ parts.length || "all" }})</summary>
             <label v-for="topic in all.exportable" :key="topic" class="rv-check"><input v-model="parts" type="checkbox" :value="topic" :disabled="readOnly">{{ topic }}</label>
