@@ -80,7 +80,7 @@ def test_a_playlist_is_no_video(refused: Refused, video: Path, tmp_path: Path) -
             ["info", tmp_path / name],
         ):
             line = refused(*command)
-            assert f"{name}: a playlist, which only names videos; give one of these" in line
+            assert f"{name}: a playlist, which only names videos; give one of them" in line
     assert video.read_bytes() == before
     assert {path.name for path in tmp_path.iterdir()} == {"v.mkv", "l.ffconcat", "l.m3u8"}
 

@@ -33,7 +33,7 @@ def load(tmp_path):
         ("a: [" + "1," * 250_000 + "]", "more than 32768 values"),
         ("#" * (5 << 20), "more than 1 MiB"),
         ("a: " + "9" * 5000, "a text file of keys and values"),
-        ("%YAML 1.1\n---\na: 1" + ":01" * 300_000, "more than 65536 letters"),
+        ("%YAML 1.1\n---\na: 1" + ":01" * 300_000, "more than 65536 characters"),
         ("a: *b", "undefined alias 'b' in line 1"),
     ],
     ids=[

@@ -111,7 +111,7 @@ def test_without_vision_it_says_so_and_lands(blind):
     assert blind.flyer.fly(1, lambda: blind.flyer.modes[-1] == "land, armed")
     blind.station.catch_up()
     assert any("Vision position timeout" in text for text in blind.station.texts())
-    assert any("position lost, land" in text for text in blind.station.texts())
+    assert any("position lost; mode land" in text for text in blind.station.texts())
     assert blind.station.command(SET_MODE, 1, 4, 3) == DENIED  # hold
     assert blind.station.command(LAND) == ACCEPTED
     assert blind.flyer.fly(15, lambda: blind.flyer.modes[-1] == "land, disarmed")

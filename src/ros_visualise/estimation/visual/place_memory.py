@@ -63,7 +63,7 @@ class PlaceSighting(NamedTuple):
 
 
 @dataclass(eq=False)
-class _Place:
+class _KnownPlace:
     view: SeenPlace
     inverse: Floats
     depth: float
@@ -95,7 +95,7 @@ class PlaceMemory:
         self._focal = float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
         self._size = np.array([info.width, info.height], float)
         self._index = PlaceIndex()
-        self._places: dict[int, _Place] = {}
+        self._places: dict[int, _KnownPlace] = {}
         self._recent: deque[SeenPlace] = deque(maxlen=_BESIDE)
         self._history: deque[tuple[SeenPlace, list[_Found]]] = deque(maxlen=_WITHIN)
         self._way, self._part, self._newest = 0.0, 0, -1
@@ -218,7 +218,7 @@ class PlaceMemory:
         )
         return votes >= _AGREEING
 
-    def _is_due(self, place: _Place) -> bool:
+    def _is_due(self, place: _KnownPlace) -> bool:
         """True if a sighting is worth something: the way since the last one is long enough."""
         return place.seen_in != self._part or self._way - place.seen_at > _AGAIN * place.depth
 
@@ -264,7 +264,7 @@ class PlaceMemory:
         if len(self._places) >= self._most:
             self._forget()
         self._newest = self._index.add(kept)
-        self._places[self._newest] = _Place(
+        self._places[self._newest] = _KnownPlace(
             of_place, inverse[known], depth, self._part, self._way, self._part
         )
         self.counts["places"] += 1
