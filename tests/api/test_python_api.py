@@ -244,7 +244,10 @@ def test_trajectories_are_arrays_with_errors(recordings, tmp_path):
     np.testing.assert_array_equal(again.positions_xyz, aligned.positions_xyz)
     assert found._repr_html_().startswith("<svg")
     for wrong, says in (
-        (lambda: found.errors(truth, delta="1"), r"give a number of poses \(1f\), a distance \(10m\)"),
+        (
+            lambda: found.errors(truth, delta="1"),
+            r"give a number of poses \(1f\), a distance \(10m\)",
+        ),
         (lambda: found.align(truth, "se4"), "no alignment 'se4'; did you mean se3"),
         (lambda: rv.trajectory(texts / "KITTI_00_gt.txt", "/odom"), "a text file without topics"),
         (

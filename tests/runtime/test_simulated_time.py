@@ -49,6 +49,14 @@ def test_playing_goes_on_where_time_starts_over_and_says_so_once(
     assert said.startswith("simulated time jumped back by 2.0 s")
 
 
+def test_nothing_is_stamped_before_the_time_is_known() -> None:
+    times = itertools.chain(itertools.repeat(0, 20), itertools.count(100 * S, S // 100))
+    playback = Playback(live_stamps=True, frames=5, clock=SimulatedClock(lambda: next(times)))
+    stamps = [stamp_ns for stamp_ns, _ in playback.run(Film())]
+    assert len(stamps) == 5
+    assert min(stamps) >= 100 * S
+
+
 def test_small_steps_back_are_no_jump(caplog: pytest.LogCaptureFixture) -> None:
     """Two who publish one time disagree a little."""
     times = iter([0, 5 * S, 5 * S - S // 2, 6 * S])

@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.core.rate import Clock, WallClock
+from ros_visualise.core.rate import Clock, SimulatedClock, WallClock
 from ros_visualise.sources.timeline import PlaybackTimeline, PlayedPart
 
 T = TypeVar("T")
@@ -369,11 +369,16 @@ class Playback:
             while not (self.closed or self._requests.lead_away or self._part.end_before(time_ns)):
                 now_ns = self._clock.monotonic_ns()
                 due_ns = self._due_ns(place_ns, now_ns)
-                if due_ns is not None and due_ns <= now_ns:
+                if due_ns is not None and due_ns <= now_ns and self._has_time():
                     self._line.put(place_ns, due_ns, now_ns)
                     return True
                 self._clock.wait(self._changed, due_ns)
         return False
+
+    def _has_time(self) -> bool:
+        """False while a simulated clock has not told its time, by which messages are stamped."""
+        is_simulated = isinstance(self._clock, SimulatedClock)
+        return not (is_simulated and self._line.rate) or self._clock.now_ns() > 0
 
     def _due_ns(self, place_ns: int, now_ns: int) -> int | None:
         if self._suspended:
