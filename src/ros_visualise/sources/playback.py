@@ -376,7 +376,7 @@ class Playback:
         return False
 
     def _has_time(self) -> bool:
-        """False while a simulated clock has not told its time, by which messages are stamped."""
+        """False until a simulated clock, by which messages are stamped, has a time."""
         is_simulated = isinstance(self._clock, SimulatedClock)
         return not (is_simulated and self._line.rate) or self._clock.now_ns() > 0
 
