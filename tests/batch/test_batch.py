@@ -234,14 +234,31 @@ def test_ctrl_c_goes_on_later(once, tmp_path):
 
 @pytest.mark.parametrize(
     "option",
-    [("--record", "a.xyz"), ("--params", "missing.yaml"), ("--preset", "missing")],
-    ids=str,
+    [
+        ("--record", "a.xyz"),
+        ("--record", "folder/a.mcap"),
+        ("--record", "/a.mcap"),
+        ("--record", "a.mcap", "--record", "a.mcap@/edges", "already in use"),
+        ("--record", "pictures", "--export", "pictures"),
+        ("--params", "missing.yaml"),
+        ("--preset", "missing"),
+        ("--set", "filters.thresold=1", "; did you mean threshold?"),
+        ("--set", "filters.threshold=999", "must be from 0 to 255"),
+        ("--set", "filter.threshold=1", "; did you mean filters?"),
+        ("--set", "player.x=1", "no parameter 'x'"),
+        ("--set", "threshold=1", "; did you mean filters.threshold?"),
+        ("--set", "streamer.siz=8x8", "; did you mean size?"),
+        ("--set", "landmark_navigator.mode=frozen", "--pipeline images: no node"),
+        ("--node", "motion_detector@filter", "; did you mean filters?"),
+    ],
+    ids=" ".join,
 )
 def test_a_wrong_option_is_one_line_before_anything_starts(tmp_path, option):
     films(tmp_path, 1, images=1)
-    done = batch(tmp_path, "--out", tmp_path / "out", *option)
+    hint = option[-1]
+    done = batch(tmp_path, "--out", tmp_path / "out", *option[: len(option) // 2 * 2])
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert option[1] in done.stderr
+    assert hint in done.stderr
     assert not (tmp_path / "out").exists()
 
 

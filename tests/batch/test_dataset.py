@@ -120,5 +120,5 @@ def test_lerobot(tmp_path):
 @pytest.mark.parametrize("format", ["coco", "yolo", "lerobot"])
 def test_results_without_its_rows_are_one_line(once, tmp_path, format):
     done = dataset(once / "out", tmp_path / "made", "--format", format)
-    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert not list(tmp_path.glob("made*"))

@@ -59,6 +59,8 @@ def test_answers_are_printed_and_written(once, tmp_path):
 @pytest.mark.parametrize(
     "arguments",
     [
+        ("",),
+        ("-- a comment",),
         ("SELEC x",),
         ("SELECT nothing FROM poses",),
         ("SELECT 1", "--plot", "a.txt"),

@@ -11,23 +11,50 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.core.regular_files import read_file
-from ros_visualise.graph import IMAGE_NODES, Graph
+from ros_visualise.graph import IMAGE_NODES, Graph, place, place_source
+from ros_visualise.graph.landmarks import (
+    GEOREFERENCE,
+    LOCALIZER,
+    NAVIGATOR,
+    POSE_ERROR,
+    RECORDED_TAGS,
+    TAGS,
+)
+from ros_visualise.graph.visual_odometry import VISUAL_ODOMETRY
 from ros_visualise.landmarks.networks.remote import is_served
 from ros_visualise.landmarks.networks.session import Provider, is_available
+from ros_visualise.nodes import find_node, find_source
 from ros_visualise.running.arguments import parse_setting
-from ros_visualise.running.graphs import Selection, film, graph_of, parse_insertion, recording
+from ros_visualise.running.graphs import (
+    Selection,
+    film,
+    graph_of,
+    parse_insertion,
+    recording,
+    with_settings,
+)
 from ros_visualise.running.options import NodeOptions
 from ros_visualise.runtime.saving import load
 from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.formats import named
 from ros_visualise.sources.opening import is_recording
 
-PIPELINES = ("images", "landmarks", "navigate", "none")
-"""Nodes of `ros-visualise FILE`; with ``--landmarks``; with ``--navigate``; the source alone.
+_IMAGES = (*IMAGE_NODES, "path")
+_TAGS = (*_IMAGES, TAGS, GEOREFERENCE)
+_NODES = {
+    "images": _IMAGES,
+    "landmarks": (*_TAGS, LOCALIZER),
+    "navigate": (*_TAGS, RECORDED_TAGS, VISUAL_ODOMETRY, NAVIGATOR, POSE_ERROR),
+    "none": (),
+}
+"""Pipeline -> the nodes that it has, if the recording has what they need.
 
-Of the second and third, image nodes that nothing asks for are omitted.
+They are those of `ros-visualise FILE`; with ``--landmarks``; with ``--navigate``; none, the source
+alone. Of the second and third, image nodes that nothing asks for are omitted.
 """
+_SOURCES = ("streamer", "pictures", "player")
 
 
 @dataclass(frozen=True)
@@ -74,7 +101,38 @@ class Work:
             OpenError: the recording, or a file that is named, cannot be opened.
             UsageError: the settings do not fit the recording.
         """
-        options = NodeOptions(
+        graph = self._on_device(graph_of(self._selection(path), self._options()))
+        if self.pipeline in ("landmarks", "navigate"):
+            return _without(graph, {*IMAGE_NODES, "path"} - _named(self, graph))
+        return graph
+
+    def check(self) -> None:
+        """Reject nodes and parameters that the graph of no recording has.
+
+        Raises:
+            OpenError: a file that is named cannot be opened.
+            UsageError: no such node or parameter, or a value out of its range.
+        """
+        inserted = [parse_insertion(text) for text in self.node]
+        names = [*(one.node for one in inserted), *_NODES[self.pipeline]]
+        nodes = tuple(place(find_node(name), {}) for name in names)
+        options = self._options()
+        meant = {text.partition(".")[0] for text in self.set}
+        meant |= {*load(options.params)} if options.params else set()
+        meant |= {one.after for one in inserted if one.after}
+        source = next((name for name in _SOURCES if name in meant), _SOURCES[0])
+        graph = Graph(place_source(find_source(source)), nodes)
+        for name in sorted(meant):
+            if "=" in name:
+                continue  # a setting without its node, for which the right one is suggested below
+            try:
+                graph.node(name)
+            except UsageError as error:
+                raise UsageError(f"--pipeline {self.pipeline}: {error}") from None
+        with_settings(graph, options)
+
+    def _options(self) -> NodeOptions:
+        return NodeOptions(
             set=self.set,
             params=Path(self.params) if self.params else None,
             landmarks=self.pipeline == "landmarks",
@@ -82,10 +140,6 @@ class Work:
             navigate="" if self.pipeline == "navigate" else None,
             node=self.node,
         )
-        graph = self._on_device(graph_of(self._selection(path), options))
-        if self.pipeline in ("landmarks", "navigate"):
-            return _without(graph, {*IMAGE_NODES, "path"} - _named(self, graph))
-        return graph
 
     def _on_device(self, graph: Graph) -> Graph:
         """The graph with its networks on the GPU, if asked for and where there is one."""

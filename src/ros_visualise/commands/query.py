@@ -53,8 +53,8 @@ def run(options: QueryOptions) -> int:
 
         try:
             answer = sql.sql(options.query)
-            if answer is None:  # a statement without one
-                return 0
+            if answer is None:
+                raise UsageError('query: empty; give one such as "SELECT * FROM recordings"')
             for path, write in ((options.csv, "write_csv"), (options.parquet, "write_parquet")):
                 if path:
                     _save(answer, write, path, options.overwrite)

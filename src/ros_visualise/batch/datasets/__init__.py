@@ -20,10 +20,15 @@ import numpy as np
 from ros_visualise.batch.comparison import FrameBoxes, frames_of
 from ros_visualise.batch.pictures import images_at
 from ros_visualise.batch.results import Results
-from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.errors import UsageError
 
 SPLITS = ("train", "val")
 _QUALITY = 95  # of JPEG files
+_MAKING = {
+    "detections": "run the batch with --pipeline landmarks, or a --node that detects objects",
+    "poses": "run the batch on recordings that have odometry or poses",
+}
+"""Table -> how to have rows in it."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ def split_recordings(source: DatasetSource, table: str) -> list[SplitRecording]:
     """The recordings with rows of a table; the same ones are for validation each time.
 
     Raises:
-        RosVisualiseError: the table is empty.
+        UsageError: the table is empty.
     """
     with closing(Results(source.results).open_tables()) as sql:
         rows = sql.execute(
@@ -77,9 +82,7 @@ def split_recordings(source: DatasetSource, table: str) -> list[SplitRecording]:
             " ORDER BY content, recording"
         ).fetchall()
     if not rows:
-        raise RosVisualiseError(
-            f"{source.results}: the table {table} is empty; cannot make a data set"
-        )
+        raise UsageError(f"{source.results}: no {table}; {_MAKING[table]}")
     count = round(len(rows) * source.validation)
     if source.validation and len(rows) > 1:
         count = min(max(count, 1), len(rows) - 1)
@@ -94,7 +97,8 @@ def labelled_images(source: DatasetSource, folder: Path) -> Iterator[LabelledIma
     """Write the images with detections below ``folder/images``.
 
     Raises:
-        RosVisualiseError: no detections, or a recording is missing by now.
+        UsageError: no detections.
+        RosVisualiseError: a recording is missing by now.
     """
     for recording in split_recordings(source, "detections"):
         with closing(Results(source.results).open_tables()) as sql:

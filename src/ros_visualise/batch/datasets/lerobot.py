@@ -21,7 +21,7 @@ from ros_visualise.batch.datasets import DatasetSource, SplitRecording, provenan
 from ros_visualise.batch.pictures import images_at
 from ros_visualise.batch.results import Results
 from ros_visualise.batch.tables import quoted
-from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
@@ -109,18 +109,18 @@ def write(source: DatasetSource, folder: Path) -> int:
         )
         driven = [one for one in recordings if rates.get(one.name)]
         if not driven:
-            raise RosVisualiseError(f"{source.results}: no recording with images and poses")
+            raise UsageError(f"{source.results}: no recording has both images and poses")
         fps = max(1, round(min(rates[one.name] for one in driven)))
         episodes = [_Episode(sql, one, fps, source.action) for one in driven]
         names = episodes[0].names
         if not names or any(one.names != names for one in episodes):
-            raise RosVisualiseError(
+            raise UsageError(
                 f"{source.action}: some recordings lack its fields; add --fields"
                 f" '{source.action}.*' to the batch"
             )
         shapes = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
         if len(set(shapes)) > 1:
-            raise RosVisualiseError(
+            raise UsageError(
                 f"{source.results}: images differ in size; choose recordings of one size"
             )
         _write_data(sql, episodes, folder, fps)

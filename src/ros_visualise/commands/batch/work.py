@@ -32,12 +32,8 @@ from ros_visualise.core.printing import counted, print_json, print_result, print
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.graph.presets import check_preset
 from ros_visualise.landmarks.networks.session import Provider
-from ros_visualise.nodes import find_node
-from ros_visualise.running.arguments import parse_setting
-from ros_visualise.running.graphs import parse_insertion
-from ros_visualise.runtime.saving import load
 from ros_visualise.sinks import kind_of
-from ros_visualise.sinks.names import parse_target
+from ros_visualise.sinks.names import check_targets, parse_target
 
 _SHOWN = 5  # failures that are printed
 _HOST = "127.0.0.1"
@@ -83,17 +79,10 @@ def _work(options: BatchOptions) -> Work:
     """The work, with everything checked that can be without a recording."""
     for text in options.fields:
         parse_field(text)
-    for text in options.node:
-        find_node(parse_insertion(text).node)
-    for text in options.set:
-        parse_setting(text)
-    for text in options.record:
-        kind_of(parse_target(text)[0])
+    _check_names(options)
     if options.preset:
         check_preset(options.preset)
-    if options.params:
-        load(options.params)
-    return Work(
+    work = Work(
         pipeline=options.pipeline,
         node=tuple(map(absolute, options.node)),
         set=tuple(map(absolute, options.set)),
@@ -108,6 +97,21 @@ def _work(options: BatchOptions) -> Work:
         device=options.device,
         version=version("ros_visualise"),
     )
+    work.check()
+    return work
+
+
+def _check_names(options: BatchOptions) -> None:
+    """Reject names of files to record that cannot be those of each run."""
+    targets = [parse_target(text)[0] for text in options.record]
+    for target in targets:
+        kind_of(target)
+        if str(target) != target.name:
+            raise UsageError(
+                f"--record {target}: give a name without a folder; each run is recorded to"
+                " DIR/files/RECORDING"
+            )
+    check_targets([*targets, *map(Path, options.export)])
 
 
 def _workers(options: BatchOptions) -> int:
