@@ -277,6 +277,18 @@ def test_held_at_the_end_it_can_be_sought_stepped_and_started_over(clock: FakeCl
     assert [i for t, i in passed if t >= 4] == [0, 1, 2]
 
 
+def test_seeking_at_the_held_end_shows_one_and_does_not_play_on(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    clock.at(1, lambda: playback.seek(0))
+    clock.at(2, lambda: playback.seek(0.1))
+    clock.at(3, playback.play)
+    clock.at(4, playback.close)
+    passed = play(playback, regular(4), clock)
+    assert [i for t, i in passed if 1 <= t < 2] == [0]
+    assert [i for t, i in passed if 2 <= t < 3] == [1]
+    assert [i for t, i in passed if t >= 3] == [2, 3]
+
+
 def test_starting_over_at_the_end_keeps_stamps_increasing(clock: FakeClock) -> None:
     playback = Playback(hold=True, clock=clock)
     clock.at(1, playback.play)

@@ -234,8 +234,10 @@ class Playback:
             self._requests.step(frames)
 
     def seek(self, time_s: float) -> None:
-        """Go to a time since the start; if it is paused, the message of that time is shown."""
+        """Go to a time since the start; paused or at the end, it shows that message and waits."""
         with self._changing():
+            if self._ended and not self._wants_more():
+                self._line.change(running=False)
             end_ns = math.inf if self._length_ns is None else self._length_ns
             target_ns = int(max(0, min(round(time_s * 1e9), end_ns)))
             self._requests.seek(target_ns)
