@@ -394,7 +394,7 @@ class TestRefusals:
         line = tmp_path / "line.tum"
         line.write_text("".join(f"{n} {n} 0 0 0 0 0 1\n" for n in range(9)))
         assert "on a line" in refused(line, "--truth", line, "--align=se3")
-        assert "is in use" in refused(source, truth, "--truth", truth, "--overwrite")
+        assert "in use" in refused(source, truth, "--truth", truth, "--overwrite")
 
     @pytest.mark.parametrize("delta", ["1", "0f", "1.5f", "-1m", "5 m", "nans", "1km"])
     def test_deltas(self, refused, compared, delta):

@@ -35,7 +35,7 @@ def looked(numbers, drift=0.0, carried=None, most=500):
 
 def test_places_measure_the_drift_of_the_odometry():
     memory, errors, normal = looked(BACK, drift=0.01)
-    assert memory.counts["known again"] >= 3
+    assert memory.counts["recognized"] >= 3
     assert np.linalg.norm(errors[:, :3], axis=1).max() < 0.15  # the odometry is off by 0.3 m
     assert normal.mean() < 6
     assert normal.max() < 22
@@ -43,13 +43,13 @@ def test_places_measure_the_drift_of_the_odometry():
 
 def test_a_robot_that_was_carried_away_knows_its_place():
     memory, errors, _ = looked(BACK, carried=20)
-    assert memory.counts["known again"] >= 2
+    assert memory.counts["recognized"] >= 2
     assert np.linalg.norm(errors[:, :3], axis=1).max() < 0.15
 
 
 def test_a_straight_flight_comes_to_no_place_again():
     memory, errors, _ = looked(range(0, 60, 3))
-    assert memory.counts["known again"] == 0
+    assert memory.counts["recognized"] == 0
     assert memory.counts["places"] >= 3
     assert len(errors) > memory.counts["places"]  # the first sightings of each
 

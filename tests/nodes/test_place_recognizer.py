@@ -39,7 +39,7 @@ def recognized(lost=(), calibrated=True):
 
 def test_places_are_landmarks_with_a_pose_in_the_camera():
     node, found = recognized()
-    assert node.report()["known again"] >= 3
+    assert node.report()["recognized"] >= 3
     messages = [one["places"] for one in found if one]
     stamps = [one.header.stamp_ns for one in messages]
     assert stamps == sorted(set(stamps))

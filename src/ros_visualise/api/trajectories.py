@@ -100,7 +100,7 @@ class PoseTrajectory:
             UsageError: the trajectory has no times.
         """
         if not self._read.stamped:
-            raise UsageError(f"{self.name}: has no times, which TUM needs")
+            raise UsageError(f"{self.name}: has no times, but TUM's format needs them")
         save({File(path): "".join(FORMATS["tum"](self._read.path)).encode()}, overwrite)
 
     def align(

@@ -114,7 +114,9 @@ class _GpuServer:
             said = "its process ended"
             with suppress(EOFError):
                 said = (
-                    receiver.recv() if receiver.poll(_START_S) else f"no answer in {_START_S:g} s"
+                    receiver.recv()
+                    if receiver.poll(_START_S)
+                    else f"no answer within {_START_S:g} s"
                 )
         if said:
             self._stop()

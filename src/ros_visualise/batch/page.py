@@ -45,7 +45,7 @@ _MOMENTS = {
     "The first detection of each object": f"SELECT recording, t_ns, {_AT}, label, times FROM"
     " (SELECT recording, min(t_ns) AS t_ns, label, count(*) AS times FROM detections GROUP BY ALL)"
     " JOIN recordings USING (recording) ORDER BY ALL LIMIT 200",
-    "The longest gaps of topics": "SELECT recording, first_ns, topic, max_gap_s, messages"
+    "The longest gaps in topics": "SELECT recording, first_ns, topic, max_gap_s, messages"
     " FROM topics WHERE messages > 1 ORDER BY max_gap_s DESC LIMIT 20",
 }
 """Heading -> a query whose rows lead to a moment of a recording."""
@@ -60,7 +60,7 @@ _HISTOGRAMS = {
     "brightness of images": "SELECT brightness FROM image_stats",
     "sharpness of images": "SELECT sharpness FROM image_stats",
     "score of detections": "SELECT score FROM detections",
-    "gaps of topics, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
+    "gaps in topics, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
 }
 
 

@@ -59,7 +59,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "segments": declare(
         "format VARCHAR -: format of the recording",
         "start_ns BIGINT ns: beginning of the recording",
-        "end_ns BIGINT ns: its end",
+        "end_ns BIGINT ns: end of the recording",
         "begin_s DOUBLE s: beginning of this part; NULL: the whole recording",
         "until_s DOUBLE s: end of this part; NULL: the whole recording",
         "messages BIGINT -: messages of the source in this part",

@@ -46,7 +46,9 @@ def check_params(what: str, params: Any) -> None:
     """Check that parameters are a frozen dataclass of ``param(...)`` with valid defaults."""
     known = getattr(params, "__name__", repr(params))
     if not (isinstance(params, type) and dataclasses.is_dataclass(params)):
-        raise UsageError(f"{what}: params={known}: write @dataclass(frozen=True) above the class")
+        raise UsageError(
+            f"{what}: params={known} is not a dataclass; write @dataclass(frozen=True) above it"
+        )
     if not params.__dataclass_params__.frozen:  # type: ignore[attr-defined]
         raise UsageError(f"{what}: {known} is not frozen; write @dataclass(frozen=True) above it")
     for field in dataclasses.fields(params):

@@ -176,7 +176,9 @@ class Vehicle:
         if self.autopilot is None or self.lost:
             return False
         if self.autopilot not in (guidance.PX4, guidance.ARDUPILOT):
-            self._warn(f"autopilot {self.autopilot} is neither PX4 nor ArduPilot: sent no guidance")
+            self._warn(
+                f"autopilot {self.autopilot} is neither PX4 nor ArduPilot; it gets no guidance"
+            )
             return False
         message = make(self.autopilot)
         if message is None:

@@ -57,11 +57,11 @@ class LandingTargetParams:
         " relative to the body, forward, right, down (MAV_FRAME_BODY_FRD); px4, in the fixed frame,"
         " north, east, down (MAV_FRAME_LOCAL_NED)",
     )
-    frame: str = param("base_link", "body frame; for ardupilot, _frd is added to its name")
+    frame: str = param("base_link", "body frame; for ardupilot, _frd is appended to its name")
     fixed_frame: str = param(
         "odom",
-        "frame in which the target is still or moves steadily; for px4 it must point east, north,"
-        " up from PX4's local origin, and _ned is added to its name",
+        "frame in which the target is still or moves steadily; for px4 its axes point east,"
+        " north and up from PX4's local origin, and _ned is appended to its name",
     )
     speed: float = param(
         1.0,

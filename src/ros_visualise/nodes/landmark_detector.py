@@ -73,8 +73,8 @@ class LandmarkParams:
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
-        "point of a box on the ground, if the network gives none: the middle of its lower side,"
-        " or its centre, for a view from above",
+        "point of a box taken as its point on the ground, if the network reports none: the middle"
+        " of the lower side, or the centre (for views from above)",
         group="direction",
     )
     box_sigma: float = param(

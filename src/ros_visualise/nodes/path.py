@@ -40,7 +40,7 @@ class PathParams:
     )
     min_angle: float = param(
         5.0,
-        "least rotation between poses of the path, degrees; 0 keeps every pose",
+        "minimum rotation between poses of the path, degrees; 0 keeps every pose",
         min=0,
         max=180,
         slider=(0, 45),

@@ -39,10 +39,15 @@ class PlaceParams:
     """Parameters of `PlaceRecognizer`."""
 
     rate: float = param(
-        5.0, "most images compared in a second, Hz", min=0.1, max=60, slider=(0.5, 30)
+        5.0, "maximum rate at which images are compared, Hz", min=0.1, max=60, slider=(0.5, 30)
     )
     places: int = param(
-        500, "number of places remembered", min=10, max=5000, slider=(10, 1000), restart=True
+        500,
+        "maximum number of places to remember",
+        min=10,
+        max=5000,
+        slider=(10, 1000),
+        restart=True,
     )
 
 

@@ -77,8 +77,8 @@ class TrackerParams:
     )
     coast: float = param(
         0.4,
-        "time for which an object that is no longer detected is still published, where it is"
-        " predicted to be, seconds",
+        "time for which an object that is no longer detected is still published, at its"
+        " predicted place, seconds",
         min=0,
         max=60,
         slider=(0, 2),

@@ -59,7 +59,7 @@ def check_targets(targets: Sequence[Path], *sources: str | Path | None) -> None:
     for target in there:
         if read & _all_of([target], depth=1):
             raise UsageError(
-                f"{target}: is in use: it is the source, or a part of it; choose another name"
+                f"{target}: in use as the source, or a part of it; choose another name"
             )
 
 

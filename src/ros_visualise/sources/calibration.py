@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 C = TypeVar("C", Image, Detections)
 
 _WIDEST = 1 << 16  # pixels; no sensor has so many in a row
-_WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
+_WANTED = "give a calibration file, such as the ost.yaml of cameracalibrator"
 _COVARIANCE = "intrinsics_covariance"  # ROS's own readers skip what they do not know
 _DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 

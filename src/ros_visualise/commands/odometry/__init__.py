@@ -47,8 +47,8 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     right: str | None = option(
         None,
-        "topic of the right images of a stereo pair, or none (default: those that the calibration"
-        " places beside the first)",
+        "topic of the right images of a stereo pair, or none (default: the camera that the"
+        " calibration places to the right of the first)",
         metavar="TOPIC|none",
     )
     calibration: str = option(
@@ -76,7 +76,10 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         metavar="TOPIC",
     )
     fps: float = option(
-        10.0, "pictures per second of a folder (default: %(default)g)", type=positive, metavar="N"
+        10.0,
+        "images per second, for a folder of pictures (default: %(default)g)",
+        type=positive,
+        metavar="N",
     )
     readout: float = option(
         0.0,

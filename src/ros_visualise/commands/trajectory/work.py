@@ -139,7 +139,9 @@ def _files(
     found, one = compared[0]
     if options.output is not None:
         if options.format == "tum" and not found.stamped:
-            raise UsageError(f"{found.topic}: has no times, which TUM needs; use --format kitti")
+            raise UsageError(
+                f"{found.topic}: has no times, but TUM's format needs them; use --format kitti"
+            )
         path = one.trajectory.path if one else found.path
         files[options.output] = "".join(FORMATS[options.format](path)).encode()
     if options.plot is not None:

@@ -99,7 +99,7 @@ class PlaceMemory:
         self._recent: deque[SeenPlace] = deque(maxlen=_BESIDE)
         self._history: deque[tuple[SeenPlace, list[_Found]]] = deque(maxlen=_WITHIN)
         self._way, self._part, self._newest = 0.0, 0, -1
-        names = ("views", "places", "known again", "ambiguous", "too far")
+        names = ("views", "places", "recognized", "ambiguous", "too far")
         self.counts = dict.fromkeys(names, 0)
 
     def __len__(self) -> int:
@@ -130,7 +130,7 @@ class PlaceMemory:
             is_known |= len(one.pose.seen) > _KNOWN * (place.inverse > 0).sum()
             if self._is_due(place):
                 sightings.append(self._sighting(one))
-                self.counts["known again"] += 1
+                self.counts["recognized"] += 1
         self._recent.append(view)
         if not is_known:
             sightings += self._begin(view)

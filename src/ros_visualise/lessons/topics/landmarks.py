@@ -181,7 +181,7 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
             J: how the corners move with the pose
 
         The figure shows the position from above: each of the {trials} dots was computed from
-        corners with random noise. By theory the inner ellipse holds 39 % of them, the outer one 86
+        corners with random noise. In theory the inner ellipse holds 39 % of them, the outer one 86
         %; here they hold {inner:.0f} % and {outer:.0f} %. With {trials} random dots {chance:.0f} %
         more or less is usual; a larger difference is beyond this first-order theory. The
         standard deviation is {x:.2f} mm sideways, and {z:.2f} mm along the camera's axis.

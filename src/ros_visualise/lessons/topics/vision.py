@@ -63,7 +63,7 @@ class Kernels:
             them step by step so that fewer landmarks were missed. These are all {count} kernels of
             our network's first layer: 3 x 3 numbers for each of red, green and blue. Gray is 0.
 
-            How alike two kernels are is measured by the cosine of the angle between them, 1 if they
+            The cosine of the angle between two kernels measures how alike they are; it is 1 if they
             are the same:
 
                 cos(w, s) = Σ w s / (|w| |s|)

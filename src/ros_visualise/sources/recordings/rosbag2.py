@@ -154,7 +154,7 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
     except zstandard.ZstdError:
         loss.add(f"{file.name}: its zstd data is damaged")
     except OpenError as error:
-        raise OpenError(f"{file}: unpacked, it {error}") from None
+        raise OpenError(f"{file}: once unpacked, it {error}") from None
     except OSError as error:
         raise OpenError(f"{file}: {error.strerror}; make room for the unpacked file") from None
     return target

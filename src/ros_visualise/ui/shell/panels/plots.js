@@ -91,7 +91,7 @@ export default {
           <span v-for="name in pane.curves" :key="name" class="rv-curve" draggable="true" :title="errors[pane.id + name] || name" @dragstart="drag($event, name)">
             <i :style="{ background: ink(name) }"></i><span :class="{ 'rv-fault': errors[pane.id + name] }">{{ name }}</span>
             <b>{{ shown(name) }}</b>
-            <button :aria-label="'Curve ' + name" title="Derive, move, remove">⋮
+            <button :aria-label="'Curve ' + name" title="Compute, move or remove">⋮
               <q-menu auto-close><q-list dense>
                 <q-item v-for="[words, act] in actsOf(pane, name)" :key="words" clickable @click="act"><q-item-section>{{ words }}</q-item-section></q-item>
                 <q-item v-for="other in names.filter((one) => one !== name)" :key="other" clickable @click="change(() => panes.push(paneOf({ kind: 'xy', curves: [name], x: other })))">
