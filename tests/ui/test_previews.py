@@ -104,7 +104,8 @@ class FakeClock:
     def monotonic_ns(self):
         return round(self._now_s[0] * 1e9)
 
-    now_ns = monotonic_ns
+    def now_ns(self):
+        return 1_600_000_000 * 10**9 + self.monotonic_ns()
 
     def wait(self, changed, until_ns):
         changed.wait(0.001)

@@ -22,7 +22,7 @@ class Clock(Protocol):
     """A source of time, which also waits for it."""
 
     def now_ns(self) -> int:
-        """The time of stamps, nanoseconds since 1970."""
+        """The time of stamps, nanoseconds since 1970; 0 while it is unknown."""
 
     def monotonic_ns(self) -> int:
         """Nanoseconds that only ever grow, for measuring and waiting."""

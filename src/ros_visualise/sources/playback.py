@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.core.rate import Clock, SimulatedClock, WallClock
+from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.sources.timeline import PlaybackTimeline, PlayedPart
 
 T = TypeVar("T")
@@ -378,9 +378,8 @@ class Playback:
         return False
 
     def _has_time(self) -> bool:
-        """False until a simulated clock, by which messages are stamped, has a time."""
-        is_simulated = isinstance(self._clock, SimulatedClock)
-        return not (is_simulated and self._line.rate) or self._clock.now_ns() > 0
+        """False until the clock, by which messages are stamped, has a time."""
+        return not self._line.rate or self._clock.now_ns() > 0
 
     def _due_ns(self, place_ns: int, now_ns: int) -> int | None:
         if self._suspended:
