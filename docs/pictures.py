@@ -15,9 +15,23 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
-import cv2
-import numpy as np
+
+def missing(error: ImportError) -> NoReturn:
+    """End with one line that names the package which is not installed."""
+    how = "pip install '.[headless,sim,detect,test]'"
+    print(f"pictures.py needs {error.name}: {how}", file=sys.stderr)
+    sys.exit(2)
+
+
+try:
+    import cv2
+    import numpy as np
+
+    from ros_visualise.core.errors import did_you_mean
+except ImportError as error:
+    missing(error)
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -104,6 +118,9 @@ def main(wanted: list[str]) -> None:
         "tutorials/drift": trajectory,
         "demo": moving,
     }
+    if unknown := [name for name in wanted if name not in makers]:
+        print(f"no picture {unknown[0]}{did_you_mean(unknown[0], makers)}", file=sys.stderr)
+        sys.exit(2)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         lend()
@@ -284,4 +301,7 @@ def save(name: str, pixels: np.ndarray, suffix: str = ".webp", into: Path = PICT
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    try:
+        main(sys.argv[1:])
+    except ImportError as error:
+        missing(error)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import advice  # noqa: F401
 import torch
 from export import write_onnx
 from layers import mean

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import advice  # noqa: F401
 import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import advice  # noqa: F401
 import cv2
 import numpy as np
 import numpy.typing as npt

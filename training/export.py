@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import advice  # noqa: F401
 import numpy as np
 import onnx
 import torch

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import advice  # noqa: F401
 import cv2
 import numpy as np
 from grounds import Canvas

@@ -15,6 +15,7 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import advice  # noqa: F401
 import cv2
 import numpy as np
 import numpy.typing as npt

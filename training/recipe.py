@@ -17,6 +17,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import advice  # noqa: F401
 import torch
 from average import average
 from negatives import files_in, write_worlds

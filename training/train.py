@@ -21,6 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
+import advice  # noqa: F401
 import torch
 from dataset import make_batch
 from device import DEVICE, FORMAT, Random, precision

@@ -38,7 +38,7 @@ _NETWORK = {
     "rtsp_transport": "tcp",
     "protocol_blacklist": "file",  # no stream may have files of this machine read
 }
-_TRY_TEST = "for a test pattern run: ros-visualise camera test"
+_TRY_TEST = "for a test pattern run: ros-visualise camera test (ROS: device:=test)"
 _BACK_OFF_S = (0.5, 10.0)
 _IDLE_S = 0.1
 
