@@ -76,7 +76,9 @@ def drive(path: Path, count: int = 50, sigma: float = 0.0, truth: bool = False) 
     return path
 
 
-def camera_drive(path: Path, count: int = 20, shade: int = 0) -> Path:
+def camera_drive(
+    path: Path, count: int = 20, shade: int = 0, size: tuple[int, int] = (64, 48)
+) -> Path:
     """A recording of images, 10 Hz, with odometry at 20 Hz and commands at 5 Hz."""
     path.parent.mkdir(parents=True, exist_ok=True)
     kinds = {"/camera": Image, "/odom": Odometry, "/cmd_vel": Twist}
@@ -91,7 +93,7 @@ def camera_drive(path: Path, count: int = 20, shade: int = 0) -> Path:
             if tick % 4 == 0:
                 recorder.write("/cmd_vel", Twist(np.array([tick / 4, 0, 0]), zero, header), t_ns)
             if tick % 2 == 0:
-                pixels = numbered(count + 1, 64, 48)[tick // 2] // 2 + np.uint8(shade)
+                pixels = numbered(count + 1, *size)[tick // 2] // 2 + np.uint8(shade)
                 recorder.write("/camera", Image(pixels, "bgr8", Header(t_ns)), t_ns)
     return path
 

@@ -76,9 +76,19 @@ def test_yolo(results, tmp_path):
         assert rows.tolist() == [[0, 0.25, 0.25, 0.5, 0.5], [1, 0.75, 0.75, 0.5, 0.5]]
 
 
+def test_yolo_has_both_splits_also_when_one_is_empty(results, tmp_path):
+    folder = tmp_path / "yolo"
+    done = dataset(results, folder, "--format", "yolo", "--every", 2, "--validation", 0)
+    assert done.returncode == 0
+    assert "all images are in train" in done.stderr
+    data = YAML(typ="safe").load(folder / "data.yaml")
+    assert data["train"] == data["val"] == "images/train", "else Ultralytics refuses it"
+
+
 def test_lerobot(tmp_path):
     for number in range(3):
-        camera_drive(tmp_path / "in" / f"drive_{number}.mcap", 20 + number, 10 * number)
+        drive = tmp_path / "in" / f"drive_{number}.mcap"
+        camera_drive(drive, 20 + number, 10 * number, size=(63, 47))
     out, made = tmp_path / "out", tmp_path / "lerobot"
     options = ("--pipeline", "none", "--fields", "/cmd_vel.*", "--workers", 1)
     assert batch(tmp_path / "in", "--out", out, *options).returncode == 0
@@ -115,6 +125,9 @@ def test_lerobot(tmp_path):
         assert [*decoded[0].to_ndarray(format="bgr24").shape] == info["features"][key]["shape"]
     stats = json.loads((made / "meta/stats.json").read_text())
     assert stats["action"]["min"][speed] == 0
+    assert np.shape(stats[key]["mean"]) == (3, 1, 1), "else LeRobot cannot train"
+    mean = np.mean([frame.to_ndarray(format="rgb24") for frame in decoded], axis=(0, 1, 2)) / 255
+    assert np.ravel(stats[key]["mean"]) == pytest.approx(mean, abs=0.1)
 
 
 @pytest.mark.parametrize("format", ["coco", "yolo", "lerobot"])

@@ -24,11 +24,15 @@ from ros_visualise.core.errors import UsageError
 
 SPLITS = ("train", "val")
 _QUALITY = 95  # of JPEG files
+RECORDED = "node IN ('player', 'streamer')"
+"""Condition for the rows of a source, in SQL."""
+_USED = {"detections": "label != ''", "poses": RECORDED}
+"""Table -> the rows of it that a data set needs."""
 _MAKING = {
     "detections": "run the batch with --pipeline landmarks, or a --node that detects objects",
     "poses": "run the batch on recordings that have odometry or poses",
 }
-"""Table -> how to have rows in it."""
+"""Table -> how to have such rows."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +75,15 @@ class SplitRecording(NamedTuple):
 
 
 def split_recordings(source: DatasetSource, table: str) -> list[SplitRecording]:
-    """The recordings with rows of a table; the same ones are for validation each time.
+    """The recordings with usable rows of a table; the same ones are for validation each time.
 
     Raises:
-        UsageError: the table is empty.
+        UsageError: no such rows.
     """
     with closing(Results(source.results).open_tables()) as sql:
         rows = sql.execute(
-            f"SELECT recording, path, content FROM recordings SEMI JOIN {table} USING (recording)"
+            "SELECT recording, path, content FROM recordings SEMI JOIN"
+            f" (SELECT recording FROM {table} WHERE {_USED[table]}) USING (recording)"
             " ORDER BY content, recording"
         ).fetchall()
     if not rows:

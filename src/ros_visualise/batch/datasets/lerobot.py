@@ -9,15 +9,21 @@ Source: https://huggingface.co/docs/lerobot/lerobot-dataset-v3
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.batch.datasets import DatasetSource, SplitRecording, provenance, split_recordings
+from ros_visualise.batch.datasets import (
+    RECORDED,
+    DatasetSource,
+    SplitRecording,
+    provenance,
+    split_recordings,
+)
 from ros_visualise.batch.pictures import images_at
 from ros_visualise.batch.results import Results
 from ros_visualise.batch.tables import quoted
@@ -43,46 +49,67 @@ _TASKS = {
 }
 """Metadata by which pandas takes the texts of tasks for the index, as LeRobot expects."""
 
+_PERCENTILES = (1, 10, 50, 90, 99)
+_SAMPLED = 10  # images of an episode, for the statistics of pixels
+_SPARSE = 4  # of these, every n-th row and column
+
+_Values = dict[str, Any]
 Numbers = npt.NDArray[np.float64]
 
 
-class _Episode:
-    """A recording: the stamps of its images, and state and action at each."""
+class _Film(NamedTuple):
+    """Height and width of a film, and some of its pixels, RGB, (N, 3) uint8."""
 
-    def __init__(self, sql: Any, recording: SplitRecording, fps: int, action: str) -> None:
-        self.recording = recording
-        name = recording.name
-        self.topic = _main_topic(sql, "image_stats", name)
-        stamps = sql.execute(
-            "SELECT t_ns FROM image_stats WHERE recording = ? AND topic = ? ORDER BY t_ns",
-            [name, self.topic],
+    shape: tuple[int, int]
+    pixels: npt.NDArray[np.uint8]
+
+
+class _Episode:
+    """A recording of a drive; after `sample`: stamps of images, and state and action at each."""
+
+    def __init__(self, sql: Any, recording: SplitRecording, action: str) -> None:
+        self.recording, self.topic = recording, _main_topic(sql, "image_stats", recording.name)
+        self._images_ns = sql.execute(
+            "SELECT DISTINCT t_ns FROM image_stats WHERE recording = ? AND topic = ? ORDER BY t_ns",
+            [recording.name, self.topic],
         ).fetchnumpy()["t_ns"]
-        poses = sql.execute(
+        self._poses = sql.execute(
             f"SELECT t_ns, {', '.join(_STATE)} FROM poses WHERE recording = ? AND topic = ?"
             " ORDER BY t_ns",
-            [name, _main_topic(sql, "poses", name)],
+            [recording.name, _main_topic(sql, "poses", recording.name)],
         ).fetchnumpy()
-        fields = sql.execute(
+        self._fields = sql.execute(
             "SELECT t_ns, field, value FROM fields WHERE recording = ? AND topic = ? ORDER BY t_ns",
-            [name, action],
+            [recording.name, action],
         ).fetchnumpy()
-        begin, end = max(stamps[0], poses["t_ns"][0]), min(stamps[-1], poses["t_ns"][-1])
-        even = begin + np.arange(0, max(end - begin, 1), 1e9 / fps).astype(np.int64)
-        self.stamps_ns = stamps[np.searchsorted(stamps, even, side="right") - 1]
-        at = np.searchsorted(poses["t_ns"], even, side="right") - 1
-        columns = [np.ma.filled(poses[one].astype(np.float64), 0.0) for one in _STATE]
+        self.names = sorted(set(self._fields["field"].tolist())) if action else [*_STATE[7:]]
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate of the images; 0 if there are none while the robot has poses."""
+        images_ns, poses_ns = self._images_ns, self._poses["t_ns"]
+        if len(images_ns) < 2 or max(images_ns[0], poses_ns[0]) >= min(images_ns[-1], poses_ns[-1]):
+            return 0.0
+        return float((len(images_ns) - 1) * 1e9 / (images_ns[-1] - images_ns[0]))
+
+    def sample(self, fps: int, action: str) -> None:
+        """Take images, poses and actions at an even rate: the last ones at each time."""
+        images_ns, poses_ns = self._images_ns, self._poses["t_ns"]
+        begin, end = max(images_ns[0], poses_ns[0]), min(images_ns[-1], poses_ns[-1])
+        even = begin + np.arange(0, end - begin, 1e9 / fps).astype(np.int64)
+        self.stamps_ns = images_ns[np.searchsorted(images_ns, even, side="right") - 1]
+        at = np.searchsorted(poses_ns, even, side="right") - 1
+        columns = [np.ma.filled(self._poses[one].astype(np.float64), 0.0) for one in _STATE]
         self.state = np.stack(columns, axis=1)[at]
-        self.names, self.action = list(_STATE[7:]), self.state[:, 7:]
+        self.action = self.state[:, 7:]
         if action:
-            self.names = sorted(set(fields["field"].tolist()))
-            several = [_at(fields, one, even) for one in self.names]
-            self.action = np.stack(several, axis=1) if several else np.zeros((len(even), 0))
+            self.action = np.stack([_at(self._fields, one, even) for one in self.names], axis=1)
 
 
 def _main_topic(sql: Any, table: str, recording: str) -> str:
     """The topic of the source with most rows in a table."""
     found = sql.execute(
-        f"SELECT topic FROM {table} WHERE recording = ? AND node IN ('player', 'streamer')"
+        f"SELECT topic FROM {table} WHERE recording = ? AND {RECORDED}"
         " GROUP BY topic ORDER BY count(*) DESC, topic LIMIT 1",
         [recording],
     ).fetchone()
@@ -101,30 +128,27 @@ def write(source: DatasetSource, folder: Path) -> int:
     """Write a data set; the number of its images."""
     recordings = split_recordings(source, "poses")
     with closing(Results(source.results).open_tables()) as sql:
-        rates = dict(
-            sql.execute(
-                "SELECT recording, count(DISTINCT t_ns) * 1e9 / nullif(max(t_ns) - min(t_ns), 0)"
-                " FROM image_stats WHERE node IN ('player', 'streamer') GROUP BY recording"
-            ).fetchall()
-        )
-        driven = [one for one in recordings if rates.get(one.name)]
-        if not driven:
-            raise UsageError(f"{source.results}: no recording has both images and poses")
-        fps = max(1, round(min(rates[one.name] for one in driven)))
-        episodes = [_Episode(sql, one, fps, source.action) for one in driven]
+        found = [_Episode(sql, one, source.action) for one in recordings]
+        episodes = [one for one in found if one.rate_hz]
+        if not episodes:
+            raise UsageError(f"{source.results}: no recording has images and poses at one time")
         names = episodes[0].names
         if not names or any(one.names != names for one in episodes):
             raise UsageError(
                 f"{source.action}: some recordings lack its fields; add --fields"
                 f" '{source.action}.*' to the batch"
             )
-        shapes = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
-        if len(set(shapes)) > 1:
+        fps = max(1, round(min(one.rate_hz for one in episodes)))
+        for one in episodes:
+            one.sample(fps, source.action)
+        films = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
+        if len({one.shape for one in films}) > 1:
             raise UsageError(
                 f"{source.results}: images differ in size; choose recordings of one size"
             )
+        pixels = np.concatenate([one.pixels for one in films])
         _write_data(sql, episodes, folder, fps)
-        _write_meta(sql, episodes, folder, fps, shapes[0], provenance(source))
+        _write_meta(sql, episodes, folder, fps, _Film(films[0].shape, pixels), provenance(source))
     return sum(len(one.stamps_ns) for one in episodes)
 
 
@@ -132,12 +156,13 @@ def _place(number: int) -> dict[str, int]:
     return {"chunk_index": number // _CHUNK, "file_index": number % _CHUNK}
 
 
-def _write_video(one: _Episode, folder: Path, number: int, fps: int) -> tuple[int, int]:
-    """Write the images of an episode; their height and width."""
+def _write_video(one: _Episode, folder: Path, number: int, fps: int) -> _Film:
+    """Write the images of an episode."""
     path = folder / _VIDEO.format(video_key=_CAMERA, **_place(number))
     path.parent.mkdir(parents=True, exist_ok=True)
-    topic, shape = one.topic, (0, 0)
-    pictures = images_at(one.recording.path, set(one.stamps_ns.tolist()), [one.topic])
+    topic, pixels = one.topic, []
+    every = max(1, len(one.stamps_ns) // _SAMPLED)
+    pictures = images_at(one.recording.path, set(one.stamps_ns.tolist()), [topic])
     with open_recorder(path, {topic: TopicType(Image.type_name)}) as recorder:
         found = next(pictures, None)
         for at, stamp_ns in enumerate(one.stamps_ns.tolist()):
@@ -145,10 +170,13 @@ def _write_video(one: _Episode, folder: Path, number: int, fps: int) -> tuple[in
                 found = next(pictures, None)
             if found is None or found[0] != stamp_ns:
                 raise RosVisualiseError(f"{one.recording.path}: has changed since the batch")
-            shape = found[1].shape[:2]
             time_ns = round(at * 1e9 / fps)
             recorder.write(topic, Image(found[1], "bgr8", Header(time_ns)), time_ns)
-    return shape[0], shape[1]
+            shape = found[1].shape[:2]
+            if at % every == 0:
+                pixels.append(found[1][::_SPARSE, ::_SPARSE, ::-1].reshape(-1, 3))
+    height, width = (length + length % 2 for length in shape)  # films have even ones
+    return _Film((height, width), np.concatenate(pixels))
 
 
 def _write_data(sql: Any, episodes: Sequence[_Episode], folder: Path, fps: int) -> None:
@@ -182,22 +210,29 @@ def _copy(sql: Any, query: str, path: Path, pandas: str = "") -> None:
 
 
 def _write_meta(
-    sql: Any,
-    episodes: Sequence[_Episode],
-    folder: Path,
-    fps: int,
-    shape: tuple[int, int],
-    made: dict[str, Any],
+    sql: Any, episodes: Sequence[_Episode], folder: Path, fps: int, film: _Film, made: _Values
 ) -> None:
-    ends = np.cumsum([len(one.stamps_ns) for one in episodes]).tolist()
-    training = sum(one.recording.split == "train" for one in episodes)
     meta = folder / "meta"
     tasks = f"SELECT 0::BIGINT AS task_index, {quoted(_TASK)} AS {_INDEX}"
     _copy(sql, tasks, meta / "tasks.parquet", json.dumps(_TASKS))
-    video = f"videos/{_CAMERA}"
-    lines = []
-    for number, (one, end) in enumerate(zip(episodes, ends, strict=True)):
+    lines = " UNION ALL ".join(_lines(episodes, fps))
+    _copy(sql, lines, meta / "episodes/chunk-000/file-000.parquet")
+    info = _info(episodes, fps, film.shape) | {"provenance": made}
+    (meta / "info.json").write_text(json.dumps(info, indent=1))
+    stats = {
+        "observation.state": _stats(np.concatenate([one.state for one in episodes])),
+        "action": _stats(np.concatenate([one.action for one in episodes])),
+        _CAMERA: _by_channel(_stats(film.pixels / np.float32(255))),
+    }
+    (meta / "stats.json").write_text(json.dumps(stats, indent=1))
+
+
+def _lines(episodes: Sequence[_Episode], fps: int) -> Iterator[str]:
+    """A query for the line of each episode."""
+    video, end = f"videos/{_CAMERA}", 0
+    for number, one in enumerate(episodes):
         count, place = len(one.stamps_ns), _place(number)
+        end += count
         values = {
             "episode_index": number,
             "length": count,
@@ -214,9 +249,12 @@ def _write_meta(
         texts = [f'{value}::{kinds[type(value)]} AS "{name}"' for name, value in values.items()]
         texts += [f"[{quoted(_TASK)}] AS tasks", f"{quoted(one.recording.name)} AS recording"]
         texts += [f"{quoted(one.recording.content)} AS content"]
-        lines.append(f"SELECT {', '.join(texts)}")
-    _copy(sql, " UNION ALL ".join(lines), meta / "episodes/chunk-000/file-000.parquet")
-    whole: dict[str, Any] = {"dtype": "int64", "shape": [1], "names": None}
+        yield f"SELECT {', '.join(texts)}"
+
+
+def _info(episodes: Sequence[_Episode], fps: int, shape: tuple[int, int]) -> _Values:
+    training = sum(one.recording.split == "train" for one in episodes)
+    whole: _Values = {"dtype": "int64", "shape": [1], "names": None}
     features = {
         _CAMERA: {
             "dtype": "video",
@@ -229,11 +267,11 @@ def _write_meta(
         "timestamp": {**whole, "dtype": "float32"},
         **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), whole),
     }
-    info = {
+    return {
         "codebase_version": "v3.0",
         "robot_type": "unknown",
         "total_episodes": len(episodes),
-        "total_frames": ends[-1],
+        "total_frames": sum(len(one.stamps_ns) for one in episodes),
         "total_tasks": 1,
         "chunks_size": _CHUNK,
         "data_files_size_in_mb": 100,
@@ -243,20 +281,22 @@ def _write_meta(
         "data_path": _DATA,
         "video_path": _VIDEO,
         "features": features,
-        "provenance": made,
     }
-    (meta / "info.json").write_text(json.dumps(info, indent=1))
-    stats = {
-        name: _stats(np.concatenate([getattr(one, kind) for one in episodes]))
-        for name, kind in (("observation.state", "state"), ("action", "action"))
-    }
-    (meta / "stats.json").write_text(json.dumps(stats, indent=1))
 
 
 def _vector(names: Sequence[str]) -> dict[str, Any]:
     return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
 
 
-def _stats(values: Numbers) -> dict[str, list[float]]:
+def _stats(values: npt.NDArray[Any]) -> _Values:
     found = {name: getattr(values, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
+    found |= {f"q{q:02}": np.percentile(values, q, axis=0).tolist() for q in _PERCENTILES}
     return {**found, "count": [len(values)]}
+
+
+def _by_channel(stats: _Values) -> _Values:
+    """Statistics of pixels in the shape (3, 1, 1) that LeRobot has for images."""
+    return {
+        name: values if name == "count" else [[[one]] for one in values]
+        for name, values in stats.items()
+    }

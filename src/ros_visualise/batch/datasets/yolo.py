@@ -5,10 +5,13 @@ Source: https://docs.ultralytics.com/datasets/detect/
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 from ros_visualise.batch.datasets import SPLITS, DatasetSource, labelled_images, provenance
 from ros_visualise.core.yaml_files import to_yaml
+
+log = logging.getLogger(__name__)
 
 
 def write(source: DatasetSource, folder: Path) -> int:
@@ -25,12 +28,11 @@ def write(source: DatasetSource, folder: Path) -> int:
             numbers = (*middle, wide / one.width, tall / one.height)
             lines.append(f"{names.index(label)} {' '.join(f'{n:.6f}' for n in numbers)}\n")
         path.write_text("".join(lines))
+    there = [split for split in SPLITS if any(one.split == split for one in written)]
+    if len(there) == 1:  # Ultralytics needs both
+        log.warning("all images are in %s: data.yaml names them for both splits", there[0])
     values = {
-        **{
-            split: f"images/{split}"
-            for split in SPLITS
-            if any(one.split == split for one in written)
-        },
+        **{split: f"images/{split if split in there else there[0]}" for split in SPLITS},
         "names": dict(enumerate(names)),
         **provenance(source),
         "origins": {one.file: f"{one.origin['recording']} {one.origin['t_ns']}" for one in written},
