@@ -22,7 +22,7 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.core.params import specs, update
 from ros_visualise.data import Image
 from ros_visualise.estimation.inertial.filter import InertialFilter
-from ros_visualise.estimation.inertial.messages import InertialInput
+from ros_visualise.estimation.inertial.messages import CAMERA_TURN, InertialInput
 from ros_visualise.estimation.inertial.odometry import InertialPose
 from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.geometry import se3
@@ -41,6 +41,7 @@ ERRORS = {  # of the camera's clock, s, and attitude, degrees, as a user would s
     Profile.REALISTIC: (0.02, 0.5),
     Profile.HARD: (0.05, 1.5),
 }
+USUAL = 0.02, CAMERA_TURN  # those of the node, if none are stated
 
 
 class FlownPose(NamedTuple):
@@ -72,14 +73,20 @@ def simulated(profile: Profile, seed: int, seconds: float) -> tuple[Any, Iterato
     return settings, messages()
 
 
-def fly(profile: Profile, seed: int, seconds: float) -> tuple[list[FlownPose], InertialInput, int]:
-    """The poses of a flight, what found them, and the CPU time that took, ns."""
+def fly(
+    profile: Profile, seed: int, seconds: float, is_stated: bool = True
+) -> tuple[list[FlownPose], InertialInput, int]:
+    """The poses of a flight, what found them, and the CPU time that took, ns.
+
+    ``is_stated``: the camera's readout and errors are; otherwise all is as by default.
+    """
     settings, messages = simulated(profile, seed, seconds)
     frames, taker, waiting = FrameTree(), None, list[Image]()
     truth: list[tuple[int, Floats]] = []
     poses: list[InertialPose] = []
     spent_ns = 0
-    clock_s, turn = ERRORS[profile]
+    clock_s, turn = ERRORS[profile] if is_stated else USUAL
+    readout_s = settings.camera_readout if is_stated else None
     errors = CameraErrors(clock_s, np.radians(turn), 5.0)
     for _, name, message in messages:
         if name in ("tf", "tf_static"):
@@ -89,9 +96,7 @@ def fly(profile: Profile, seed: int, seconds: float) -> tuple[list[FlownPose], I
             truth.append((message.header.stamp_ns, T))
         elif name == "image":
             waiting.append(message)
-            taker = taker or InertialInput(
-                message.camera_info, "base_link", 200, settings.camera_readout, errors
-            )
+            taker = taker or InertialInput(message.camera_info, "base_link", 200, readout_s, errors)
         if name not in ("imu", "tf") or taker is None:
             continue
         start_ns = time.process_time_ns()
@@ -175,6 +180,9 @@ def main() -> None:
     parser.add_argument("--profile", nargs="*", default=["realistic", "hard"])
     parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2, 3, 4])
     parser.add_argument("--seconds", type=float, default=45.0, help="simulated (%(default)s)")
+    parser.add_argument(
+        "--defaults", action="store_true", help="state neither the camera's readout nor its errors"
+    )
     args = parser.parse_args()
     spent = timed_filter()
     columns = ("profile", "seed", "way, m", "drift, %", "yaw, degrees", "NEES", "beyond", "lost")
@@ -183,7 +191,7 @@ def main() -> None:
     for name in args.profile:
         for seed in args.seeds:
             spent.clear()
-            flown, taker, total_ns = fly(Profile(name), seed, args.seconds)
+            flown, taker, total_ns = fly(Profile(name), seed, args.seconds, not args.defaults)
             found, lost = judged(flown), sum(one.pose.is_lost for one in flown)
             each = total_ns / 1e6 / taker.odometry.counts["images"]
             print(

@@ -5,6 +5,8 @@ derivatives by differences. Corners are projected points with noise; every one t
 image is replaced by a new one.
 """
 
+import math
+
 import numpy as np
 
 from ros_visualise.estimation.imu import ImuBuffer, Mounting
@@ -26,11 +28,13 @@ class InertialFlight:
         seed: of everything that is random.
         noise_px: of corners.
         still_s: time at rest at the start.
+        readout_s: of the camera's rolling shutter.
     """
 
-    def __init__(self, seed, noise_px=0.3, still_s=1.0, corners=60):
+    def __init__(self, seed, noise_px=0.3, still_s=1.0, corners=60, readout_s=0.0):
         self.random = np.random.default_rng(seed)
         self.noise_px, self.still_s, self.corners = noise_px, still_s, corners
+        self.readout_s = readout_s
         self.size = self.random.uniform(0.5, 1.5, (6, 2)) * [[3, 1]] * 3 + [[0, 0]]
         self.size[2] = [0.8, 0.3]
         self.size[3:] = self.random.uniform(0.02, 0.08, (3, 2))
@@ -50,13 +54,17 @@ class InertialFlight:
 
     def pose(self, t):
         """T_world_base (4, 4); the start is at 5 m."""
-        x = self._sums(t)
-        R = np.eye(3)
-        for axis, angle in ((2, x[5]), (1, x[4]), (0, x[3])):
-            turn = np.zeros(6)
-            turn[3 + axis] = angle
-            R = R @ se3.exp(turn)[0]
-        return se3.from_parts(R, x[:3] + np.array([0, 0, 5.0]))
+        x, y, z, *angles = self._sums(t).tolist()
+        a, b, c = map(math.cos, angles)
+        d, e, f = map(math.sin, angles)
+        return np.array(
+            [
+                [c * b, c * e * d - f * a, c * e * a + f * d, x],
+                [f * b, f * e * d + c * a, f * e * a - c * d, y],
+                [-e, b * d, b * a, z + 5.0],
+                [0, 0, 0, 1],
+            ]
+        )
 
     def feel(self, t, h=1e-3):
         """(6,) exact rates and force, in the robot's axes."""
@@ -87,7 +95,19 @@ class InertialFlight:
             self._add(T, count)
             _, uv = self._project(T)
         noise = self.random.normal(0, self.noise_px, uv.shape)
-        return self.ids.copy(), (uv + noise) / FOCAL
+        late = self.readout_s * uv[:, 1:] / HEIGHT * self.velocities(t)
+        return self.ids.copy(), (uv + late + noise) / FOCAL
+
+    def velocities(self, t, before=0.01, after=0.01):
+        """(N, 2) mean velocities of the corners in view around a time, pixels/s."""
+        poses = [self.pose(one) @ T_BASE_CAMERA for one in (t - before, t + after)]
+        first, last = (self._project(T)[1] for T in poses)
+        return (last - first) / (before + after)
+
+    def rolling(self, t):
+        """(N, 3) velocities of their directions since the image before, 1/s, and their rows."""
+        rows = self._project(self.pose(t) @ T_BASE_CAMERA)[1][:, 1] / HEIGHT
+        return np.column_stack([self.velocities(t, 0.1, 0.0) / FOCAL, rows])
 
     def _project(self, T):
         seen = se3.apply(se3.inverse(T), self.points)

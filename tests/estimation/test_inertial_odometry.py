@@ -7,9 +7,11 @@ from inertial_flight import FOCAL, MOUNTING, T_BASE_CAMERA, InertialFlight
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise
 from ros_visualise.estimation.inertial import odometry
 from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.readout import UNKNOWN
 from ros_visualise.estimation.inertial.sliding import (
     CORE,
     MOTION,
+    READOUT,
     VIEW,
     SlidingState,
     transfer,
@@ -106,23 +108,24 @@ def test_derivatives_of_points_in_another_view_are_those_of_differences():
 
 def test_projected_sightings_do_not_depend_on_positions_and_follow_differences():
     state, seen = state_with_views()
+    slips = np.random.default_rng(7).normal(size=seen.shape)
     found = triangulate(state.R, state.p, seen)
-    exact = project(state.R, state.p, found, NOISE)
-    x = np.random.default_rng(1).normal(size=30) * 1e-5
+    exact = project(state.R, state.p, found, slips, NOISE)
+    x = np.random.default_rng(1).normal(size=31) * 1e-5
     predicted = exact.residual - np.einsum("fkm,m->fk", exact.H, x)
-    R, p = se3.moved(x.reshape(5, 6), state.R, state.p)
-    again = triangulate(R, p, seen)
-    lengths = np.linalg.norm(project(R, p, again, NOISE).residual, axis=1)
+    R, p = se3.moved(x[1:].reshape(5, 6), state.R, state.p)
+    again = triangulate(R, p, seen - x[0] * slips)
+    lengths = np.linalg.norm(project(R, p, again, slips, NOISE).residual, axis=1)
     assert np.allclose(np.linalg.norm(predicted, axis=1), lengths, rtol=1e-3)
 
 
 def test_a_motion_of_everything_has_no_effect_at_any_estimate():
     state, seen = state_with_views()
-    x = np.tile(np.random.default_rng(2).normal(size=6), 5)
+    x = np.append(0, np.tile(np.random.default_rng(2).normal(size=6), 5))
     for size in (0.0, 0.3):
         moved = np.random.default_rng(3).normal(size=(5, 6)) * size * 0.05
         R, p = se3.moved(moved, state.R, state.p)
-        found = project(R, p, triangulate(R, p, seen), NOISE)
+        found = project(R, p, triangulate(R, p, seen), np.ones(seen.shape), NOISE)
         assert np.abs(found.H @ x).max() < 1e-8 * np.abs(found.H).max()
 
 
@@ -153,38 +156,54 @@ def started(flight, settings):
     return own
 
 
-def flown(seed, seconds=9):
-    """NEES at each image, and the error at the end, m."""
-    flight = InertialFlight(seed)
+def flown(seed, readout_s, seconds=9):
+    """Mean NEES, the error at the end, m, and the readout that is found."""
+    flight = InertialFlight(seed, readout_s=readout_s)
     imu = ImuNoise(4e-4, 3e-3, 0.01, 0.1, 5e-5, 5e-4, 1e-4)
     noise = CornerNoise(0.3 / FOCAL, 1e-5)
-    own = started(flight, InertialSettings(noise, imu=imu, camera=CameraErrors(1e-3, 1e-3, 0.0)))
+    camera = CameraErrors(1e-3, 1e-3, 0.0)
+    own = started(flight, InertialSettings(noise, imu=imu, camera=camera, readout=UNKNOWN))
     back, found, error = se3.inverse(flight.pose(0)), [], np.zeros(6)
     for n in range(11, 10 * seconds):
         flight.measure(n / 10 + 0.01)
-        assert own.see(n * STEP_NS, *flight.see(n / 10), T_BASE_CAMERA)
+        ids, rays = flight.see(n / 10)
+        assert own.see(n * STEP_NS, ids, rays, T_BASE_CAMERA, rolling=flight.rolling(n / 10))
         true, robot = back @ flight.pose(n / 10), own.state.robot
         turn = se3.rotation_vector(robot.R @ true[:3, :3].T)
         error = np.concatenate([robot.p - true[:3, 3], turn])
         change = se3.about_itself(robot.p)
         covariance = change @ own.state.P[:6, :6] @ change.T
         found.append(error @ np.linalg.solve(covariance, error))
-    return np.mean(found), np.linalg.norm(error[:3])
+    return np.mean(found), np.linalg.norm(error[:3]), own.readout
 
 
-def test_errors_are_as_large_as_they_are_said_to_be():
-    several = [flown(seed) for seed in range(3)]
+def test_errors_are_as_large_as_they_are_said_to_be_and_the_readout_is_found():
+    readouts = [0.0, 0.0, 0.03]
+    several = [flown(seed, readout_s) for seed, readout_s in enumerate(readouts)]
     assert 1.5 < np.mean([one[0] for one in several]) < 9
     assert max(one[1] for one in several) < 0.15
+    for (_, _, found), true in zip(several, readouts, strict=True):
+        assert found.sigma_s < 0.003
+        assert abs(found.seconds - true) < 3 * found.sigma_s
+
+
+def test_a_stated_readout_stays():
+    state, seen = state_with_views()
+    state.P[READOUT], state.P[:, READOUT], state.readout = 0, 0, 0.02
+    slips = np.ones(seen.shape)
+    projected = project(state.R, state.p, triangulate(state.R, state.p, seen), slips, NOISE)
+    state.correct(state.seeing, *together(projected, np.ones(4, bool)))
+    assert state.readout == 0.02
+    assert not state.P[READOUT].any()
 
 
 def test_new_points_continue_what_their_sightings_tell():
     state, seen = state_with_views(points=6)
     found = triangulate(state.R, state.p, seen)
-    projected = project(state.R, state.p, found, NOISE)
-    gain, error = state.solve(state.views, *together(projected, np.ones(6, bool)))
+    projected = project(state.R, state.p, found, np.zeros(seen.shape), NOISE)
+    gain, error = state.solve(state.seeing, *together(projected, np.ones(6, bool)))
     state.apply(gain, error)
-    begin_points(state, found, projected, np.arange(6), error[state.views])
+    begin_points(state, found, projected, np.arange(6), error[state.seeing])
     again = triangulate(state.R, state.p, seen)
     assert np.allclose(state.points, again.points, atol=5e-3)
     assert np.linalg.eigvalsh(state.P).min() > -1e-12

@@ -28,7 +28,12 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.estimation.inertial.messages import InertialInput, odometry_of
+from ros_visualise.estimation.inertial.messages import (
+    CAMERA_TURN,
+    MOVES_S,
+    InertialInput,
+    odometry_of,
+)
 from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.estimation.visual.stereo import StereoPairs, right_of
@@ -47,7 +52,7 @@ _FRAME = "visual_odom"
 _POINT = np.dtype([(axis, np.float32) for axis in "xyz"])
 _R_BASE_CAMERA = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # looking ahead (REP 103)
 _ODOMETRY_M, _FIX_M = 0.02, 2.0  # standard deviations of positions
-_MOVES_S = 5.0  # time constant of the error of a camera's attitude on the robot
+_USUAL_TURN = 0.5  # degrees, of a camera's attitude on the robot, if none is stated
 _UNKNOWN = 1e6  # variance of a velocity while lost
 _AT_REST = 1e-3  # rad: a camera that turns more on the robot is on a gimbal
 _SCALE = 0.03  # of a velocity, as a fraction
@@ -86,18 +91,20 @@ class CameraMotionParams:
         "base_link", "frame whose motion is published; its transform to the camera is needed"
     )
     camera_turn: float = param(
-        0.5,
-        "error of the camera's attitude on the robot, degrees (standard deviation)",
-        min=0,
+        -1.0,
+        "error of the camera's attitude on the robot, degrees (standard deviation); below 0: 1.5"
+        " with an IMU, which corrects it, and otherwise 0.5",
+        min=-1,
         max=10,
     )
     corners: int = param(
         250, "number of corners to follow", min=50, max=2000, slider=(50, 1000), restart=True
     )
     readout: float = param(
-        0.0,
-        "time from the first to the last row of a rolling shutter, seconds",
-        min=0,
+        -1.0,
+        "time from the first to the last row of a rolling shutter, seconds; 0: global shutter;"
+        " below 0: unknown, so it is estimated with an IMU, and otherwise taken as 0",
+        min=-1,
         max=0.2,
         restart=True,
     )
@@ -258,8 +265,10 @@ class VisualOdometryNode:
     ) -> dict[str, Any] | None:
         p = self._params
         if self._inertial is None:
-            errors = CameraErrors(p.camera_clock, np.radians(p.camera_turn), _MOVES_S)
-            self._inertial = InertialInput(info, p.base_frame, p.corners, p.readout, errors)
+            turn = CAMERA_TURN if p.camera_turn < 0 else p.camera_turn
+            errors = CameraErrors(p.camera_clock, np.radians(turn), MOVES_S)
+            readout_s = None if p.readout < 0 else p.readout
+            self._inertial = InertialInput(info, p.base_frame, p.corners, readout_s, errors)
         self._inertial.see(image.header, gray, frames)
         if self._inertial.problem:
             self._remarks.say(self._inertial.problem)
@@ -278,6 +287,8 @@ class VisualOdometryNode:
             shown = Deferred((*gray.shape, 3), np.uint8, partial(_draw_gray, gray, corners, reason))
             values = {name: str(count) for name, count in inertial.odometry.counts.items()}
             values["corners"] = str(len(corners.ids))
+            if inertial.odometry.filter is not None and self._params.readout < 0:
+                values["readout"] = inertial.odometry.filter.readout.words
             answer = {
                 "debug_image": replace(image, data=shown, encoding="bgr8"),
                 "diagnostics": _status(reason, values, image.header),
@@ -328,7 +339,7 @@ class VisualOdometryNode:
             corners=p.corners,
             height=p.height,
             down=(float(down[0]), float(down[1]), float(down[2])),
-            readout_s=p.readout,
+            readout_s=max(p.readout, 0.0),
             has_positions=bool(p.scale_by),
         )
         return VisualOdometry(infos, cameras, settings)
@@ -362,7 +373,9 @@ class VisualOdometryNode:
             turns = np.hstack([se3.adjoint(np.eye(3), one)[:, 3:] for one in places])
         else:
             turns = np.eye(6)[:, 3:] - se3.adjoint(T[:3, :3], T[:3, 3])[:, 3:]
-        covariance: Floats = np.deg2rad(self._params.camera_turn) ** 2 * turns @ turns.T
+        stated = self._params.camera_turn
+        turn_rad = np.deg2rad(_USUAL_TURN if stated < 0 else stated)
+        covariance: Floats = turn_rad**2 * turns @ turns.T
         return covariance
 
     def _twist(

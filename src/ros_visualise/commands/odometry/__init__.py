@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.commands import Command
-from ros_visualise.running.arguments import argument, option, positive
+from ros_visualise.running.arguments import argument, not_negative, option, positive
 from ros_visualise.running.options import MemoryOptions, PartOptions
 
 
@@ -81,9 +81,11 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         type=positive,
         metavar="N",
     )
-    readout: float = option(
-        0.0,
-        "time from the first to the last row of a rolling shutter, milliseconds (default: 0)",
+    readout: float | None = option(
+        None,
+        "time from the first to the last row of a rolling shutter, milliseconds (default:"
+        " estimated with --imu, otherwise 0)",
+        type=not_negative,
         metavar="MS",
     )
     keep_drift: bool = option(

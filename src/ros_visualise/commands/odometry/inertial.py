@@ -23,7 +23,7 @@ class InertialSteps:
         reason, counts, done: as of `ros_visualise.estimation.visual.odometry.VisualOdometry`.
     """
 
-    def __init__(self, found: CameraInput, corners: int, readout_s: float) -> None:
+    def __init__(self, found: CameraInput, corners: int, readout_s: float | None) -> None:
         self.reason = "waiting for the IMU"
         self.counts = {"images": 0, "keyframes": 0, "losses": 0}
         self.done: list[VisualPose] = []

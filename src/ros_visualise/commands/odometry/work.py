@@ -36,6 +36,7 @@ _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
 _CORRECTED = "covariances are unknown after loop closure; --keep-drift writes those of the odometry"
+_LONGEST_MS = 200  # of a readout
 _WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height, --scale or --imu"
 
 
@@ -89,7 +90,8 @@ def _odometry(
     found: CameraInput, options: OdometryOptions, settings: VisualSettings
 ) -> VisualOdometry | InertialSteps:
     if options.imu:
-        return InertialSteps(found, options.corners, settings.readout_s)
+        readout_s = None if options.readout is None else settings.readout_s
+        return InertialSteps(found, options.corners, readout_s)
     return VisualOdometry(found.infos, found.cameras, settings)
 
 
@@ -127,6 +129,8 @@ def _check(options: OdometryOptions) -> None:
         raise UsageError(f"--plot {options.plot}: give a name that ends in {kinds}")
     if options.imu and (options.height or options.scale):
         raise UsageError("--imu gives the scale: omit --height and --scale")
+    if options.readout is not None and options.readout > _LONGEST_MS:
+        raise UsageError(f"--readout {options.readout:g}: give milliseconds, at most {_LONGEST_MS}")
     if options.corners < 50:
         raise UsageError(f"--corners {options.corners}: give at least 50")
     targets = [*outs, *(one for one in (options.covariances, options.plot) if one)]
@@ -139,7 +143,7 @@ def _settings(options: OdometryOptions) -> VisualSettings:
     return VisualSettings(
         corners=options.corners,
         height=options.height or 0.0,
-        readout_s=options.readout / 1e3,
+        readout_s=(options.readout or 0.0) / 1e3,
         has_positions=options.scale is not None,
     )
 

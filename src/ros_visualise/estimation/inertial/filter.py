@@ -17,11 +17,13 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise, propagate_by_imu
+from ros_visualise.estimation.inertial.readout import GLOBAL, READOUT_WALK, Readout, slips_of
 from ros_visualise.estimation.inertial.sliding import (
     CAMERA,
     CORE,
     MOTION,
     RATE_BIAS,
+    READOUT,
     VIEW,
     SlidingState,
 )
@@ -73,6 +75,7 @@ class InertialSettings:
         views, points: numbers of these in the state.
         imu, camera: errors of these.
         age_s: of the attitude of a moving camera on the robot, s.
+        readout: of the camera.
     """
 
     noise: CornerNoise = _USUAL_NOISE
@@ -81,6 +84,7 @@ class InertialSettings:
     imu: ImuNoise = _USUAL_IMU
     camera: CameraErrors = field(default_factory=CameraErrors)
     age_s: float = 0.03
+    readout: Readout = GLOBAL
 
 
 class InertialFilter:
@@ -113,10 +117,17 @@ class InertialFilter:
         errors = settings.camera
         turn = np.full(3, errors.turn_rad**2)
         self.state.P[CAMERA, CAMERA] = np.diag([errors.clock_s**2, *turn, settings.age_s**2])
+        self.state.readout = settings.readout.seconds
+        self.state.P[READOUT, READOUT] = settings.readout.sigma_s**2
         self.tracks = CornerTracks()
         self.point_ids: Ids = np.zeros(0, np.int64)
         self.used, self.contradicted = 0, False
-        self._level = _FIRST_NOISE
+        self._level, self._seen_ns = _FIRST_NOISE, 0
+
+    @property
+    def readout(self) -> Readout:
+        """The estimate of the camera's readout."""
+        return Readout(self.state.readout, float(np.sqrt(self.state.P[READOUT, READOUT])))
 
     @property
     def noise(self) -> CornerNoise:
@@ -163,6 +174,8 @@ class InertialFilter:
             keep[1:4] = np.exp(-seconds / errors.turn_s)
             noise[1:4] = errors.turn_rad**2 * (1 - keep[1:4] ** 2)
         self.state.wander(keep, noise)
+        if self.settings.readout.sigma_s:
+            self.state.P[READOUT, READOUT] += READOUT_WALK**2 * seconds
 
     # rest
 
@@ -191,6 +204,7 @@ class InertialFilter:
         rays: Floats,
         T_base_camera: Floats,
         turning: Floats | None = None,
+        rolling: Floats | None = None,
     ) -> bool:
         """Process an image; False if the IMU has a gap.
 
@@ -198,21 +212,25 @@ class InertialFilter:
             ids, rays: numbers (N,) of corners, in order, and directions (N, 2) at z = 1.
             T_base_camera: (4, 4) at that time, as far as it is known.
             turning: (3,) angular velocity of the camera on the robot, rad/s in its own axes.
+            rolling: (N, 3) as in `SeenCorners`; None: all rows are read at once.
         """
+        seconds = (stamp_ns - self._seen_ns) / 1e9
+        rolling = np.zeros((len(rays), 3)) if rolling is None else rolling
         if not self.propagate(stamp_ns):
             return False
         rates = np.zeros(3) if turning is None else turning
         noise = np.zeros((6, 6))
         noise[3:, 3:] = np.diag((_UNSTEADY * rates) ** 2)
         self.state.see(T_base_camera, rates, noise)
-        self.tracks.add(ids, rays)
-        self.used = self._correct_by_points(ids, rays)
+        self.tracks.add(ids, rays, rolling, seconds)
+        self._seen_ns = stamp_ns
+        self.used = self._correct_by_points(ids, rays, slips_of(rolling))
         self._correct_by_tracks(ids)
         if len(self.state.R) >= self.settings.views:
             self._drop_view(0)
         return True
 
-    def _correct_by_points(self, ids: Ids, rays: Floats) -> int:
+    def _correct_by_points(self, ids: Ids, rays: Floats, slips: Floats) -> int:
         """Correct by the points in view, and forget the others; their number."""
         seen = np.isin(self.point_ids, ids)
         self._drop_points(~seen)
@@ -221,7 +239,8 @@ class InertialFilter:
         at = np.searchsorted(ids, self.point_ids)
         every = np.arange(len(self.point_ids))
         self.state.drag_points(self.noise.walk)
-        good = correct_by_points(self.state, every, rays[at], self.noise.white)
+        at_once = rays[at] - self.state.readout * slips[at]
+        good = correct_by_points(self.state, every, at_once, slips[at], self.noise.white)
         self._drop_points(~good)
         return int(good.sum())
 
@@ -251,13 +270,13 @@ class InertialFilter:
     def _use(self, chosen: Indices, lasting: Mask) -> None:
         """Correct by these corners, iterated; some of those that last become points."""
         own, state = self.settings, self.state
-        seen = self.tracks.seen[chosen]
+        raw, slips = self.tracks.seen[chosen], self.tracks.slips[chosen]
         error, step = np.zeros(len(state.P)), np.zeros(len(state.P))
         for n in range(_STEPS):
             error = error + step
             R, p = se3.moved(error[state.views].reshape(-1, VIEW), state.R, state.p)
-            found = triangulate(R, p, seen)
-            projected = project(R, p, found, self.noise).since(error[state.views])
+            found = triangulate(R, p, raw - (state.readout + error[READOUT]) * slips)
+            projected = project(R, p, found, slips, self.noise).since(error[state.seeing])
             usable, chi2 = self._is_usable(found), chi_squared(state, projected)
             if not n:
                 self._learn(chi2[usable] / projected.rows[usable])
@@ -267,7 +286,7 @@ class InertialFilter:
             self.contradicted = bool(good.sum() < _AGREED * usable.sum() and usable.sum() >= _LEAST)
             if good.sum() < _LEAST or self.contradicted:
                 return
-            gain, total = state.solve(state.views, *together(projected, good))
+            gain, total = state.solve(state.seeing, *together(projected, good))
             step = total - error
             if np.median(found.misfit[good]) < _FITS * self.sigma:
                 break
@@ -280,7 +299,7 @@ class InertialFilter:
         known = found.sigma * self.sigma < _DEPTH * found.points[:, 2]
         places = np.flatnonzero(known & good & lasting[chosen])[: own.points - len(self.point_ids)]
         if len(places):
-            begin_points(state, found, projected, places, step[state.views])
+            begin_points(state, found, projected, places, step[state.seeing])
             self.point_ids = np.concatenate([self.point_ids, self.tracks.ids[chosen[places]]])
 
     def _is_usable(self, found: TriangulatedTracks) -> Mask:

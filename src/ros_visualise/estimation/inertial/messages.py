@@ -10,6 +10,7 @@ from ros_visualise.estimation.camera_view import turning_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.inertial.filter import InertialSettings
 from ros_visualise.estimation.inertial.odometry import InertialOdometry, InertialPose
+from ros_visualise.estimation.inertial.readout import UNKNOWN, Readout
 from ros_visualise.estimation.inertial.tracks import CornerNoise
 from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.geometry import se3
@@ -19,7 +20,12 @@ WHITE_PX, WALK_PX = 0.45, 0.375
 """Standard deviations of corners, pixels, see `CornerNoise`: larger than those of one corner, as
 corners of an image err alike.
 """
-_MOVES_S = 5.0  # time constant of the error of a camera that moves on the robot
+CAMERA_TURN = 1.5
+"""Standard deviation of the camera's attitude, degrees, where none is stated: it is estimated, so a
+value too large costs little, and one too small makes the pose too sure.
+"""
+MOVES_S = 5.0
+"""Time constant of that error, s, as on a gimbal."""
 
 
 class InertialInput:
@@ -28,7 +34,8 @@ class InertialInput:
     Args:
         info: calibration of the camera.
         base_frame: frame whose motion is estimated.
-        corners, readout_s: see `InertialOdometry`.
+        corners: number that is followed.
+        readout_s: of the camera's rolling shutter; None: unknown, and estimated.
         errors: of the camera's clock and attitude on the robot.
 
     Attributes:
@@ -41,13 +48,15 @@ class InertialInput:
         info: CameraInfo,
         base_frame: str,
         corners: int = 200,
-        readout_s: float = 0.0,
+        readout_s: float | None = None,
         errors: CameraErrors | None = None,
     ) -> None:
         pixel = 1 / float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
-        camera = errors or CameraErrors(0.02, np.radians(0.5), _MOVES_S)
-        settings = InertialSettings(CornerNoise(WHITE_PX * pixel, WALK_PX * pixel), camera=camera)
-        self.odometry = InertialOdometry(info, settings, corners, readout_s)
+        camera = errors or CameraErrors(0.02, np.radians(CAMERA_TURN), MOVES_S)
+        readout = UNKNOWN if readout_s is None else Readout(readout_s)
+        noise = CornerNoise(WHITE_PX * pixel, WALK_PX * pixel)
+        settings = InertialSettings(noise, camera=camera, readout=readout)
+        self.odometry = InertialOdometry(info, settings, corners)
         self.problem = ""
         self._base_frame = base_frame
         self._mounted: dict[str, Mounting] = {}

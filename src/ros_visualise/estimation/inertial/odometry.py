@@ -26,7 +26,7 @@ from ros_visualise.estimation.inertial.starting import (
 )
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import POSE
-from ros_visualise.estimation.visual.rolling import directions_at_once
+from ros_visualise.estimation.visual.rolling import directions_by_rows
 from ros_visualise.geometry import se3
 from ros_visualise.landmarks.pose.rays import rays_of
 from ros_visualise.vision.picture import PictureJudge
@@ -83,7 +83,6 @@ class InertialOdometry:
         info: calibration of the camera.
         settings: see `InertialSettings`.
         corners: number that is followed.
-        readout_s: time from the first to the last row of an image.
 
     Attributes:
         reason: why the last image has no pose, or a worse one; empty if all is well.
@@ -96,13 +95,12 @@ class InertialOdometry:
         info: CameraInfo,
         settings: InertialSettings | None = None,
         corners: int = 200,
-        readout_s: float = 0.0,
     ) -> None:
         self.settings = settings or InertialSettings()
         self.reason = "waiting for the IMU"
         self.counts = {"images": 0, "losses": 0, "gaps": 0}
         self.filter: InertialFilter | None = None
-        self._info, self._count, self._readout_s = info, corners, readout_s
+        self._info, self._count = info, corners
         self._imu, self._judge = ImuBuffer(), PictureJudge()
         self._tracker = CornerTracker(corners)
         self._queue: deque[_SeenImage] = deque()
@@ -152,11 +150,10 @@ class InertialOdometry:
             self._begin(stamp_ns, self._rest.judge(self._imu, stamp_ns, image.gray, None))
             own = self.filter
             return self._answer(stamp_ns, own is None or own.propagate(stamp_ns), self.reason)
-        rays = directions_at_once(corners, self._info, self._readout_s, seconds)
         few = self._usable(corners)
-        view = SeenCorners(
-            stamp_ns, corners.ids[few], rays[few], image.T_base_camera, image.turning
-        )
+        rays, rolling = (one[few] for one in directions_by_rows(corners, self._info, seconds))
+        ids = corners.ids[few]
+        view = SeenCorners(stamp_ns, ids, rays, image.T_base_camera, image.turning, rolling)
         compared = None if self.filter is None else corners
         is_still = self._rest.judge(self._imu, stamp_ns, image.gray, compared)
         is_still &= self.filter is None or self._rest.seconds > _LEAST_STILL_S

@@ -1,10 +1,11 @@
 """The robot, the last poses of its camera, and some points that these see, with one covariance.
 
-Rows of the covariance: ``CORE`` errors of the robot (pose, velocity, biases of the IMU, clock and
-attitude of the camera), six of each view, and three of each point. Errors of poses and velocity
-are those of `ros_visualise.estimation.robot`: common twists of the map. A point is a direction and
-an inverse depth in its *host*, one of the views; so a motion of the whole map is the same twist for
-the robot and all views, and nothing for points. It is known to be unobservable, at every estimate.
+Rows of the covariance: ``CORE`` errors of the robot (pose, velocity, biases of the IMU, clock,
+attitude and readout of the camera), six of each view, and three of each point. Errors of poses and
+velocity are those of `ros_visualise.estimation.robot`: common twists of the map. A point is a
+direction and an inverse depth in its *host*, one of the views; so a motion of the whole map is the
+same twist for the robot and all views, and nothing for points. It is known to be unobservable, at
+every estimate.
 
 Source: A. Mourikis, S. Roumeliotis, A multi-state constraint Kalman filter for vision-aided
 inertial navigation, ICRA 2007 (the views); A. Barrau, S. Bonnabel, The invariant extended Kalman
@@ -35,8 +36,10 @@ CAMERA = slice(15, 20)
 """Rows of the camera's clock, s, of its attitude on the robot, rad about its own axes, and of the
 age of that attitude, s.
 """
+READOUT = 20
+"""Row of the time in which the camera reads an image, s; those of the views follow."""
 _MEASURED = slice(0, 19)  # of the core: those of a `RobotState`
-CORE, VIEW, POINT = 20, 6, 3
+CORE, VIEW, POINT = 21, 6, 3
 _LEAST_INVERSE = 1e-6  # 1/m
 
 
@@ -53,6 +56,7 @@ class SlidingState:
     Attributes:
         robot: its estimate.
         age: of the attitude of the camera on the robot, as it is known, s: as on a gimbal.
+        readout: from the first row of an image to the last, s.
         R, p: T_map_camera (C, 3, 3) and (C, 3) of the views, the oldest first.
         host: (N,) index of the view of each point.
         points: (N, 3) x and y of their directions there at z = 1, and inverse depths, 1/m.
@@ -61,7 +65,7 @@ class SlidingState:
 
     def __init__(self, robot: RobotState, variances: Floats) -> None:
         self.robot, self.P = robot, np.diag(variances)
-        self.age = 0.0
+        self.age = self.readout = 0.0
         self.R, self.p = np.zeros((0, 3, 3)), np.zeros((0, 3))
         self.host: Indices = np.zeros(0, np.intp)
         self.points = np.zeros((0, POINT))
@@ -70,6 +74,11 @@ class SlidingState:
     def views(self) -> slice:
         """Rows of all views."""
         return slice(CORE, CORE + VIEW * len(self.R))
+
+    @property
+    def seeing(self) -> slice:
+        """Rows of the readout and of all views: where corners are seen depends on these."""
+        return slice(READOUT, self.views.stop)
 
     def rows_of_points(self, which: Indices) -> Indices:
         """(K, 3) rows of points."""
@@ -201,6 +210,7 @@ class SlidingState:
         every = np.zeros(core())
         every[_places()] = error[_MEASURED]
         self.age += float(error[CAMERA.stop - 1])
+        self.readout += float(error[READOUT])
         self.robot = self.robot.moved(every)
         twists = error[self.views].reshape(-1, VIEW)
         self.R, self.p = se3.moved(twists, self.R, self.p)

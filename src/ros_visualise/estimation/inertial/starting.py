@@ -23,7 +23,8 @@ class SeenCorners(NamedTuple):
     """Corners in an image: their numbers (N,), in order, and directions (N, 2) at z = 1.
 
     ``T_base_camera`` is (4, 4), and ``turning`` (3,) the angular velocity of the camera on the
-    robot, rad/s in the camera's axes.
+    robot, rad/s in the camera's axes. ``rolling`` (N, 3): the velocities of the directions, 1/s,
+    and their rows in the image, from -1/2 at its top to 1/2.
     """
 
     stamp_ns: int
@@ -31,6 +32,7 @@ class SeenCorners(NamedTuple):
     rays: Floats
     T_base_camera: Floats
     turning: Floats
+    rolling: Floats
 
 
 class FirstEstimate(NamedTuple):

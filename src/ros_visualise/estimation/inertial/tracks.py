@@ -14,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.inertial.sliding import CORE, VIEW, SlidingState
+from ros_visualise.estimation.inertial.readout import slips_of
+from ros_visualise.estimation.inertial.sliding import CORE, READOUT, VIEW, SlidingState
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.visual.bundle import BundleScene, Linearized, Mask, linearize
 from ros_visualise.vision.tracking import Ids
 
 _STEPS = 4
 _FAR = 1e-6  # inverse depth, 1/m
+_LONG_S = 0.3  # between views that no longer show a velocity
 _EYE = np.eye(4)[None]
 
 
@@ -30,32 +32,52 @@ class CornerTracks:
     Attributes:
         ids: (K,) numbers of the corners, in order.
         seen: (K, C, 2) x and y of their directions at z = 1, NaN where they were not seen.
+        slips: (K, C, 2), see `readout`.
     """
 
     def __init__(self) -> None:
         self.ids: Ids = np.zeros(0, np.int64)
-        self.seen = np.zeros((0, 0, 2))
+        self._all = np.zeros((0, 0, 5))  # directions, velocities and rows
 
-    def add(self, ids: Ids, rays: Floats) -> None:
-        """Add a view that sees corners (N,) in directions (N, 2)."""
-        every = np.union1d(self.ids, ids)
-        seen = np.full((len(every), self.seen.shape[1] + 1, 2), np.nan)
-        seen[np.searchsorted(every, self.ids), :-1] = self.seen
-        seen[np.searchsorted(every, ids), -1] = rays
-        self.ids, self.seen = every, seen
+    @property
+    def seen(self) -> Floats:
+        """See the class."""
+        return self._all[..., :2]
+
+    @property
+    def slips(self) -> Floats:
+        """See the class."""
+        return slips_of(self._all[..., 2:])
+
+    def add(self, ids: Ids, rays: Floats, rolling: Floats, seconds: float) -> None:
+        """Add a view that sees corners (N,) in directions (N, 2), some time after the last one.
+
+        ``rolling`` (N, 3) as in `SeenCorners`. The velocities in the last view become means of
+        those before and after it.
+        """
+        ids_all = np.union1d(self.ids, ids)
+        every = np.full((len(ids_all), self._all.shape[1] + 1, 5), np.nan)
+        every[np.searchsorted(ids_all, self.ids), :-1] = self._all
+        every[np.searchsorted(ids_all, ids), -1] = np.hstack([rays, rolling])
+        self.ids, self._all = ids_all, every
+        if every.shape[1] > 1 and 0 < seconds < _LONG_S:
+            last, new = every[:, -2], every[:, -1]
+            after = (new[:, :2] - last[:, :2]) / seconds
+            known = np.isfinite(after)
+            last[:, 2:4][known] = (last[:, 2:4][known] + after[known]) / 2
 
     def drop_view(self, which: int) -> None:
         """Forget a view, and corners that no other one saw."""
-        self.seen = np.delete(self.seen, which, 1)
+        self._all = np.delete(self._all, which, 1)
         self.keep(self.counts > 0)
 
     def keep(self, chosen: Mask) -> None:
         """Forget all other corners."""
-        self.ids, self.seen = self.ids[chosen], self.seen[chosen]
+        self.ids, self._all = self.ids[chosen], self._all[chosen]
 
     def forget(self, chosen: Mask) -> None:
         """Forget the sightings of corners."""
-        self.seen[chosen] = np.nan
+        self._all[chosen] = np.nan
 
     @property
     def counts(self) -> Indices:
@@ -171,9 +193,10 @@ class ProjectedTracks(NamedTuple):
 
     Attributes:
         rows: (F,) numbers of independent rows; the others are zero.
-        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 6 C), independent of the positions.
-        of_point: (F, 3), (F, 3, 6 C) and (F, 3, 3): residual, and derivatives by the views and by
-            the positions, of the rest.
+        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 1 + 6 C), independent of the positions;
+            derivatives by the readout and by the views.
+        of_point: (F, 3), (F, 3, 1 + 6 C) and (F, 3, 3): residual, and derivatives by readout and
+            views and by the positions, of the rest.
     """
 
     rows: Indices
@@ -182,21 +205,22 @@ class ProjectedTracks(NamedTuple):
     of_point: tuple[Floats, Floats, Floats]
 
     def since(self, error: Floats) -> ProjectedTracks:
-        """The same, with residuals before the views were moved by an error (6 C,)."""
+        """The same, with residuals before readout and views were moved by an error (1 + 6 C,)."""
         return self._replace(residual=self.residual + self.H @ error)
 
 
 def project(
-    R: Floats, p: Floats, tracks: TriangulatedTracks, noise: CornerNoise
+    R: Floats, p: Floats, tracks: TriangulatedTracks, slips: Floats, noise: CornerNoise
 ) -> ProjectedTracks:
-    """Project the sightings of corners."""
+    """Project the sightings of corners, which slip by (F, C, 2)."""
     seen, (count, views) = tracks.seen, tracks.seen.shape[:2]
     is_seen = np.isfinite(seen[..., 0])
     found = _dense(R, p, tracks.host, tracks.points, seen)
-    every = np.zeros((count, views, 2, 4 + VIEW * views))  # residual, by point, by views
+    every = np.zeros((count, views, 2, 5 + VIEW * views))  # residual, by point, readout, views
     every[..., 0] = found.residuals.swapaxes(0, 1)
     every[..., 1:4] = found.by_point.swapaxes(0, 1)
-    by_views = every[..., 4:].reshape(count, views, 2, views, VIEW)
+    every[is_seen, :, 4] = slips[is_seen]
+    by_views = every[..., 5:].reshape(count, views, 2, views, VIEW)
     by_view = found.by_view.swapaxes(0, 1)
     which, view = np.nonzero(is_seen)
     by_views[which, view, :, view] = by_view[which, view]
@@ -211,7 +235,7 @@ def project(
 
 def chi_squared(state: SlidingState, found: ProjectedTracks) -> Floats:
     """(F,) squares of the residuals of corners, by the covariance that the state expects."""
-    P = state.P[state.views, state.views]
+    P = state.P[state.seeing, state.seeing]
     S = found.H @ P @ np.swapaxes(found.H, 1, 2) + np.eye(found.H.shape[1])
     whitened = np.linalg.solve(S, found.residual[..., None])[..., 0]
     chi2: Floats = (found.residual * whitened).sum(axis=1)
@@ -237,7 +261,7 @@ def compressed(H: Floats, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def together(found: ProjectedTracks, good: Mask) -> tuple[Floats, Floats]:
-    """H (k, 6 C) and residual (k,) of these corners, in as few rows as possible."""
+    """H (k, 1 + 6 C) and residual (k,) of these corners, in as few rows as possible."""
     H = found.H[good].reshape(-1, found.H.shape[2])
     return compressed(H, found.residual[good].ravel())
 
@@ -249,17 +273,17 @@ def begin_points(
     places: Indices,
     step: Floats,
 ) -> None:
-    """Add corners as points, after the views were corrected by a step (6 C,) since they were found.
+    """Add corners as points, after a step (1 + 6 C,) of readout and views since they were found.
 
     Source: M. Li, A. Mourikis, Optimization-based estimator design for vision-aided inertial
     navigation, RSS 2012, section IV (the points); P. Geneva et al., OpenVINS, ICRA 2020.
     """
     residual, H, upper = (one[places] for one in found.of_point)
     back = np.linalg.inv(upper)
-    J = -back @ H  # errors of points by those of views
+    J = -back @ H  # errors of points by those of readout and views
     flat = J.reshape(-1, J.shape[2])
-    across = flat @ state.P[state.views]
-    own = across[:, state.views] @ flat.T
+    across = flat @ state.P[state.seeing]
+    own = across[:, state.seeing] @ flat.T
     for n, one in enumerate(back):
         rows = slice(3 * n, 3 * n + 3)
         own[rows, rows] += one @ one.T
@@ -267,8 +291,13 @@ def begin_points(
     state.add_points(tracks.host[places], tracks.points[places] + change, across, own)
 
 
-def correct_by_points(state: SlidingState, places: Indices, rays: Floats, sigma: float) -> Mask:
-    """Correct the state by directions (K, 2) of its points in the newest view; which fit (K,)."""
+def correct_by_points(
+    state: SlidingState, places: Indices, rays: Floats, slips: Floats, sigma: float
+) -> Mask:
+    """Correct the state by directions (K, 2) of its points in the newest view; which fit (K,).
+
+    ``slips`` are (K, 2), see `readout`.
+    """
     newest = len(state.R) - 1
     found = linearize(
         BundleScene(state.R, state.p, state.host[places], state.points[places], _EYE),
@@ -276,6 +305,7 @@ def correct_by_points(state: SlidingState, places: Indices, rays: Floats, sigma:
     )
     by_view, by_point = found.by_view[-1], found.by_point[-1]
     H = np.zeros((len(places), 2, len(state.P)))
+    H[:, :, READOUT] = slips
     points = state.rows_of_points(places)
     for n, host in enumerate(state.host[places]):
         H[n, :, points[n]] = by_point[n].T

@@ -21,8 +21,35 @@ def directions_at_once(
     pixels = corners.pixels_uv
     if readout_s and seconds > 0:
         moved = np.nan_to_num(pixels - corners.before_uv) / seconds
-        rows = (pixels[:, 1:] + 0.5) / info.height - 0.5
-        pixels = pixels - moved * rows * readout_s
+        pixels = pixels - moved * _rows(pixels, info) * readout_s
+    return _directions(pixels, info)
+
+
+def directions_by_rows(
+    corners: FollowedCorners, info: CameraInfo, seconds: float
+) -> tuple[Floats, Floats]:
+    """(N, 2) directions of corners at z = 1, each at the time of its row.
+
+    Also (N, 3) their velocities, 1/s, since the image ``seconds`` before, zero where these are
+    unknown, and their rows, from -1/2 at the top of the image to 1/2.
+    """
+    rays = _directions(corners.pixels_uv, info)
+    known = np.isfinite(corners.before_uv[:, 0])
+    rolling = np.column_stack([np.zeros_like(rays), _rows(corners.pixels_uv, info)])
+    if seconds > 0 and known.any():
+        before = _directions(corners.before_uv[known], info)
+        rolling[known, :2] = (rays[known] - before) / seconds
+    return rays, rolling
+
+
+def _rows(pixels: Floats, info: CameraInfo) -> Floats:
+    """(N, 1) rows of pixels, from -1/2 at the top of the image to 1/2."""
+    rows: Floats = (pixels[:, 1:] + 0.5) / info.height - 0.5
+    return rows
+
+
+def _directions(pixels: Floats, info: CameraInfo) -> Floats:
+    """(N, 2) directions of pixels at z = 1."""
     rays = rays_of(pixels, info).directions
     found: Floats = rays[:, :2] / rays[:, 2:]
     return found
