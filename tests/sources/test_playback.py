@@ -213,9 +213,9 @@ def test_position_is_the_target_at_once(clock: FakeClock) -> None:
     run = playback.run(regular(10))
     next(run)
     playback.seek(0.6)
-    assert playback.state.position_s == 0.6
+    assert (playback.state.position_s, playback.time_ns()) == (0.6, 600_000_000)
     next(run)
-    assert playback.state.position_s == 0.6
+    assert (playback.state.position_s, playback.time_ns()) == (0.6, 600_000_000)
 
 
 def test_a_change_of_rate_takes_effect_within_a_wait(clock: FakeClock) -> None:

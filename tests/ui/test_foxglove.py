@@ -141,6 +141,15 @@ def test_the_gate_holds_for_viewers_too(page, port):
         assert refused.value.response.status_code == (400 if "protocol" in given else 403)
 
 
+@pytest.mark.parametrize("path", ["", "/", "/nothing"])
+def test_a_viewer_at_a_wrong_path_is_answered_with_the_right_one(page, port, caplog, path):
+    with pytest.raises(InvalidStatus) as refused:
+        connect(f"ws://127.0.0.1:{port}/{TOKEN}{path}", subprotocols=[OLDER])
+    assert refused.value.response.status_code == 404
+    assert b"with /foxglove at its end" in refused.value.response.body
+    assert "with /foxglove at its end" in caplog.text
+
+
 def test_a_desktop_app_may_be_let_in_by_its_origin(port, runtime):
     for origins, status in ([], 403), (["file://"], 101):
         page = Page(ViewOptions(port=port, origins=origins))

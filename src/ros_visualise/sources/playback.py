@@ -190,8 +190,13 @@ class Playback:
         return self._quota.frames > 0
 
     def time_ns(self) -> int:
-        """Time since the start of the source; while it plays, it goes on between messages."""
+        """Time since the start of the source; while it plays, it goes on between messages.
+
+        From a request to seek until its first message, the requested time.
+        """
         with self._changed:
+            if self._requests.target_ns is not None:
+                return self._requests.target_ns
             return self._position_ns + self._line.reached_ns - self._line.last_ns
 
     def stamp_ns(self) -> int:

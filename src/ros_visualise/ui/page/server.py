@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.live.clock import PageClock
 from ros_visualise.ui.live.foxglove.hub import FoxgloveHub
+from ros_visualise.ui.live.foxglove.messages import SUBPROTOCOLS
 from ros_visualise.ui.live.hub import Hub
 from ros_visualise.ui.live.images import ImageHub
 from ros_visualise.ui.live.messages import MessageHub
@@ -100,7 +101,8 @@ class PageServer:
         self.tiles: TileFile | None = None
         self.rewinder: Rewinder | None = None
         self._nicegui = application()
-        self.host = PageHost(Gate(self._serve, rules), listening)
+        self._gate = Gate(self._serve, rules)
+        self.host = PageHost(self._gate, listening)
 
     def show(self, runtime: Runtime | None) -> None:
         """Serve this graph from now on, or none."""
@@ -136,8 +138,8 @@ class PageServer:
                 visit.hold(len(answer.body))
                 await send_answer(scope, send, answer)
                 return
-        if scope["type"] == "websocket" and path in self._hubs:
-            await self._hubs[path].serve(scope, receive, send)
+        if scope["type"] == "websocket" and not path.startswith(NICEGUI):
+            await self._connect(path, scope, receive, send)
         elif path.startswith(TILES) and self.tiles is not None:
             tile = await asyncio.to_thread(self.tiles.answer, path.removeprefix(TILES))
             visit.hold(len(tile.body))
@@ -150,6 +152,18 @@ class PageServer:
             await self._nicegui(scope, receive, send)
         else:
             raise Refusal("no such page", 404)
+
+    async def _connect(self, path: str, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a WebSocket of our own; where there is none, say where viewers connect."""
+        if path in self._hubs:
+            await self._hubs[path].serve(scope, receive, send)
+            return
+        hint = (
+            f"Foxglove connects to ws:// and the printed address with {FoxgloveHub.path} at its end"
+        )
+        if not set(SUBPROTOCOLS).isdisjoint(scope["subprotocols"]):
+            self._gate.report_once(f"page: {hint}")  # viewers do not show the answer
+        raise Refusal(f"no WebSocket at this address; {hint}", 404)
 
     async def _ask(self, query: BrowserQuery, scope: Scope, visit: Visit) -> Answer | None:
         own = [value for key, value in scope["headers"] if key == HEADER.lower().encode()]

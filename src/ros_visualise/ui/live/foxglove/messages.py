@@ -118,7 +118,9 @@ def parse(message: str | bytes) -> Request:
             return _parse_call(message)
         if message[:1] == bytes([_PLAYBACK_CONTROL]):
             return _parse_control(message)
-    except (ValueError, RecursionError, struct.error) as error:  # msgspec's errors are ValueErrors
+    except struct.error:
+        raise BadRequest("malformed request: it is too short") from None
+    except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors
         raise BadRequest(f"malformed or unsupported request: {error}") from None
     raise BadRequest("unsupported binary request")
 

@@ -31,8 +31,7 @@ def seen_state(line: PlaybackLine) -> SeenState:
 def describe(line: PlaybackLine, did_seek: bool, request_id: str = "") -> bytes:
     """A message with the present state."""
     state = line.playback.state
-    now_ns = line.time_ns(round(state.position_s * _NS)) if did_seek else line.now_ns
-    return playback_state(_status(state), now_ns, state.rate, did_seek, request_id)
+    return playback_state(_status(state), line.now_ns, state.rate, did_seek, request_id)
 
 
 def control(line: PlaybackLine, request: ControlPlayback) -> None:
