@@ -1,12 +1,12 @@
-"""The page on a phone: a panel and the timeline are there without a tap."""
+"""The page on a phone and an upright tablet: a panel and the timeline are there without a tap."""
 
 import pytest
 from page_client import wait_in
 
-PHONES = [(400, 800), (390, 844)]
+SIZES = [(390, 844), (820, 1180)]
 
 
-@pytest.mark.parametrize("size", PHONES)
+@pytest.mark.parametrize("size", SIZES)
 def test_an_image_and_the_timeline_fit(chromium, page, size):
     width, height = size
     context = chromium.new_context(

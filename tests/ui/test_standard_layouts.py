@@ -39,10 +39,15 @@ def test_a_film_has_its_parameters_beside_its_images():
     assert first["state"]["topic"] == "/controlled_stream"
 
 
-def test_a_recording_without_images_has_its_topics_3d_and_a_plot(recordings):
+def test_a_recording_without_images_has_its_topics_3d_and_a_plot_of_the_usual_numbers(recordings):
     with closing(open_recording(recordings / "bags/robot_localization_test1.bag")) as recording:
         layout = standard_layout(recording_pipeline(recording))
     assert panels(layout) == ["topics", "nodes", "files", "space", "plots"]
+    plot = layout["row"][1]["column"][1]
+    assert [pane["curves"] for pane in plot["state"]["panes"]] == [
+        [f"/husky_velocity_controller/odom:pose.pose.position.{axis}" for axis in "xy"],
+        [f"/imu/data:angular_velocity.{axis}" for axis in "xyz"],
+    ]
 
 
 def test_nothing_yet_offers_files():

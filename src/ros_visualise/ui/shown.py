@@ -1,9 +1,21 @@
-"""The images, texts and detections of nodes that are shown."""
+"""The images, texts, detections and curves of nodes that are shown."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from ros_visualise.data import Detections, Image, Text
 from ros_visualise.graph import Graph, Member, Node
+
+FIRST_FIELDS: Mapping[str, Sequence[str]] = {
+    "Odometry": ("pose.pose.position.x", "pose.pose.position.y"),
+    "PoseStamped": ("pose.position.x", "pose.position.y"),
+    "Imu": ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z"),
+    "NavSatFix": ("altitude",),
+    "BatteryState": ("voltage",),
+}
+"""Numbers that people look at first: last part of a message type -> fields, the first types first."""
+_MOST_PANES, _MOST_TOPICS = 2, 3
 
 
 def images_of(node: Member) -> list[str]:
@@ -29,6 +41,19 @@ def first_shown(graph: Graph, node: Member) -> str | None:
     taken = {topic for other in graph.members for topic in other.inputs.values()}
     images = images_of(node)
     return next((topic for topic in images if topic in taken), next(iter(images), None))
+
+
+def first_curves(graph: Graph) -> list[list[str]]:
+    """The curves of the first panes of a plot, one for each type of message; empty without any."""
+    by_type: dict[str, list[str]] = {}
+    for topic, spec in graph.topics.items():
+        by_type.setdefault(spec.ros.name.rpartition("/")[2], []).append(topic)
+    panes = [
+        [f"{topic}:{field}" for topic in by_type[name][:_MOST_TOPICS] for field in fields]
+        for name, fields in FIRST_FIELDS.items()
+        if name in by_type
+    ]
+    return panes[:_MOST_PANES]
 
 
 def detections_of(graph: Graph, image: str) -> list[str]:

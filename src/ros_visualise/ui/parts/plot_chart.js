@@ -4,6 +4,7 @@ import { echarts } from "nicegui-echart";
 const LEAST_S = 1e-6; // of the shown time
 const AXES = 4; // that are shown
 const FEW = 8; // pixels between samples that are marked
+const STEPS = [5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 86400]; // of long times, seconds
 const isCoarse = matchMedia("(pointer: coarse)").matches;
 
 export function clock(seconds) {
@@ -68,8 +69,11 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
     splitLine: { show: i === 0, lineStyle: { color: line } },
   }));
   const shownAxes = Math.min(most, AXES);
+  const parts = Math.max(2, Math.floor(width / 110));
+  const [from, to] = window;
   const xAxis = {
     type: "value",
+    interval: isTime && to - from > 60 ? STEPS.find((step) => step * parts >= to - from) : undefined,
     min: isTime ? extent[0] : undefined,
     max: isTime ? extent[1] : undefined,
     scale: true,
@@ -77,7 +81,7 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
     nameLocation: "middle",
     nameGap: 20,
     nameTextStyle: { color: ink, fontSize: 10 },
-    splitNumber: Math.max(2, Math.floor(width / 110)),
+    splitNumber: parts,
     axisLabel: isTime ? { ...axisLabel, formatter: clock, showMaxLabel: false } : { ...axisLabel, formatter: written },
     axisLine,
     splitLine: { lineStyle: { color: line } },

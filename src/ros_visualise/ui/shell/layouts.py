@@ -11,7 +11,7 @@ from ros_visualise.lessons.handout import NAME as LESSON
 from ros_visualise.ui.live.robot import velocity_topic
 from ros_visualise.ui.scene.kinds import is_spatial, is_track
 from ros_visualise.ui.scene.thread import topics_of
-from ros_visualise.ui.shown import first_shown, robot_status
+from ros_visualise.ui.shown import first_curves, first_shown, robot_status
 
 Place = dict[str, Any]
 """A panel, or a row, column or tabs of them; see `ros_visualise.ui.shell.workspace.read_layout`."""
@@ -32,7 +32,7 @@ def standard_layout(graph: Graph | None) -> Place:
     has_scene = bool(topics_of(graph)) and not _is_about_images(graph)
     shown = images_to_show(graph)
     if has_scene and not shown and graph.source is not None and graph.source.type.recording:
-        views = {"column": [{"panel": "space"}, {"panel": "plots"}], "at": [0.5, 0.5]}
+        views = {"column": [{"panel": "space"}, _plot(graph)], "at": [0.5, 0.5]}
         return {"row": [_tabs(["topics", "nodes", "files"]), views], "at": [0.3, 0.7]}
     images = _column(shown[:_MOST_BESIDE]) if has_scene else _grid(shown[:_MOST_IMAGES])
     parts: list[tuple[Place, float]] = [(_controls(graph), _LEFT)]
@@ -42,7 +42,7 @@ def standard_layout(graph: Graph | None) -> Place:
     if images is not None:
         parts.append((images, 1 - sum(share for _, share in parts)))
     if len(parts) == 1:
-        parts += [({"panel": "plots"}, 0.48), (_tabs(["topics", "messages"]), 0.28)]
+        parts += [(_plot(graph), 0.48), (_tabs(["topics", "messages"]), 0.28)]
     shares = [share for _, share in parts]
     at = [round(share / sum(shares), 3) for share in shares]
     return {"row": [place for place, _ in parts], "at": at}
@@ -84,6 +84,12 @@ def _column(topics: Sequence[str]) -> Place | None:
     """Panels of images below one another; None without any."""
     panels: list[Place] = [{"panel": "image", "state": {"topic": topic}} for topic in topics]
     return {"column": panels} if len(panels) > 1 else next(iter(panels), None)
+
+
+def _plot(graph: Graph) -> Place:
+    """A plot of the numbers that people look at first."""
+    panes = [{"curves": curves} for curves in first_curves(graph)]
+    return {"panel": "plots", "state": {"panes": panes}} if panes else {"panel": "plots"}
 
 
 def _tabs(names: Sequence[str]) -> Place:

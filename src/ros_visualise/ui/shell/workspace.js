@@ -4,7 +4,7 @@ const EDGE = 6; // pixels between panels
 const HEAD = 28; // pixels of the line with the tabs
 const LEAST = 0.06; // of a row or column
 const SHORTEST = 160; // pixels of a panel that opens below another
-const NARROW = 700; // pixels, below which panels stand under each other
+const NARROW = matchMedia("(max-width: 700px), (max-width: 900px) and (orientation: portrait)"); // panels stand under each other
 const SHORT = 500; // pixels of height, below which the buttons of panels are a menu
 const STEP = 0.03; // by which an arrow key moves an edge
 const KEPT_MS = 300;
@@ -111,12 +111,11 @@ export default {
   props: { kinds: Object, layout: Object, standard: Object },
   data() {
     const saved = JSON.parse(localStorage.getItem(SAVED) ?? "{}");
-    return { root: null, maximal: null, target: null, width: 1280, height: 720, saved, name: "", undoable: false, redoable: false, isOwn: false };
+    return { root: null, maximal: null, target: null, width: 1280, height: 720, saved, name: "", undoable: false, redoable: false, isOwn: false, isNarrow: false };
   },
   computed: {
     past: () => rv.past,
     sides: () => [["left", "Move to the left"], ["right", "Move to the right"], ["top", "Move to the top"], ["bottom", "Move to the bottom"]],
-    isNarrow() { return this.width < NARROW; },
     isSmall() { return this.isNarrow || this.height < SHORT; },
     rects() {
       const found = [];
@@ -180,6 +179,9 @@ export default {
   mounted() {
     this.sized = new ResizeObserver(([{ contentRect }]) => ({ width: this.width, height: this.height } = contentRect));
     this.sized.observe(this.$refs.room);
+    this.turned = () => document.body.classList.toggle("rv-narrow", (this.isNarrow = NARROW.matches));
+    NARROW.addEventListener("change", this.turned);
+    this.turned();
     this.other = () => {
       const { layout } = rv.offered.state;
       if (!layout || JSON.stringify(layout) === JSON.stringify(this.usual)) return;
@@ -198,6 +200,7 @@ export default {
   },
   beforeUnmount() {
     this.sized.disconnect();
+    NARROW.removeEventListener("change", this.turned);
     document.removeEventListener("rv-open", this.opened);
     rv.offered.removeEventListener("change", this.other);
     rv.past.removeEventListener("change", this.stepped);

@@ -2,13 +2,6 @@
 // pixels; ECharts draws them. What is shown and how is in the page's address.
 import { defineAsyncComponent, markRaw } from "vue";
 
-const FIRST = { // numbers that people look at first, by the type of a topic
-  Odometry: ["pose.pose.position.x", "pose.pose.position.y"],
-  PoseStamped: ["pose.position.x", "pose.position.y"],
-  Imu: ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"],
-  NavSatFix: ["altitude"],
-  BatteryState: ["voltage"],
-};
 const PAUSE_MS = 50; // between requests for what is shown
 const VALUES_MS = 100; // and for values at the cursor
 const LASTS = [10, 30, 60, 300];
@@ -114,7 +107,7 @@ export default {
         </div>
       </div>
     </div>`,
-  props: { state: Object, readOnly: Boolean, colors: Array, functions: Array },
+  props: { state: Object, readOnly: Boolean, colors: Array, functions: Array, first: Object },
   data() {
     const { panes, curves, last } = this.state;
     const all = (Array.isArray(panes) ? panes.slice(0, 12) : []).map(paneOf);
@@ -129,7 +122,7 @@ export default {
     names() { return [...new Set(this.panes.flatMap(({ curves, against }) => (against ? [...curves, against] : curves)))]; },
     hint() { return Object.keys(this.topics).length ? `Add curves with +, or drag fields here${this.proposed.length ? ", or begin with" : ""}` : ""; },
     proposed() {
-      const found = Object.entries(this.topics).map(([topic, type]) => [topic, (FIRST[type.split("/").at(-1)] ?? []).map((path) => `${topic}:${path}`)]);
+      const found = Object.entries(this.topics).map(([topic, type]) => [topic, (this.first[type.split("/").at(-1)] ?? []).map((path) => `${topic}:${path}`)]);
       return found.filter(([, curves]) => curves.length).slice(0, 4);
     },
   },

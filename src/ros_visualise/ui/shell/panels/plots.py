@@ -8,6 +8,7 @@ from typing import Any
 from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.ui.live.derived import FUNCTIONS
 from ros_visualise.ui.shell.panels import Panel
+from ros_visualise.ui.shown import FIRST_FIELDS
 
 
 class Plots(Panel, component="plots.js"):
@@ -20,3 +21,4 @@ class Plots(Panel, component="plots.js"):
         super().__init__(state, read_only)
         self._props["colors"] = [css(color) for color in PALETTE]
         self._props["functions"] = list(FUNCTIONS)
+        self._props["first"] = FIRST_FIELDS
