@@ -9,7 +9,7 @@ import forked
 import numpy as np
 from page_client import TOKEN, ClockClient, wait_in
 
-MAP = "?layout={~panel~:~map~}"
+MAP = "?layout={~tabs~:[{~panel~:~map~},{~panel~:~log~}],~shown~:1}"  # hidden at first
 
 
 PLACES = """
@@ -62,7 +62,11 @@ def test_track_places_and_tiles_are_shown_and_a_click_goes_to_a_time(
         assert any("open http" in line for line in process.stderr)
         context = chromium.new_context(viewport={"width": 800, "height": 600})
         tab = context.new_page()
+        errors = []
+        tab.on("pageerror", lambda error: errors.append(str(error)))
         tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/{MAP}")
+        tab.locator("path.leaflet-interactive").first.wait_for(state="attached", timeout=60_000)
+        tab.get_by_role("tab", name="Map").click()
         track = tab.locator("path.leaflet-interactive[fill=none]").first  # not the place
         track.wait_for(timeout=60_000)
         wait_in(tab, lambda: tab.locator(".leaflet-control-scale-line").inner_text() == "10 m")
@@ -80,13 +84,14 @@ def test_track_places_and_tiles_are_shown_and_a_click_goes_to_a_time(
         tab.locator("img.leaflet-tile[src*='/tiles/']").first.wait_for(state="attached")
         kind = "fetch(rv.root + '/tiles/0/0/0').then((tile) => tile.headers.get('content-type'))"
         assert tab.evaluate(kind) == "image/png"
+        assert not errors
         context.close()
         process.terminate()
         process.communicate()
 
 
 def test_without_fixes_it_says_so(browse):
-    tab = browse(MAP, images=False)
+    tab = browse("?layout={~panel~:~map~}", images=False)
     tab.get_by_text("No topics with satellite positions (NavSatFix) or GeoJSON").wait_for(
         timeout=60_000
     )

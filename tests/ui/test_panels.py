@@ -104,6 +104,25 @@ def test_edges_are_dragged_over_frames_and_moved_by_keys(browse):
     assert side.bounding_box()["width"] == pytest.approx(width + 64, abs=30)
 
 
+def test_panels_are_moved_and_closed_by_keys_and_the_focus_stays_on_tabs(browse):
+    tab = browse(f"?layout={BESIDE}")
+    side = tab.locator(".rv-topics")
+    side.wait_for(timeout=60_000)
+    focused = tab.locator("[role=tab]:focus")
+    tab.get_by_role("button", name="Move or split").last.press("Enter")
+    item = tab.get_by_role("menu").get_by_role("listitem").first
+    item.wait_for()
+    wait_in(tab, lambda: tab.locator("[role=menu]:focus").count())
+    tab.keyboard.press("ArrowDown")
+    assert item.evaluate("item => item === document.activeElement")  # to the left
+    item.press("Enter")
+    wait_in(tab, lambda: side.bounding_box()["x"] == 0 and focused.count())
+    assert focused.inner_text() == "Topics"
+    focused.press("Delete")
+    wait_in(tab, lambda: focused.count() and focused.inner_text() == "Log")
+    assert side.count() == 0
+
+
 def test_a_panel_is_dragged_to_another_side_and_made_as_large_as_all(browse):
     tab = browse(f"?layout={BESIDE}")
     side = tab.locator(".rv-topics")
@@ -167,8 +186,9 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     tab.keyboard.press("Control+k")
     field = tab.get_by_role("searchbox", name="Search the page")
     field.fill("fram")
-    tab.get_by_role("option", name="panel Frames").click()
+    field.press("Enter")
     tab.get_by_text("No transforms yet").wait_for(timeout=60_000)
+    tab.locator("[role=tab]:focus", has_text="Frames").wait_for()
     tab.get_by_role("tab", name="Topics").click()
     tab.get_by_role("button", name="Search the page").click()
     field.fill("frames")

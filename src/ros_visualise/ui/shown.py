@@ -14,7 +14,7 @@ FIRST_FIELDS: Mapping[str, Sequence[str]] = {
     "NavSatFix": ("altitude",),
     "BatteryState": ("voltage",),
 }
-"""Numbers that people look at first: last part of a message type -> fields, the first types first."""
+"""Numbers that people look at first: last part of a type -> fields, the first types first."""
 _MOST_PANES, _MOST_TOPICS = 2, 3
 
 

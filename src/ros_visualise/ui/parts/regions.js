@@ -1,5 +1,5 @@
 // F6 gives the focus to the next part of the page, with Shift to the one before: a panel, the buttons
-// of panels, the timeline. Among the buttons of panels arrow keys move it.
+// of panels, the timeline. Among the buttons of panels, in menus and in lists arrow keys move it.
 {
   const FOCUSABLE = "a[href], button:enabled, input:enabled, select:enabled, summary, textarea:enabled, [tabindex='0']";
   const isSeen = (element) => element.getClientRects().length > 0;
@@ -11,15 +11,15 @@
     const all = regions();
     firstOf(next(all, all.findIndex((one) => one.contains(document.activeElement)), by))?.focus();
   };
-  const step = (rail, by) => {
-    const all = [...rail.querySelectorAll("button:enabled")].filter(isSeen);
-    next(all, all.indexOf(document.activeElement), by).focus();
+  const step = (list, by) => {
+    const all = [...list.querySelectorAll(FOCUSABLE)].filter(isSeen);
+    if (all.length) next(all, all.indexOf(document.activeElement), by).focus();
   };
   document.addEventListener("keydown", (event) => {
-    const rail = event.target.closest?.(".rv-rail");
-    const by = { ArrowUp: -1, ArrowLeft: -1, ArrowDown: 1, ArrowRight: 1 }[event.key];
+    const list = event.target.closest?.(".rv-rail, .q-menu");
+    const by = { ArrowUp: -1, ArrowDown: 1, ...(list?.matches(".rv-rail") && { ArrowLeft: -1, ArrowRight: 1 }) }[event.key];
     if (event.key === "F6" && !event.ctrlKey && !event.altKey) jump(event.shiftKey ? -1 : 1);
-    else if (rail && by && event.target.matches("button")) step(rail, by);
+    else if (list && by && !event.target.matches("select, textarea, [type=range], [type=number]")) step(list, by);
     else return;
     event.preventDefault();
     event.stopImmediatePropagation(); // the timeline's arrow keys

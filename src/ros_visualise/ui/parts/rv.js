@@ -171,8 +171,17 @@
     offered: new Offered(),
     // Keep a panel's state in the address: what is given replaces what it had under the same names.
     keep: (element, state) => element.dispatchEvent(new CustomEvent("rv-keep", { bubbles: true, detail: state })),
-    // Show a panel of this kind whose state `serves`, else open one with this state.
-    open: (kind, state = {}, serves = () => false) => document.dispatchEvent(new CustomEvent("rv-open", { detail: { kind, state, serves } })),
+    // Show a panel of this kind whose state `serves`, else open one with this state; its number.
+    open(kind, state = {}, serves = () => false) {
+      const detail = { kind, state, serves };
+      document.dispatchEvent(new CustomEvent("rv-open", { detail }));
+      return detail.id;
+    },
+    // Draw a curve in a plot that is seen, else in a new one.
+    plot(curve) {
+      const isNew = document.dispatchEvent(new CustomEvent("rv-plot", { detail: curve, cancelable: true }));
+      if (isNew) rv.open("plots", { panes: [{ curves: [curve] }] });
+    },
   };
   rv.clock.begin();
   rv.offered.begin();

@@ -56,9 +56,9 @@ function ranked(all, words) {
 
 export default {
   template: `
-    <q-dialog v-model="isOpen" position="top" @show="$refs.field.focus()" @hide="hidden">
+    <q-dialog v-model="isOpen" position="top" @hide="hidden">
       <q-card class="rv-search" role="search">
-        <input ref="field" v-model="words" type="search" placeholder="Panel, button, topic, parameter, file, time or text" aria-label="Search the page"
+        <input autofocus v-model="words" type="search" placeholder="Panel, button, topic, parameter, file, time or text" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
         <div id="rv-found" role="listbox" aria-label="Results">
           <button v-for="(one, i) in found" :key="one.kind + one.name + (one.key ?? '')" role="option" :aria-selected="String(i === at)"
@@ -162,10 +162,10 @@ export default {
       if (!one) return;
       const kind = /Image$/.test(one.help) ? "image" : "messages";
       ({
-        panels: () => rv.open(one.panel),
+        panels: () => (this.opened = rv.open(one.panel)),
         controls: () => (this.pressing = one.element),
-        topics: () => rv.open(kind, { topic: one.name }),
-        fields: () => rv.open("plots", { panes: [{ curves: [one.name] }] }),
+        topics: () => (this.opened = rv.open(kind, { topic: one.name })),
+        fields: () => rv.plot(one.name),
         files: () => this.opening.send({ do: "open", name: one.name, add: false }),
         parameters: () => this.reveal(one.node, one.name),
         actions: () => this.reveal(one.node, one.name),
@@ -186,9 +186,9 @@ export default {
     // The dialog has given the focus back by now.
     hidden() {
       if (this.sought) rv.nodes.reveal(...this.sought);
-      this.pressing?.focus();
+      (this.pressing ?? document.querySelector(`[data-tab="${this.opened}"]`))?.focus();
       if (this.pressing?.matches("button")) this.pressing.click();
-      this.sought = this.pressing = null;
+      this.sought = this.pressing = this.opened = null;
     },
   },
 };

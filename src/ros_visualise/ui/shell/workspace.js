@@ -64,9 +64,9 @@ export default {
         <div v-for="one in heads" :key="one.place.key" class="rv-tabs" role="tablist" :style="one.style"
           @dblclick="maximise(one.place)">
           <span v-for="(panel, i) in one.place.panels" :key="panel.id" class="rv-tab" :class="{ 'rv-shown': i === one.place.shown }">
-            <button role="tab" :aria-selected="String(i === one.place.shown)" @pointerdown="grab($event, one.place, panel)"
-              @click="one.place.shown = i; changed()" @keydown.delete.stop="close(panel)">{{ title(panel) }}</button>
-            <button class="rv-close" :aria-label="'Close ' + kinds[panel.kind].title" title="Close (Delete)" @click="close(panel)">×</button>
+            <button role="tab" :data-tab="panel.id" :aria-selected="String(i === one.place.shown)" @pointerdown="grab($event, one.place, panel)"
+              @click="one.place.shown = i; changed()" @keydown.delete.stop="close(panel, true)">{{ title(panel) }}</button>
+            <button class="rv-close" :aria-label="'Close ' + kinds[panel.kind].title" title="Close (Delete)" @click="close(panel, !$event.detail)">×</button>
           </span>
           <span class="rv-space"></span>
           <button v-if="!isNarrow" class="rv-close" :aria-label="maximal === one.place.key ? 'Restore' : 'Maximise'"
@@ -190,7 +190,7 @@ export default {
     };
     rv.offered.addEventListener("change", this.other);
     this.other(); // another graph may have begun since the server made this page
-    this.opened = ({ detail: { kind, state, serves } }) => this.open(kind, state, null, serves);
+    this.opened = ({ detail }) => (detail.id = this.open(detail.kind, detail.state, null, detail.serves));
     document.addEventListener("rv-open", this.opened);
     this.stepped = () => ([this.undoable, this.redoable] = [rv.past.done.length > 0, rv.past.undone.length > 0]);
     rv.past.addEventListener("change", this.stepped);
@@ -302,7 +302,8 @@ export default {
         there.shown = there.panels.findIndex(isSame);
         if (this.maximal !== there.key) this.maximal = null;
         this.changed();
-        return this.scrollTo(isSame);
+        this.scrollTo(isSame);
+        return there.panels[there.shown].id;
       }
       const panel = { id: ++count, kind, state };
       const place = { panels: [panel], shown: 0, key: ++count };
@@ -314,6 +315,7 @@ export default {
       else this.put(place, null, this.kinds[kind].side ?? "right");
       this.changed();
       this.scrollTo((one) => one.id === panel.id);
+      return panel.id;
     },
     // Below one another, show the place of a panel.
     async scrollTo(isMeant) {
@@ -331,9 +333,13 @@ export default {
       there.forEach((panel) => this.remove(panel));
       this.changed();
     },
-    close(panel) {
+    async close(panel, isByKey) {
+      const place = [...tabsOf(this.root)].find(({ panels }) => panels.includes(panel));
       this.remove(panel);
       this.changed();
+      await this.$nextTick();
+      const next = place.panels.length ? `[data-tab="${place.panels[place.shown].id}"]` : "[role=tab]";
+      if (isByKey) this.$refs.room.querySelector(next)?.focus();
     },
     remove(panel) {
       for (const place of tabsOf(this.root)) {
@@ -359,12 +365,14 @@ export default {
       };
       this.root = other ? replaced(this.root) : this.root ? split(this.root) : place;
     },
-    move(place, side) {
+    async move(place, side) {
       const moved = { ...place, panels: [...place.panels], key: ++count };
       place.panels = [];
       this.root = tidy(this.root);
       this.put(moved, null, side);
       this.changed();
+      await this.$nextTick();
+      this.$refs.room.querySelector(`[data-tab="${moved.panels[moved.shown].id}"]`)?.focus();
     },
     maximise(place) {
       this.maximal = this.maximal === place.key ? null : place.key;

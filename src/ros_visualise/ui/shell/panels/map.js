@@ -52,7 +52,10 @@ export default {
     this.map.on("moveend zoomend", this.drawGrid);
     this.map.on("dragend", () => (this.isMoved = true) && this.keep());
     this.map.getContainer().addEventListener("wheel", () => (this.isMoved = true) && setTimeout(this.keep, 500), { passive: true });
-    this.sized = new ResizeObserver(() => this.map.invalidateSize());
+    this.sized = new ResizeObserver(() => {
+      this.map.invalidateSize();
+      if (!this.isMoved) this.fit(); // it may have been hidden until now
+    });
     this.sized.observe(this.$refs.map);
     this.live = rv.live("/live/plots", { open: this.ask, message: this.take });
     this.geo = rv.live("/live/map", { message: this.takeFeatures });
@@ -165,7 +168,7 @@ export default {
     fit() {
       const bounds = L.latLngBounds([]);
       for (const line of [...(this.lines?.values() ?? []), ...this.features.values()]) bounds.extend(line.getBounds());
-      if (bounds.isValid()) this.map.fitBounds(bounds.pad(0.1), { maxZoom: 21, animate: false });
+      if (bounds.isValid() && this.map.getSize().x) this.map.fitBounds(bounds.pad(0.1), { maxZoom: 21, animate: false });
     },
     keep() {
       const { lat, lng } = this.map.getCenter();
@@ -182,7 +185,7 @@ export default {
     drawGrid() {
       this.grid.clearLayers();
       const first = [...(this.lines?.values() ?? []), ...this.features.values()].map((line) => line.getBounds()).find((one) => one.isValid());
-      if (this.tile || !first?.isValid()) return;
+      if (this.tile || !first?.isValid() || !this.map.getSize().x) return;
       const middle = first.getCenter();
       const east = METRES * Math.cos((middle.lat * Math.PI) / 180);
       const seen = this.map.getBounds();

@@ -140,6 +140,12 @@ export default {
     this.moved = () => this.follow();
     rv.clock.addEventListener("change", this.moved);
     rv.cursor.addEventListener("move", this.moved);
+    this.plotted = (event) => {
+      if (event.defaultPrevented || !this.$el.offsetParent) return; // another plot has it, or this one is hidden
+      event.preventDefault();
+      if (!this.names.includes(event.detail)) this.add(event.detail, this.panes.find(({ curves }) => !curves.length));
+    };
+    document.addEventListener("rv-plot", this.plotted);
     this.themed = new MutationObserver(() => this.draw());
     this.themed.observe(document.body, { attributeFilter: ["class"] });
     this.sync();
@@ -151,6 +157,7 @@ export default {
     this.themed?.disconnect();
     rv.clock.removeEventListener("change", this.moved);
     rv.cursor.removeEventListener("move", this.moved);
+    document.removeEventListener("rv-plot", this.plotted);
     this.charts.forEach((chart) => chart.close());
   },
   methods: {
