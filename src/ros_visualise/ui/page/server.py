@@ -154,7 +154,7 @@ class PageServer:
             raise Refusal("no such page", 404)
 
     async def _connect(self, path: str, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a WebSocket of our own; where there is none, say where viewers connect."""
+        """Serve a WebSocket; report to other paths where viewers connect."""
         if path in self._hubs:
             await self._hubs[path].serve(scope, receive, send)
             return
