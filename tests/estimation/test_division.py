@@ -110,9 +110,13 @@ def flown(seed, steps, divide):
     return [*copies, (state, dense)]
 
 
+def twist_of(state, key):
+    return np.arange(len(state.joint))[state.rows(key)]
+
+
 def assert_same(state, dense):
     whole = state.whole()
-    order = np.concatenate([np.arange(core()), whole.rows_of(dense.keys)])
+    order = np.concatenate([np.arange(core()), *(twist_of(whole, key) for key in dense.keys)])
     assert whole.P[np.ix_(order, order)] == pytest.approx(dense.P, rel=1e-7, abs=1e-10)
     assert whole.robot.p == pytest.approx(dense.x[:3], abs=1e-8)
     expected = dense.x[core() :].reshape(-1, 6)[:, :3]

@@ -42,7 +42,7 @@ def test_a_direction_tells_of_a_landmark_what_moving_it_changes():
     view, pair, state = seen_post([3.0, 1.0, 10.0])
     (before,) = measure(view, [pair], state)
     for axis in range(3):
-        moved = np.zeros(core() + 6)
+        moved = np.zeros(state.size)
         moved[core() + axis] = 1e-5
         (after,) = measure(view, [pair], state.moved(moved))
         expected = before.of_landmark[0, :, axis] * 1e-5

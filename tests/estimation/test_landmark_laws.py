@@ -7,7 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven import drive, params
-from world import T0, Pose, S, Sensor, World, along, exp, map_text, square, surveyed, tags_on_ground
+from world import (
+    HERE,
+    T0,
+    Pose,
+    S,
+    Sensor,
+    World,
+    along,
+    exp,
+    map_text,
+    square,
+    surveyed,
+    tags_on_ground,
+)
 
 GRID = [(x, y, -5) for x in range(0, 13, 4) for y in range(0, 13, 4)]
 TAGS = tags_on_ground(GRID)
@@ -91,6 +104,21 @@ def test_one_wrong_height_of_the_ground_is_one_error():
     assert len(posts_off) >= 30
     assert np.mean(several) < 9, f"NEES of the robot {np.mean(several):.1f} of 3: {several}"
     assert np.mean(posts_off) < 9, f"NEES of the posts {np.mean(posts_off):.1f} of 3"
+
+
+@pytest.mark.parametrize(("factor", "seed", "is_named"), [(0.96, 6, False), (1.05, 8, True)])
+def test_a_tag_printed_at_another_size_pulls_nothing(factor, seed, is_named):
+    """A copy of a tag, or one that a printer scaled, would move the robot at each metre."""
+    name = "tag36h11_4"
+    tags = {**TAGS, name: TAGS[name]._replace(side=TAGS[name].side / factor)}
+    world = World(along(*square()), tags, seed=seed, size_factors={name: factor})
+    run = drive(world.events(30), params(level_sigma=0.2), start=HERE)
+    assert name in run.landmarks
+    assert run.falsely_certain(world, 3) == 0
+    assert run.nees(world, 3).mean() < 9
+    named = [line for line in run.lines if "check the tag size" in line]
+    assert len(named) == is_named, named
+    assert all(f"{name} is 3" in line and "smaller than stated" in line for line in named)
 
 
 def test_sizes_that_are_all_wrong_are_named(tmp_path):

@@ -31,7 +31,7 @@ def seen():
     state = State(RobotState(v=random.normal(size=3), rates=random.normal(size=3)), root @ root.T)
     for name, tag in TAGS.items():
         R, p = se3.moved(random.normal(0, 0.005, 6), tag.pose.R, tag.pose.p)
-        state.add(name, R, p, np.eye(6) * 1e-4)
+        state.add(name, R, p, np.eye(6) * 1e-4, 0.02)
         state.share(state.rows(name), random.normal(size=(6, 6)) / 3)
     return view, [Pair(sight, sight.name) for sight in view.sights], state
 
@@ -62,7 +62,7 @@ def test_landmarks_updated_together_are_as_if_one_by_one(seen, monkeypatch):
     together, one_by_one = updating.update_each(state, view, pairs), state
     for pair in pairs:
         free = np.zeros(state.size, bool)
-        free[state.rows(pair.key)] = True
+        free[state.rows(pair.key)] = free[state.size_of(pair.key)] = True
         one_by_one = updating.update(one_by_one, view, [pair], free)
     assert np.abs(together.landmarks_p - state.landmarks_p).max() > 1e-3
     np.testing.assert_allclose(together.joint, one_by_one.joint, rtol=1e-8, atol=1e-12)

@@ -229,6 +229,7 @@ class World:
         pixel: standard deviation of corners, as their detector states.
         clutter: part of the images that has a false tag, each with a name of its own.
         size_factor: true sizes of tags are multiplied by it in detections.
+        size_factors: the same of some tags, by name.
         posts: (N, 3) feet of posts, all alike.
         gps_sigma, gps_slow, gps_time: deviation, its slow part of the variance, time constant.
     """
@@ -260,6 +261,7 @@ class World:
     pixel: float = 0.3
     clutter: float = 0.0
     size_factor: float = 1.0
+    size_factors: dict[str, float] = field(default_factory=dict)
     range_m: float = 20.0
     posts: Any = ()
     gps_sigma: float = 1.0
@@ -432,10 +434,9 @@ class World:
         if (pixels < 3).any() or (pixels > [WIDTH - 4, HEIGHT - 4]).any():
             return None
         pixels = pixels + self.pixel * random.normal(size=(4, 2))
-        side = tag.side * self.size_factor
-        return tag_detection(
-            name, pixels, side, camera.inverse @ tag.pose, self.pixel, self.size_factor
-        )
+        factor = self.size_factors.get(name, self.size_factor)
+        side, pose = tag.side * factor, camera.inverse @ tag.pose
+        return tag_detection(name, pixels, side, pose, self.pixel, factor)
 
     def _false(self, name, random):
         at = np.append(random.uniform([-2, -1.5], [2, 1.5]), 5.0)

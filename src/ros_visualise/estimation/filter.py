@@ -39,6 +39,7 @@ from ros_visualise.landmarks.steadiness import words
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
 _WRONG_CLOCK_S = 0.02
+_WRONG_SIZE = 0.02  # as a fraction
 _SEARCHING = "not localized: needs one map tag in three images"
 
 
@@ -215,6 +216,7 @@ class Filter:
                 rivalry.judge_by_tags(belief, view)
             self._check_steadiness(belief, view)
             belief.state, belief.outcome = belief.map.take(belief.state, view)
+            self._name_sizes(belief)
             self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))
@@ -256,6 +258,20 @@ class Filter:
             belief.remember(name, True)
             where = "behind" if late_s > 0 else "ahead of"
             belief.note(f"the {name} is {abs(late_s) * 1e3:.0f} ms {where} that of the odometry")
+
+    @staticmethod
+    def _name_sizes(belief: Belief) -> None:
+        """Say once for each tag that it has another size than stated."""
+        for name in (*belief.outcome.used, *belief.outcome.pending):
+            tag = belief.map.landmarks.get(name)
+            is_known = f"size of {name}" in belief.memory
+            if tag is None or is_known or tag.key not in belief.state.keys:
+                continue
+            larger, sigma = belief.state.size_error(tag.key)
+            if abs(larger) > max(_WRONG_SIZE, 5 * sigma):
+                belief.remember(f"size of {name}", True)
+                by = f"{abs(larger):.1%} {'larger' if larger > 0 else 'smaller'}"
+                belief.note(f"{name} is {by} than stated: check the tag size given to the detector")
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""

@@ -18,6 +18,9 @@ from ros_visualise.landmarks.gates import DECIDED, WORST, Innovation, MisfitTest
 from ros_visualise.landmarks.localization.common_error import beside
 from ros_visualise.landmarks.localization.track import log_score
 
+SIZE = 0.01
+"""Standard deviation of a tag's size, as a fraction: of how it was printed and measured."""
+
 _SAME = 1.0  # squared distance below which two readings are merged
 
 
@@ -200,8 +203,10 @@ def begin(state: State, view: CameraView, sight: Sighting) -> Landmark:
     poses = [pose for pose in sight.poses if pose.R is not None]
     for key, pose in zip(keys, poses, strict=True):
         assert pose.R is not None
-        noise = seen_noise(pose, camera.R, camera.p)
-        state.add(key, camera.R @ pose.R, camera.R @ pose.t + camera.p, noise)
+        noise, away = seen_noise(pose, camera.R, camera.p), camera.R @ pose.t
+        state.add(key, camera.R @ pose.R, away + camera.p, noise, SIZE)
+        further = np.concatenate([away, np.zeros(3)])[:, None]
+        state.share(state.rows(key), further, state.size_of(key))
         state.share(state.rows(key), np.eye(6), POSE)
         start = CAMERAS[view.camera].rows.start
         state.share(state.rows(key), camera.by_camera, slice(start, start + FOCAL))

@@ -12,7 +12,13 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, Sighting
-from ros_visualise.estimation.landmark import KnownLandmark, Landmark, begin, is_consistent
+from ros_visualise.estimation.landmark import (
+    SIZE,
+    KnownLandmark,
+    Landmark,
+    begin,
+    is_consistent,
+)
 from ros_visualise.estimation.measuring import Pair, camera_of
 from ros_visualise.estimation.points import GroundPlane, PointMatch, is_in_view, match
 from ros_visualise.estimation.points import begin as begin_point
@@ -213,7 +219,7 @@ class LandmarkMap:
     def _enter(self, state: State, name: str) -> None:
         """Add a landmark of the map to the state."""
         known = self.known[name]
-        state.add(name, known.R, known.p, known.covariance)
+        state.add(name, known.R, known.p, known.covariance, 0.0 if known.kind else SIZE)
         self.landmarks[name] = Landmark.known(name, known)
 
     def _correct(

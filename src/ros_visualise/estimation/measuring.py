@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,13 +11,14 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
-from ros_visualise.estimation.resting import Indices
+from ros_visualise.estimation.resting import PER_LANDMARK, TWIST, Indices
 from ros_visualise.estimation.robot import RobotState, own_states
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry.se3 import cross, turn_between
 from ros_visualise.landmarks.pose.estimating import SQUARE
 
 _CURVED = 4.0  # second-order errors, which last, count as so many times their white part
+_EYE = np.eye(3)
 _NEAR = 1e-3  # least depth of a corner, as a fraction of its distance
 
 CAMERAS = tuple(own_states(f"camera {number}", 5) for number in (1, 2))
@@ -47,7 +49,7 @@ class LinearizedPairs(NamedTuple):
         residual: (G, k) measured minus expected; NaN behind the camera.
         of_shared: (G, k, 11) derivatives of the expected by the twist of the robot, and by the
             errors of the camera.
-        of_landmark: (G, k, 6) derivatives by the twists of the landmarks.
+        of_landmark: (G, k, 7) derivatives by the errors of the landmarks.
         noise: (G, k, k) covariances.
     """
 
@@ -115,9 +117,11 @@ def _corners(
     """Eight numbers each, in pixels."""
     places = state.indices([pair.key for pair in pairs])
     sights = [pair.sight for pair in pairs]
-    points = SQUARE * np.array([sight.side_m for sight in sights])[:, None, None]
+    sides_m = np.array([sight.side_m for sight in sights]) * np.exp(state.landmarks.sizes[places])
+    points = SQUARE * sides_m[:, None, None]
     R, p = state.landmarks_R[places], state.landmarks_p[places]
-    at = points @ np.swapaxes(R, -1, -2) + p[:, None]
+    arms = points @ np.swapaxes(R, -1, -2)
+    at = arms + p[:, None]
     rays = [sight.rays for sight in sights if sight.rays is not None]
     directions = np.array([one.directions for one in rays])
     to_pixels = np.array([one.to_pixels for one in rays])
@@ -129,12 +133,13 @@ def _corners(
     by_point = to_pixels - offset[..., None] * directions[..., None, :]
     by_point = by_point / depth[..., None, None] @ camera.R.T
     by_turn = -by_point @ cross(at)
-    H = np.concatenate([by_point, by_turn], axis=-1).reshape(len(pairs), 8, 6)
+    H = np.concatenate([by_point, by_turn], axis=-1).reshape(len(pairs), 8, TWIST)
+    by_size = (by_point @ arms[..., None]).reshape(len(pairs), 8)
     from_middle = -to_pixels[..., 2] * directions[..., 2:]
     residual = np.where(hidden[..., None], np.nan, -offset - focal * from_middle)
     residual, by_focal = residual.reshape(-1, 8), from_middle.reshape(-1, 8)
     noise = np.array([sight.noise_px2 for sight in sights])
-    return _pairs(residual, H, -H, camera, noise, by_focal)
+    return _pairs(residual, H, -H, camera, noise, by_focal, by_size)
 
 
 def _pairs(
@@ -144,26 +149,36 @@ def _pairs(
     camera: CameraPose,
     noise: Floats,
     by_focal: Floats | float = 0.0,
+    by_size: Floats | float = 0.0,
 ) -> LinearizedPairs:
     """Pairs with the derivatives (G, k, 6) of their expected values by both twists."""
+    of_all = np.empty((*residual.shape, PER_LANDMARK))
+    of_all[..., :TWIST], of_all[..., TWIST] = of_landmark, by_size
     of_shared = np.empty((*residual.shape, 11))
     of_shared[..., :6], of_shared[..., 6 + FOCAL] = of_robot, by_focal
     of_shared[..., 6 : 6 + FOCAL] = of_robot @ camera.by_camera
-    return LinearizedPairs(np.arange(len(residual)), residual, of_shared, of_landmark, noise)
+    return LinearizedPairs(np.arange(len(residual)), residual, of_shared, of_all, noise)
 
 
 def _pair(
-    residual: Floats, of_landmark: Floats, of_robot: Floats, camera: CameraPose, noise: Floats
+    residual: Floats,
+    of_landmark: Floats,
+    of_robot: Floats,
+    camera: CameraPose,
+    noise: Floats,
+    by_size: Floats | float = 0.0,
 ) -> LinearizedPairs:
     """One pair."""
-    return _pairs(residual[None], of_landmark[None], of_robot[None], camera, noise[None])
+    one = residual[None], of_landmark[None], of_robot[None]
+    return _pairs(*one, camera, noise[None], by_size=by_size)
 
 
 def _best_pose(camera: CameraPose, pair: Pair, state: State) -> LinearizedPairs:
     """The reading that fits best by its own covariance."""
     (place,) = state.indices([pair.key])
     R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
-    several = [_pose(camera, pose, R, p, first) for pose in pair.sight.poses]
+    smaller = math.exp(-state.landmarks.sizes[place])
+    several = [_pose(camera, pose, R, p, first, smaller) for pose in pair.sight.poses]
     if not pair.sight.has_orientation:
         several = [_widened(one, state, pair, p - camera.p) for one in several]
     return min(several, key=_distance2)
@@ -188,17 +203,22 @@ def _widened(one: LinearizedPairs, state: State, pair: Pair, away: Floats) -> Li
 
 
 def _pose(
-    camera: CameraPose, pose: ObservedPose, R: Floats, p: Floats, first: Floats
+    camera: CameraPose, pose: ObservedPose, R: Floats, p: Floats, first: Floats, smaller: float
 ) -> LinearizedPairs:
-    """Six numbers for a pose, three for a position, or two for a direction."""
+    """Six numbers for a pose, three for a position, or two for a direction.
+
+    ``smaller`` is the stated size of a tag by the true one: it is seen as much nearer.
+    """
     back = camera.R.T
     away = back @ (p - camera.p)
     if pose.R is not None:
         turn = turn_between(pose.R, back @ R)
         H = np.zeros((6, 6))
-        H[:3, :3] = H[3:, 3:] = back
-        H[:3, 3:] = -back @ cross(p)
-        return _pair(np.concatenate([pose.t - away, turn]), H, -H, camera, pose.covariance)
+        H[3:, 3:] = back
+        H[:3] = smaller * back @ np.hstack([_EYE, -cross(p)])
+        residual = np.concatenate([pose.t - smaller * away, turn])
+        by_size = np.concatenate([-smaller * away, np.zeros(3)])
+        return _pair(residual, H, -H, camera, pose.covariance, by_size)
     # without rotation: a position, by the Jacobian at the first estimate
     of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
     of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)

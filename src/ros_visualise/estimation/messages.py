@@ -28,6 +28,7 @@ from ros_visualise.estimation.landmark_map import ImageOutcome, MapMode
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.odometry import AXES, SCALES
+from ros_visualise.estimation.resting import PER_LANDMARK, TWIST
 from ros_visualise.estimation.robot import OwnStates
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import rotations
@@ -105,7 +106,7 @@ def tracks_of(
 
 def _common(state: State, keys: list[str]) -> Floats:
     """(6, 6) common covariance of the tags in the state."""
-    rows = state.rows_of(keys)
+    rows = state.rows_of(keys).reshape(-1, PER_LANDMARK)[:, :TWIST].ravel()
     return split(state.P[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 

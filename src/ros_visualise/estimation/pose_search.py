@@ -7,6 +7,7 @@ decide between them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -188,8 +189,9 @@ def completed(other: State, state: State, keys: Sequence[str]) -> State:
     other.activate(key for key in missing if _rests(other, key))
     for key in missing:
         if key not in other.keys:  # new from the map, independent of all others
-            n, rows = state.keys.index(key), state.rows(key)
-            other.add(key, state.landmarks_R[n], state.landmarks_p[n], state.P[rows, rows])
+            n, rows, size = state.keys.index(key), state.rows(key), state.size_of(key).start
+            P, sigma = state.P[rows, rows], math.sqrt(state.P[size, size])
+            other.add(key, state.landmarks_R[n], state.landmarks_p[n], P, sigma)
     return other
 
 

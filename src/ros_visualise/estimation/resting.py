@@ -18,24 +18,30 @@ from ros_visualise.data import Floats
 from ros_visualise.estimation.robot import core
 from ros_visualise.geometry import se3
 
-PER_LANDMARK = 6
+PER_LANDMARK = 7
+"""Errors of a landmark: its twist, and the logarithm of a tag's size."""
+
+TWIST = 6
 _PIECE = 36  # rows of the covariance computed at a time
 
 Indices = npt.NDArray[np.intp]
 
 
 class LandmarkPoses(NamedTuple):
-    """Landmarks: their keys, poses (L, 3, 3) and (L, 3), and first estimated positions (L, 3)."""
+    """Landmarks: their keys, poses (L, 3, 3) and (L, 3), first estimated positions (L, 3), and the
+    logarithms (L,) of their sizes by the stated ones.
+    """
 
     keys: list[str]
     R: Floats
     p: Floats
     first_p: Floats
+    sizes: Floats
 
     @classmethod
     def none(cls) -> LandmarkPoses:
         """No landmarks."""
-        return cls([], np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)))
+        return cls([], np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
     def chosen(self, places: Indices) -> LandmarkPoses:
         """Some of them, by their places."""
@@ -48,11 +54,12 @@ class LandmarkPoses(NamedTuple):
         return LandmarkPoses([*self.keys, *others.keys], *arrays)
 
     def moved(self, error: Floats) -> LandmarkPoses:
-        """The same, corrected by their errors (6 L,)."""
+        """The same, corrected by their errors (7 L,)."""
         if not self.keys:
             return self
-        R, p = se3.moved(error.reshape(-1, PER_LANDMARK), self.R, self.p)
-        return self._replace(R=R, p=p)
+        errors = error.reshape(-1, PER_LANDMARK)
+        R, p = se3.moved(errors[:, :TWIST], self.R, self.p)
+        return self._replace(R=R, p=p, sizes=self.sizes + errors[:, TWIST])
 
 
 def rows_of(places: Indices) -> Indices:

@@ -1,7 +1,8 @@
 """The filter's state: the robot and landmarks, with one covariance.
 
-The first `core()` errors are the robot's own (`ros_visualise.estimation.robot`). Six follow for
-each landmark; the last three stay zero if it has no orientation.
+The first `core()` errors are the robot's own (`ros_visualise.estimation.robot`). Seven follow
+for each landmark: its twist, and the logarithm of a tag's size by the stated one. Those of a
+rotation and of a size stay zero if it has none.
 
 A correction costs the square of the number of landmarks. So a state of many landmarks is divided:
 the *active* ones are corrected at once, and the errors that they had at the division stay beside
@@ -22,6 +23,7 @@ linear and nonlinear dynamic systems, 1963 (the sums).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
@@ -33,6 +35,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.estimation.resting import (
     PER_LANDMARK,
+    TWIST,
     Indices,
     LandmarkPoses,
     Resting,
@@ -71,7 +74,7 @@ class State:
     Attributes:
         robot: see `RobotState`.
         landmarks: the active ones.
-        joint: (n + m, n + m), n = core() + 6 for each active landmark; see above.
+        joint: (n + m, n + m), n = core() + 7 for each active landmark; see above.
         gradient: (m,) see above.
         resting: the other landmarks, if any.
     """
@@ -131,9 +134,19 @@ class State:
         return self.landmarks.first_p
 
     def rows(self, key: str) -> slice:
-        """The rows of a landmark's errors in the covariance."""
+        """The rows of a landmark's twist in the covariance."""
         start = core() + PER_LANDMARK * self.keys.index(key)
-        return slice(start, start + PER_LANDMARK)
+        return slice(start, start + TWIST)
+
+    def size_of(self, key: str) -> slice:
+        """The row of the size of a landmark in the covariance."""
+        end = self.rows(key).stop
+        return slice(end, end + 1)
+
+    def size_error(self, key: str) -> tuple[float, float]:
+        """By how much a tag is larger than stated, as a fraction, and its standard deviation."""
+        (place,), row = self.indices([key]), self.size_of(key).start
+        return math.expm1(self.landmarks.sizes[place]), math.sqrt(self.P[row, row])
 
     def indices(self, keys: Sequence[str]) -> Indices:
         """(K,) indices of landmarks among the active ones."""
@@ -141,17 +154,23 @@ class State:
         return np.array([place[key] for key in keys], np.intp)
 
     def rows_of(self, keys: Sequence[str]) -> Indices:
-        """(6 K,) rows of landmarks in the covariance."""
+        """(7 K,) rows of landmarks in the covariance."""
         return rows_of(self.indices(keys))
 
     # the active landmarks
 
-    def add(self, key: str, R: Floats, p: Floats, covariance: Floats) -> None:
-        """Add a landmark with an independent covariance (6, 6) of its twist."""
-        size = self.size
+    def add(
+        self, key: str, R: Floats, p: Floats, covariance: Floats, size_sigma: float = 0.0
+    ) -> None:
+        """Add a landmark with an independent covariance (6, 6) of its twist.
+
+        ``size_sigma`` is the standard deviation of a tag's size, as a fraction.
+        """
         self._make_room(PER_LANDMARK)
-        self.joint[size : size + PER_LANDMARK, size : size + PER_LANDMARK] = covariance
-        self.landmarks = self.landmarks.joined(LandmarkPoses([key], R[None], p[None], p[None]))
+        new = LandmarkPoses([key], R[None], p[None], p[None], np.zeros(1))
+        self.landmarks = self.landmarks.joined(new)
+        rows, size = self.rows(key), self.size_of(key)
+        self.joint[rows, rows], self.joint[size, size] = covariance, size_sigma**2
 
     def _make_room(self, count: int, memory: int = 0) -> None:
         """Zeros for further active errors, and for further errors at the division."""
@@ -313,7 +332,8 @@ class State:
 
         def turned(P: Floats) -> Floats:
             several = P[size:].reshape(-1, PER_LANDMARK, P.shape[1])
-            several = ahead @ several - ahead[:, YAW] @ P[DATUM]
+            twists = ahead @ several[:, :TWIST] - ahead[:, YAW] @ P[DATUM]
+            several = np.concatenate([twists, several[:, TWIST:]], axis=1)
             return np.concatenate([J @ P[:size], several.reshape(-1, P.shape[1])])
 
         new._set(turned(turned(new.joint).T))
@@ -330,9 +350,9 @@ class State:
             datum_R=np.eye(3),
             datum_p=np.zeros(3),
         )
-        keys, landmarks_R, landmarks_p, first_p = new.landmarks
-        several = (one @ back_R.T + back_p for one in (landmarks_p, first_p))
-        new.landmarks = LandmarkPoses(keys, back_R @ landmarks_R, *several)
+        keys, landmarks_R, landmarks_p, first_p, sizes = new.landmarks
+        landmarks_p, first_p = (one @ back_R.T + back_p for one in (landmarks_p, first_p))
+        new.landmarks = LandmarkPoses(keys, back_R @ landmarks_R, landmarks_p, first_p, sizes)
         return new
 
     def with_robot_of(self, other: State) -> State:
@@ -370,7 +390,7 @@ class State:
 
     def _gained(self, rest: Resting, keys: Sequence[str]) -> tuple[LandmarkPoses, Indices, Floats]:
         """Resting landmarks, as they are by now; their rows at the division, and the covariance
-        (m, 6 K) of these with what they gain on.
+        (m, 7 K) of these with what they gain on.
         """
         places = rest.whole.places(keys)
         own = rows_of(places)
@@ -408,7 +428,7 @@ class State:
             blocks.append(several + less @ np.swapaxes(one, 1, 2))
         place = {key: number for number, key in enumerate(found.keys)}
         order = np.array([place[key] for key in keys], np.intp)
-        return found.R[order], found.p[order], np.concatenate(blocks)[order]
+        return found.R[order], found.p[order], np.concatenate(blocks)[order][:, :TWIST, :TWIST]
 
     @property
     def is_settled(self) -> bool:
@@ -455,7 +475,7 @@ def _whitened(spread: Floats, noise: Floats, values: Floats) -> Floats:
 
 
 def _blocks(P: Floats, rows: Indices) -> Floats:
-    """(K, 6, 6) the blocks of a covariance on its diagonal."""
+    """(K, 7, 7) the blocks of a covariance on its diagonal."""
     several = rows.reshape(-1, PER_LANDMARK)
     blocks: Floats = P[several[:, :, None], several[:, None, :]]
     return blocks

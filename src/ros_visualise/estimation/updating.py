@@ -121,7 +121,7 @@ def update_each(state: State, view: CameraView, pairs: Sequence[Pair]) -> State:
 
 
 def _own_gain(several: LinearizedPairs, P: Floats) -> Floats:
-    """(G, 6, k) gains of the landmarks alone; P is of the states that all pairs depend on."""
+    """(G, 7, k) gains of the landmarks alone; P is of the states that all pairs depend on."""
     each = _of_each(np.arange(len(P)), several)
     H = np.concatenate([several.of_shared, several.of_landmark], axis=2)
     HP = H @ P[each[:, :, None], each[:, None, :]]
@@ -130,7 +130,7 @@ def _own_gain(several: LinearizedPairs, P: Floats) -> Floats:
 
 
 def _diagonal(gains: Sequence[Floats], several: Sequence[LinearizedPairs]) -> Floats:
-    """(6 K, k) gain of all K landmarks, of theirs (G, 6, k) by group."""
+    """(7 K, k) gain of all K landmarks, of theirs (G, 6, k) by group."""
     count, total = sum(map(len, gains)), sum(one.residual.size for one in several)
     whole, start = np.zeros((count, PER_LANDMARK, total)), 0
     for gain, one in zip(gains, several, strict=True):
@@ -195,7 +195,7 @@ def _columns(view: CameraView, pairs: Sequence[Pair], state: State) -> Indices:
 
 
 def _of_each(columns: Indices, several: LinearizedPairs) -> Indices:
-    """(G, 17) the states that each pair depends on, of those of all pairs."""
+    """(G, 18) the states that each pair depends on, of those of all pairs."""
     shared, own = columns[: _OF_CAMERA.stop], columns[_OF_CAMERA.stop :].reshape(-1, PER_LANDMARK)
     return np.hstack([np.tile(shared, (len(several.places), 1)), own[several.places]])
 
