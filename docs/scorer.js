@@ -1,5 +1,7 @@
 // Search: pages that answer a question come before those that merely contain its words.
 var Scorer = {
+  // Words of a question that say nothing about its answer.
+  empty: new Set("any are can does for get has have how many may mean much should the what when where which who why you your".split(" ")),
   folders: [
     ["howto/index", -9], ["tutorials/index", -9], ["reference/index", -9], ["howto/", 9], ["tutorials/", 8],
     ["generated/benchmarks", -9], ["generated/contributing", -9], ["changes", -20],
@@ -8,7 +10,7 @@ var Scorer = {
   ],
   score: ([page, title, , , score]) => {
     const query = new URLSearchParams(window.location.search).get("q") || "";
-    const words = query.toLowerCase().split(/[^\p{L}\d_]+/u).filter((word) => word.length > 2);
+    const words = query.toLowerCase().split(/[^\p{L}\d_]+/u).filter(Scorer.counts);
     const said = words.map((word) => {
       const [stem] = word.match(/^.+?(?=(e?s|ing)?$)/);
       const found = title.toLowerCase().match(new RegExp(`${stem}(e?s|ing)?(\\p{L}?)`, "u"));
@@ -17,6 +19,7 @@ var Scorer = {
     const [, more] = Scorer.folders.find(([folder]) => page.startsWith(folder)) ?? ["", 0];
     return score + more + (20 * said.reduce((sum, one) => sum + one, 0)) / Math.max(words.length, 1);
   },
+  counts: (word) => word.length > 2 && !Scorer.empty.has(word),
   objNameMatch: 11,
   objPartialMatch: 6,
   objPrio: { 0: 15, 1: 5, 2: -5 },
@@ -30,7 +33,7 @@ var Scorer = {
 // A page need not have all words of a question: it counts by the words that it has, rare ones most.
 const pagesWith = Search.performTermsSearch;
 Search.performTermsSearch = (terms, excluded) => {
-  const asked = [...terms].filter((term) => term.length > 2);
+  const asked = [...terms].filter(Scorer.counts);
   const found = asked.map((term) => pagesWith(new Set([term]), excluded));
   const rarity = found.map((pages) =>
     pages.length ? Math.log(1 + Search._index.docnames.length / pages.length) : 0,
@@ -46,6 +49,6 @@ Search.performTermsSearch = (terms, excluded) => {
   });
   const best = Math.max(0, ...[...ranked.values()].map((one) => one.share));
   return [...ranked.values()]
-    .filter((one) => one.share > 0.7 * best)
-    .map(({ page, score, share }) => page.with(4, Math.round(score + 10 * share)));
+    .filter((one) => one.share > 0.4 * best)
+    .map(({ page, score, share }) => page.with(4, Math.round(score + 30 * share)));
 };

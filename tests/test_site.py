@@ -90,6 +90,13 @@ QUESTIONS = {
     "undistort fisheye": "howto/remove-lens-distortion",
     "rosbag to csv": "howto/export-a-track",
     "count cars": "howto/track-objects",
+    "set password for the page": "explanation/security",
+    "what does exit code 1 mean": "howto/use-it-in-a-script",
+    "px4 ulog viewer": "howto/play-a-flight-log",
+    "write custom node python": "howto/use-my-own-node",
+    "how accurate is visual odometry": "explanation/visual-odometry",
+    "drone landing on apriltag": "tutorials/landing",
+    "run headless on raspberry pi": "howto/run-it-on-a-small-computer",
 }
 """Words that people type -> the page that answers them."""
 
