@@ -130,8 +130,8 @@ def test_a_mesh_is_drawn_in_its_size_and_color(scene, look, package):
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("package://robot/../secret.stl", "outside of its package"),
-        ("package://robot/%2e%2e/secret.stl", "outside of its package"),
+        ("package://robot/../secret.stl", "outside its package"),
+        ("package://robot/%2e%2e/secret.stl", "outside its package"),
         ("package://robot/base.dae", "not a mesh|cannot be read"),
         ("package://robot/base.glb", "supported: .stl, .obj, .dae"),
         ("package://robot/torn.stl", "not a mesh"),

@@ -30,7 +30,7 @@ ABOVE, FLAT, BELOW, NO_RAY = (
     "above the horizon",
     "too near the horizon",
     "the camera is not above the ground",
-    "outside of the lens model",
+    "outside the lens model",
 )
 
 

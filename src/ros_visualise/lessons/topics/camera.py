@@ -117,7 +117,7 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
     corner = np.array([[0.0, 0.0]])
     moved = _to_pixels(distort(_to_rays(corner, K), D), K)[0]
     text = """
-        A lens shifts each point in the picture, the more the farther the point is from the centre.
+        A lens shifts each point in the picture: the farther from the centre, the larger the shift.
         With x = X/Z, y = Y/Z and r² = x² + y²:
 
             R  = 1 + k₁ r² + k₂ r⁴ + k₃ r⁶

@@ -154,19 +154,19 @@ class BilateralParams:
 
 @node("bilateral", params=BilateralParams, inputs=TAKES, outputs=GIVES)
 def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
-    """A bilateral filter: the mean of the neighbours that are alike."""
+    """A bilateral filter: the mean of similar neighbours."""
     work = work_of(image, _Noisy)
     size = params.size | 1
     smoothed = bilateral(work.noisy, size, params.sigma_color, sigma_of(size))
     text = """
-        A neighbour counts more the nearer it is, and the more alike its level (Tomasi and Manduchi,
-        1998):
+        The nearer a neighbour is, and the more similar its level, the more it counts (Tomasi and
+        Manduchi, 1998):
 
             w = exp(−d² / 2σ²) · exp(−l² / 2σ_c²)
             l: difference of the levels,   σ_c = {sigma:g}
 
-        Pixels on the other side of an edge are not alike, so edges stay sharp. Salt and pepper
-        stays too: nothing near it is alike. {result}
+        Pixels on the other side of an edge are not similar, so edges stay sharp. Salt and pepper
+        stays too: nothing near it is similar. {result}
         """
     return show(image, _beside(work, smoothed), text, sigma=params.sigma_color,
                 result=_result(work, smoothed))  # fmt: skip

@@ -152,7 +152,7 @@ def _path_of(resource: str) -> Path:
         raise ValueError(f"{resource}: package {parts.netloc} not found; set ROS_PACKAGE_PATH")
     path = (folder / unquote(parts.path).lstrip("/")).resolve()
     if not path.is_relative_to(folder.resolve()):
-        raise ValueError(f"{resource}: outside of its package")
+        raise ValueError(f"{resource}: outside its package")
     return path
 
 
