@@ -57,7 +57,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
         choices=("pictures",),
     )
     workers: int | None = option(
-        None, "tasks at once (default: one for each processor)", type=count, metavar="N"
+        None, "number of parallel tasks (default: one for each processor)", type=count, metavar="N"
     )
     cluster: str = option(
         "",

@@ -58,7 +58,8 @@ class PlacesReport(NamedTuple):
     def lines(self, unit: str) -> list[str]:
         """The same, for people."""
         found = [
-            f"closed:    {one.start_s:.1f} to {one.end_s:.1f} s, at places of {one.before_s:.1f} s"
+            f"closed:    {one.start_s:.1f} to {one.end_s:.1f} s,"
+            f" at places seen at {one.before_s:.1f} s"
             f" ({counted(one.closures, 'keyframe')}, {one.points} or more points each)"
             for one in self.returns
         ]
