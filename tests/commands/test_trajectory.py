@@ -350,7 +350,7 @@ class TestRefusals:
     def test_the_recording_itself(self, refused, tmp_path):
         source = tmp_path / "a.bag"
         source.write_bytes(b"#ROSBAG V2.0\n")
-        assert "it is the source" in refused(source, source, "--overwrite")
+        assert "in use as the source" in refused(source, source, "--overwrite")
 
     def test_topics(self, recordings, refused, tmp_path):
         bag, out = recordings / "bags" / "evo_ROS_example.bag", tmp_path / "out.tum"
@@ -379,7 +379,7 @@ class TestRefusals:
         )
         assert "no times" in refused(source, tmp_path / "out.tum")
         tum = texts / "freiburg1_xyz-rgbdslam.txt"
-        assert "cannot be matched" in refused(tum, "--truth", truth)
+        assert "would be matched by number" in refused(tum, "--truth", truth)
         times = texts / "KITTI_00_gt_times.txt"
         assert "neither TUM's 8 numbers" in refused(times)
         assert "neither TUM's 8 numbers" in refused(source, "--truth", times)

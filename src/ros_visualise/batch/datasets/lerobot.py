@@ -86,7 +86,7 @@ class _Episode:
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate of the images; 0 if there are none while the robot has poses."""
+        """Mean rate of the images; 0 if no images cover the poses of the robot."""
         images_ns, poses_ns = self._images_ns, self._poses["t_ns"]
         if len(images_ns) < 2 or max(images_ns[0], poses_ns[0]) >= min(images_ns[-1], poses_ns[-1]):
             return 0.0
