@@ -1,8 +1,8 @@
 """The filter's state: the robot and landmarks, with one covariance.
 
 The first `core()` errors are the robot's own (`ros_visualise.estimation.robot`). Seven follow
-for each landmark: its twist, and the logarithm of a tag's size by the stated one. Those of a
-rotation and of a size stay zero if it has none.
+for each landmark: its twist, and the logarithm of a tag's size by the stated one. The errors of
+a rotation or a size that the landmark lacks stay zero.
 
 A correction costs the square of the number of landmarks. So a state of many landmarks is divided:
 the *active* ones are corrected at once, and the errors that they had at the division stay beside
