@@ -47,7 +47,7 @@ export function axesOf({ own }, curves) {
 
 // pane: {kind, own, y}; curves: [{name, color, unit, width, rows}]; extent, window: [from, to]; axes: those of the
 // pane with the most, so that the same time is at the same place in all.
-function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }, width) {
+function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }, width, height) {
   const isTime = pane.kind === "time";
   const ink = isDark ? "#ddd" : "#333";
   const line = isDark ? "#ffffff1c" : "#0000001c";
@@ -58,6 +58,7 @@ function optionOf({ pane, curves, extent, window, marks, x, isDark, axes: most }
   const yAxis = (axes.length ? axes : [""]).map((unit, i) => ({
     type: "value",
     scale: true,
+    splitNumber: Math.max(1, Math.min(5, Math.floor(height / 32))),
     show: i < AXES,
     name: unit,
     nameGap: 5,
@@ -157,7 +158,7 @@ export class PaneChart {
   }
   draw(shown) {
     this.shown = shown;
-    const option = optionOf(shown, this.element.clientWidth);
+    const option = optionOf(shown, this.element.clientWidth, this.element.clientHeight);
     this.chart.setOption(option, { replaceMerge: ["series", "yAxis"] });
     if (!this.isChoosing) this.choose((this.isChoosing = true));
   }
@@ -211,7 +212,7 @@ export class PaneChart {
   // The pane alone, with the names of its curves, on a page of this colour.
   svg(width, height) {
     const page = echarts.init(null, null, { renderer: "svg", ssr: true, width, height });
-    const option = optionOf({ ...this.shown, isDark: false }, width);
+    const option = optionOf({ ...this.shown, isDark: false }, width, height);
     option.grid.top = 40;
     page.setOption({ ...option, toolbox: undefined, legend: { top: 2, icon: "rect", itemHeight: 3, textStyle: { fontSize: 11 } } });
     const text = page.renderToSVGString();
