@@ -43,7 +43,8 @@ class WrongType:
         ),
         (
             {"params": NoDataclass},
-            "node own: params=NoDataclass: write @dataclass(frozen=True) above the class",
+            "node own: params=NoDataclass is not a dataclass; write @dataclass(frozen=True) above"
+            " it",
         ),
         ({"params": Plain}, "node own: Plain.low: write low: TYPE = param(DEFAULT, HELP)"),
         (
