@@ -111,6 +111,21 @@ def test_a_camera_that_is_turned_in_its_rig_is_estimated_as_surely_as_is_told(ta
     assert 0.8 < np.mean(distances) < 6.5  # 3 expected; 99 of 100 are in between for 18 numbers
 
 
+@pytest.mark.parametrize(("shift_m", "is_wrong"), [(0.02, False), (0.3, True)])
+def test_a_camera_that_is_elsewhere_than_tf_says_is_named_and_pulls_nothing(shift_m, is_wrong):
+    """By few views, its given pose would count for more than they do."""
+    for seed in range(5, 8):
+        random = np.random.default_rng(seed)
+        off = from_parts(np.eye(3), shift_m * np.array([0.6, 0.0, 0.8]))
+        there = floor(random, 8, 4.0)
+        found = map_of(rig_world(random, there, 4, RIGHT @ inverse(off), 0.5)[1])
+        [right] = cameras_of(found.smoothed)
+        assert right.is_wrong == is_wrong
+        assert ("fix its transform" in right.text) == is_wrong
+        error_m = np.linalg.norm(right.T_first_camera[:3, 3] - RIGHT[:3, 3])
+        assert error_m < min(0.05, 3 * np.linalg.norm(right.sigma_m))
+
+
 def test_images_of_one_time_are_one_view_unless_a_camera_is_apart():
     images = [
         (camera, Detections((), Header(stamp_ns))) for stamp_ns in (0, 10**8) for camera in (0, 1)

@@ -38,6 +38,7 @@ from ros_visualise.landmarks.mapping.outliers import (
 )
 from ros_visualise.landmarks.mapping.places import separated
 from ros_visualise.landmarks.mapping.problem import Problem
+from ros_visualise.landmarks.mapping.rig import rig_as_found
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, result_of, smooth
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import SharedPrior, Unknowns
@@ -88,6 +89,7 @@ def map_of(
     found = smooth(problem, prior=prior)
     if found is None:
         return None
+    found = rig_as_found(found, prior)
     mountings = []
     if problem.odometry is not None:
         mounting, freed = camera_mounting(found)

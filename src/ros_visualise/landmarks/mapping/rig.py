@@ -15,10 +15,11 @@ import numpy as np
 from ros_visualise.core.printing import escaped
 from ros_visualise.data import Detections, Floats
 from ros_visualise.geometry.se3 import from_parts, inverse, rotation_vectors, to_pose
+from ros_visualise.landmarks.gates import GATES
 from ros_visualise.landmarks.mapping.intrinsics import root_of
 from ros_visualise.landmarks.mapping.problem import Problem, RigCamera
 from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
-from ros_visualise.landmarks.mapping.unknowns import SharedLayout
+from ros_visualise.landmarks.mapping.unknowns import SharedLayout, SharedPrior
 from ros_visualise.landmarks.pose.refinement import turn
 
 CameraImage = tuple[int, Detections]
@@ -87,6 +88,39 @@ def estimated_rig(problem: Problem, cameras: Sequence[RigCamera]) -> dict[int, R
     return rig
 
 
+def rig_as_found(found: SmoothedMap, prior: SharedPrior) -> SmoothedMap:
+    """The map without the poses of cameras by tf that its views contradict.
+
+    A camera is wrong if its pose by the views alone differs from tf by more than chance.
+    """
+    cameras = found.problem.cameras
+    known = [n for n, one in enumerate(cameras) if n and one.sigma_m and not one.is_estimated]
+    if not known:
+        return found
+    free = _freed(found, prior, known)
+    if free is None:
+        return found
+    layout, given = SharedLayout(free.problem.cameras), np.repeat([GIVEN_M, GIVEN_RAD], 3) ** 2
+    wrong = []
+    for camera in known:
+        rows = layout.rig[camera]
+        off, spread = free.shared[rows], free.shared_covariance[rows, rows] + np.diag(given)
+        if off @ np.linalg.solve(spread, off) > GATES[6]:
+            wrong.append(camera)
+    if wrong == known:
+        return free
+    return (_freed(found, prior, wrong) if wrong else None) or found
+
+
+def _freed(found: SmoothedMap, prior: SharedPrior, wrong: Collection[int]) -> SmoothedMap | None:
+    """The map with these cameras where the views show them."""
+    cameras = [
+        replace(one, sigma_m=_FREE_M, sigma_rad=_FREE_RAD) if n in wrong else one
+        for n, one in enumerate(found.problem.cameras)
+    ]
+    return smooth(replace(found.problem, cameras=cameras), prior=prior)
+
+
 @dataclass(frozen=True, eq=False)
 class MappedCamera:
     """A camera of a rig as the map has it.
@@ -129,7 +163,13 @@ class MappedCamera:
         return (
             f"{what}: {where}; rotated by {turned:.2f} +- {self.sigma_deg.max():.2f} degrees and"
             f" shifted by {shifted:.3f} m relative to tf"
+            + (": fix its transform" if self.is_wrong else "")
         )
+
+    @property
+    def is_wrong(self) -> bool:
+        """True if the views contradict its pose by tf."""
+        return self.camera.sigma_m == _FREE_M and not self.camera.is_estimated
 
     @property
     def values(self) -> dict[str, Any]:
@@ -139,6 +179,7 @@ class MappedCamera:
             "name": self.camera.name,
             "known": self.is_known,
             "estimated": self.camera.is_estimated,
+            "wrong": self.is_wrong,
             "position": position.tolist(),
             "orientation": quat.tolist(),
             "shift_m": self.shift_m.tolist(),
