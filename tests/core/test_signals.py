@@ -211,6 +211,17 @@ def test_a_second_ctrl_c_disturbs_nothing(tmp_path):
     assert count(path)
 
 
+def megabytes_of(process):
+    """Resident memory."""
+    return int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+def cpu_seconds_of(process):
+    """CPU time so far."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 @pytest.mark.parametrize("command", ["convert", "bag"])
 def test_one_message_that_takes_long_holds_up_no_ctrl_c(tmp_path, command):
     source, path = tmp_path / "long.bag", tmp_path / "out.mcap"
@@ -221,10 +232,12 @@ def test_one_message_that_takes_long_holds_up_no_ctrl_c(tmp_path, command):
     play = ["--view", "none", "--rate", "0", "--record"] if command == "bag" else []
     process = subprocess.Popen([*COMMAND, command, source, *play, path], stderr=subprocess.PIPE)
     wait_for(path.exists, "the recording", process=process)
-    time.sleep(2)  # in which it is unpacked, and begun
+    wait_for(lambda: megabytes_of(process) > 180, "the message, unpacked", process=process)
+    begun_s = cpu_seconds_of(process)
+    wait_for(lambda: cpu_seconds_of(process) > begun_s + 1, "work on it", process=process)
     process.send_signal(signal.SIGINT)
     try:
-        _, said = process.communicate(timeout=10)  # the message takes half a minute
+        _, said = process.communicate(timeout=PATIENCE_S)  # the message alone takes half a minute
     finally:
         process.kill()
     assert process.returncode == 130
