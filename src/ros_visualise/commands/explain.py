@@ -28,7 +28,7 @@ class ExplainOptions(PlayingOptions):
     """Options of ``explain``."""
 
     topic: str | None = argument(
-        "the lesson, or all with --export; without it, the lessons are listed",
+        "lesson to show; if omitted, the lessons are listed (or, with --export, all exported)",
         default=None,
         nargs="?",
         metavar="TOPIC",

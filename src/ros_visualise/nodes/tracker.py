@@ -56,15 +56,15 @@ class TrackerParams:
 
     high_score: float = param(
         0.5,
-        "lowest score of a detection that begins a track, 0 to 1; lower ones, down to the mean of"
-        " this and low_score, count less",
+        "minimum score for a detection to start a track, 0 to 1; detections below it, down to the"
+        " mean of this and low_score, can start one too, but carry less weight",
         min=0,
         max=1,
     )
     low_score: float = param(
         0.1,
-        "lowest score of a detection that continues a track; the detector's own limit should be as"
-        " low",
+        "minimum score for a detection to continue a track; set the detector's own minimum score"
+        " as low",
         min=0,
         max=1,
     )

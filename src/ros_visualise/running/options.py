@@ -243,8 +243,8 @@ class NetworkOptions:
     )
     listen: Sequence[str] = option(
         [],
-        "let other machines join here, such as tcp/0.0.0.0:7447, which is not encrypted (tls/ is);"
-        " repeatable",
+        "address on which other machines may join, such as tcp/0.0.0.0:7447 (not encrypted; tls/"
+        " is); repeatable",
         metavar="ADDRESS",
     )
     mavlink: Sequence[str] = option(

@@ -27,8 +27,8 @@ from ros_visualise.simulation.worlds import OURS
 class _CommonParams:
     map_to_odom: bool = setting(
         True,
-        "publish the transform from map to odom; switch it off if a navigator publishes it:"
-        " odom_start then replaces odom",
+        "publish the transform from map to odom; switch this off if a navigator publishes that"
+        " transform (the simulator then uses the frame odom_start in place of odom)",
     )
     command_timeout: float = setting(
         0.5, "how long a velocity command holds unless repeated, seconds", min=0.05, max=60

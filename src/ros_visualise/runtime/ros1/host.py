@@ -96,7 +96,7 @@ class Ros1Host(Host):
             return os.path.join(rospkg.RosPack().get_path(package), file)
 
     def manage(self, managed: Managed) -> Handle:
-        raise UsageError("ROS 1 has no managed nodes; run it without managed")
+        raise UsageError("ROS 1 has no managed nodes; start the node without the option managed")
 
     def _end_without_master(self) -> None:
         _log.warning("lost the ROS master; shutting down")
