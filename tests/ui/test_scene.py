@@ -89,6 +89,18 @@ def test_everything_moves_with_the_fixed_frame(scene, look):
     look("topics/points", is_at([0, 1, 5]))
 
 
+def test_a_chosen_fixed_frame_holds_when_all_begins_anew(scene, look):
+    frames = [
+        tf(transform("map", "odom", [0, 0, 5], 1)),
+        tf(transform("odom", "lidar", [1, 0, 0], 1)),
+    ]
+    scene.set_fixed("odom")
+    for _ in range(2):
+        draw(scene, tf_static=frames[0], tf=frames[1], points=cloud(LINE))
+        look("topics/points", is_at([1, 0, 0]))
+        scene.forget()
+
+
 def test_a_message_waits_a_little_for_its_transform(scene, look, clock):
     draw(scene, tf=tf(transform("map", "lidar", [1, 0, 0], 1)), points=cloud(LINE, stamp_s=2))
     assert scene.is_waiting("/points")

@@ -218,7 +218,7 @@ _PLANNED = declare(
     "until_s DOUBLE s: end of the part",
     "done BIGINT -: 1 if it is done",
     "kind VARCHAR -: kind of failure",
-    "reason VARCHAR -: reason of the failure",
+    "reason VARCHAR -: reason for the failure",
     "attempts BIGINT -: number of attempts",
 )
 

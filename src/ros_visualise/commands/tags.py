@@ -47,7 +47,9 @@ def run(options: TagsOptions) -> int:
     if suffix not in (".pdf", ".svg"):
         raise UsageError(f"{options.output}: give a name that ends in .pdf or .svg")
     if suffix == ".svg" and len(sheets) > 1:
-        raise UsageError(f"{options.output}: an .svg has one page; give one id, or a .pdf")
+        raise UsageError(
+            f"{options.output}: an .svg file holds one page; give a single id, or write a .pdf"
+        )
     save(
         {options.output: to_pdf(*sheets) if suffix == ".pdf" else to_svg(*sheets)},
         options.overwrite,

@@ -208,7 +208,11 @@ class Navigator:
         verdict = self._stamps.judge(sensor, stamp_ns)
         if verdict is Verdict.WILD:
             self._dropped[f"{sensor}: stamp far from all others"] += 1
-            log.warning("%s: ignoring a stamp far from all others, %.3f s", sensor, stamp_ns / 1e9)
+            log.warning(
+                "%s: ignoring the stamp %.3f s, which is far from all others",
+                sensor,
+                stamp_ns / 1e9,
+            )
         if verdict is Verdict.RESET:
             self.reset()
             self._stamps.judge(sensor, stamp_ns)

@@ -65,8 +65,8 @@ class LandmarkParams:
     )
     tile: int = param(
         0,
-        "side, in pixels, of the overlapping tiles in which a large image is searched at full"
-        " resolution, besides the whole image; 640 suits our own network; 0: off",
+        "side of the overlapping tiles, pixels, in which a large image is searched at full"
+        " resolution, in addition to the whole image; 640 suits our own network; 0: off",
         min=0,
         max=4096,
         slider=(0, 1280),

@@ -44,7 +44,7 @@ def mission_option(otherwise: str) -> Any:
 
 def profile_option(default: str | None, otherwise: str) -> Any:
     """An option ``--profile``; ``otherwise`` is the profile without it."""
-    help = f"errors of sensors and world; --set changes individual ones (default: {otherwise})"
+    help = f"profile of errors of the sensors and the world (default: {otherwise})"
     return option(default, help, choices=("ideal", "realistic", "hard"))
 
 

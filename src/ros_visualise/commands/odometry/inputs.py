@@ -266,7 +266,9 @@ def _read_rows(path: Path, size: tuple[int, int]) -> CameraInfo:
         row = np.array(text.splitlines()[0].rpartition(":")[2].split(), np.float64)
         P = row.reshape(3, 4)
     except (OSError, ValueError, IndexError):
-        raise OpenError(f"{path}: not KITTI's calibration, whose lines have 12 numbers") from None
+        raise OpenError(
+            f"{path}: not a calibration of KITTI, which has 12 numbers on each line"
+        ) from None
     if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0):
         raise OpenError(f"{path}: not a camera's projection matrix")
     return replace(CameraInfo(size[1], size[0], P[:, :3]), P=P)

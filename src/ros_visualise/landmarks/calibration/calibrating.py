@@ -96,8 +96,8 @@ def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     """
     if len(views) < FEWEST_VIEWS:
         raise UsageError(
-            f"too few distinct views of the board: {len(views)}; needs {FEWEST_VIEWS}, better"
-            " 15: show it tilted, near, and in all corners"
+            f"too few distinct views of the board: {len(views)}; at least"
+            f" {FEWEST_VIEWS} are needed, better 15: tilted, near, and in all corners of the image"
         )
     model = MODELS[lens]
     kept, outliers = list(views), []
