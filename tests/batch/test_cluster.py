@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,7 +13,13 @@ import pytest
 from made_flights import batch, command, environment, rows
 from ports import free_port
 
-from ros_visualise.batch.results import Results
+from ros_visualise.batch.apart import Limits
+from ros_visualise.batch.cluster import attempt
+from ros_visualise.batch.plan import task_of
+from ros_visualise.batch.results import Planned, Results
+from ros_visualise.batch.task import run_task
+from ros_visualise.batch.work import Work
+from ros_visualise.commands.batch.work import _run
 
 SLOW = """
 import os, time
@@ -103,6 +110,18 @@ def group_of(pid: int) -> int:
         return os.getpgid(pid)
     except ProcessLookupError:
         return 0
+
+
+def test_a_disk_that_a_machine_does_not_share_is_a_row(tmp_path):
+    results = Results(tmp_path)
+    results.create()
+    planned = Planned("key", "film.mkv", "/nowhere/film.mkv", 1, "")
+    task = task_of(planned, Work(), results)
+    unseen = attempt(run_task, task, Limits(60, 1 << 30))
+    assert unseen.kind == "open"
+    assert unseen.reason.startswith(f"/nowhere/film.mkv: not found on {socket.gethostname()}; ")
+    assert _run(results, {"key": planned}, iter([(task, None)]), 1) == 1, "it wrote elsewhere"
+    assert "on a disk that all machines share" in results.failure("key").reason
 
 
 def test_a_missing_scheduler_is_one_line(once, tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import islice
@@ -20,6 +21,7 @@ LOCAL = "local"
 _AHEAD = 4  # tasks of each worker that wait
 _PATIENCE_S = 20
 _LOOK_S = 0.2
+SHARED = "inputs and --out must be on a disk that all machines share"
 
 
 class FailedTask(Exception):
@@ -89,6 +91,10 @@ def attempt(work: Callable[[Task], Any], task: Task, limits: Limits) -> Any:
     Raises:
         FailedTask: it may work if it is tried again.
     """
+    for path in (task.path, task.folder):
+        if not os.path.exists(path):
+            machine = socket.gethostname()
+            return TaskFailure("open", f"{path}: not found on {machine}; {SHARED}")
     result = apart(work, task, limits)
     if isinstance(result, TaskFailure) and result.may_pass:
         raise FailedTask(*result[:2])

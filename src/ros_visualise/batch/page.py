@@ -35,18 +35,25 @@ _MOST_ROWS = 2000
 _BINS = 24
 _STYLE = """body { font: 14px/1.5 sans-serif; margin: 1.5em; color-scheme: light dark; }
 table { border-collapse: collapse; } td, th { padding: .15em .7em; text-align: left; }
-tr:nth-child(even) { background: #8882; } svg { background: white; zoom: .6; }"""
+tr:nth-child(even) { background: #8882; } svg { background: white; zoom: .7; }
+figure { display: inline-block; margin: 0 1em 1em 0; }"""
 
+_OF_SOURCES = "node IN ('player', 'streamer', 'pictures')"
+_RECORDED = f"SELECT * FROM image_stats WHERE {_OF_SOURCES}"
 _AT = "(t_ns - start_ns) / 1e9 AS at_s"
 _MOMENTS = {
-    "The most blurred images": f"SELECT recording, t_ns, {_AT}, topic, sharpness FROM image_stats"
-    " JOIN recordings USING (recording) WHERE node IN ('player', 'streamer')"
+    "The most blurred images": f"SELECT recording, t_ns, {_AT}, topic, sharpness"
+    f" FROM ({_RECORDED}) JOIN recordings USING (recording)"
+    " QUALIFY row_number() OVER (PARTITION BY recording ORDER BY sharpness, t_ns) <= 3"
     " ORDER BY sharpness LIMIT 20",
     "The first detection of each object": f"SELECT recording, t_ns, {_AT}, label, times FROM"
     " (SELECT recording, min(t_ns) AS t_ns, label, count(*) AS times FROM detections GROUP BY ALL)"
     " JOIN recordings USING (recording) ORDER BY ALL LIMIT 200",
-    "The longest gaps in topics": "SELECT recording, first_ns, topic, max_gap_s, messages"
-    " FROM topics WHERE messages > 1 ORDER BY max_gap_s DESC LIMIT 20",
+    "The longest gaps in topics": "SELECT recording, gap_ns AS t_ns,"
+    " (gap_ns - start_ns) / 1e9 AS at_s, topic, max_gap_s, topics.messages"
+    " FROM topics JOIN recordings USING (recording) WHERE topics.messages > 1 AND"
+    f" {_OF_SOURCES}"
+    " ORDER BY max_gap_s DESC LIMIT 20",
 }
 """Heading -> a query whose rows lead to a moment of a recording."""
 
@@ -57,8 +64,8 @@ _TABLES = {
 }
 _HISTOGRAMS = {
     "duration of recordings, s": "SELECT duration_s FROM recordings",
-    "brightness of images": "SELECT brightness FROM image_stats",
-    "sharpness of images": "SELECT sharpness FROM image_stats",
+    "brightness of images": f"SELECT brightness FROM ({_RECORDED})",
+    "sharpness of images": f"SELECT sharpness FROM ({_RECORDED})",
     "score of detections": "SELECT score FROM detections",
     "gaps in topics, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
 }
@@ -165,6 +172,11 @@ def _viewing(work: Work, path: str, start_s: float) -> Iterator[str]:
             yield from (name, value)
     for name, value in (("--params", work.params), ("--preset", work.preset)):
         yield from (name, value) if value else ()
+    if is_recording(path):
+        for name, topic in (("--image", work.image), ("--odom", work.odom)):
+            yield from (name, topic) if topic is not None else ()
+        if work.topics:
+            yield from ("--topics", *work.topics)
 
 
 def _free_port() -> int:
@@ -177,15 +189,17 @@ def _table(sql: duckdb.DuckDBPyConnection, heading: str, query: str, root: str) 
     """A table whose first column links to the moment in the second one."""
     answer = sql.execute(query)
     names = [one[0] for one in answer.description or ()]
-    rows = answer.fetchmany(_MOST_ROWS)
+    rows = answer.fetchmany(_MOST_ROWS + 1)
     if not rows:
         return
     yield f"<h2>{escape(heading)}</h2><table><tr><th>{'<th>'.join(['recording', *names[2:]])}"
-    for name, t_ns, *cells in rows:
+    for name, t_ns, *cells in rows[:_MOST_ROWS]:
         link = urlencode({"recording": name, **({} if t_ns is None else {"t_ns": t_ns})})
         texts = "<td>".join(escape(_text(one)) for one in cells)
         yield f'<tr><td><a href="{root}/open?{link}">{escape(name)}</a><td>{texts}'
     yield "</table>"
+    if len(rows) > _MOST_ROWS:
+        yield f"<p>The first {_MOST_ROWS}; <code>ros-visualise query</code> lists all.</p>"
 
 
 def _text(cell: Any) -> str:
@@ -202,4 +216,5 @@ def _histogram(sql: duckdb.DuckDBPyConnection, heading: str, query: str) -> Sequ
         return []
     counts, edges = np.histogram(numbers, _BINS)
     steps = {heading: np.repeat(edges, 2)[1:-1], "count": np.repeat(counts, 2).astype(np.float64)}
-    return [plot_columns(steps).svg().decode()]
+    picture = plot_columns(steps).svg().decode()
+    return [f"<figure><figcaption>{escape(heading)}</figcaption>{picture}</figure>"]

@@ -199,18 +199,20 @@ class _Count:
 
     def __init__(self) -> None:
         self.messages = 0
-        self._first_ns = self._last_ns = self._gap_ns = 0
+        self._first_ns = self._last_ns = self._gap_ns = self._before_gap_ns = 0
 
     def add(self, stamp_ns: int) -> None:
         if self.messages:
-            self._gap_ns = max(self._gap_ns, stamp_ns - self._last_ns)
+            if stamp_ns - self._last_ns > self._gap_ns:
+                self._gap_ns, self._before_gap_ns = stamp_ns - self._last_ns, self._last_ns
         else:
             self._first_ns = stamp_ns
         self._last_ns = stamp_ns
         self.messages += 1
 
     def row(self) -> Row:
-        return self.messages, self._first_ns, self._last_ns, self._gap_ns * _NS
+        gap = self._gap_ns * _NS, self._before_gap_ns
+        return self.messages, self._first_ns, self._last_ns, *gap
 
 
 def _write_picture(image: Image, path: Path) -> None:

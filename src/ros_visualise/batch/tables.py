@@ -80,6 +80,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "first_ns BIGINT ns: stamp of the first message",
         "last_ns BIGINT ns: stamp of the last message",
         "max_gap_s DOUBLE s: longest time between two messages",
+        "gap_ns BIGINT ns: stamp of the message before it",
     ),
     "nodes": declare(
         "node VARCHAR -: node",

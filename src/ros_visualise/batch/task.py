@@ -84,7 +84,7 @@ def run_task(task: Task) -> None:
     """
     done = Path(task.folder) / task.key
     made = done.with_name(f"{task.key}.{socket.gethostname()}.{os.getpid()}.part")
-    made.mkdir(parents=True)
+    made.mkdir()
     try:
         _fill(task, made)
         with suppress(OSError):  # another process may have been faster

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.batch.tables import TABLES
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.graph import IMAGE_NODES, Graph, place, place_source
@@ -92,6 +93,7 @@ class Work:
         for name in ("node", "set"):
             values[name] = [_by_content(text) for text in values[name]]
         values["params"] = _by_content(self.params)
+        values["tables"] = repr(TABLES)
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
     def graph(self, path: str) -> Graph:

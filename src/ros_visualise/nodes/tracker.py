@@ -192,6 +192,7 @@ class TrackerParams:
     sync=Exact(),
     frames=True,
     calibrated=True,
+    splittable=False,
 )
 class Tracker:
     """Gives detections of the same object the same id, and counts objects at lines and in zones.

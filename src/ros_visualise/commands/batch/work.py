@@ -16,7 +16,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise.batch.apart import Limits, Stopped, TaskFailure
-from ros_visualise.batch.cluster import LOCAL, run_on_cluster
+from ros_visualise.batch.cluster import LOCAL, SHARED, run_on_cluster
 from ros_visualise.batch.inference import network_servers, run_served
 from ros_visualise.batch.inputs import find_inputs
 from ros_visualise.batch.local import Outcome, run_here
@@ -179,6 +179,7 @@ def _run(
         print_status(f"{count - len(left)} of {counted(count, 'task')} already done")
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     total = sum(one.size for one in left.values())
+    elsewhere = set[str]()
     done = count - len(left)
     with tqdm(
         total=total, unit="B", unit_scale=True, disable=None, dynamic_ncols=True, leave=False
@@ -190,8 +191,13 @@ def _run(
                 # recordings of one content share their task
                 reason = outcome.reason.removeprefix(f"{task.path}: ")
                 results.fail(task.key, outcome._replace(reason=reason))
+            elif not results.is_done(task.key):
+                elsewhere.add(task.key)
             bar.set_postfix_str(f"{done} of {count} tasks, {failed} failed", refresh=False)
             bar.update(left[task.key].size)
+    for key in elsewhere.difference(os.listdir(results.tasks)):  # which also looks anew on NFS
+        failed += 1
+        results.fail(key, TaskFailure("error", f"its results did not arrive; {SHARED}"))
     return failed
 
 
