@@ -119,6 +119,7 @@ def test_an_imu_in_a_recording_gives_metres(recorded_flight, run, tmp_path):
         (["--imu", "/image_raw"], "no IMU measurements on /image_raw"),
         (["--imu", "/imu0"], "no topic /imu0"),
         (["--imu", "/imu", "--height", "2"], "omit --height and --scale"),
+        (["--imu", "/imu", "--readout", "300"], "give milliseconds, at most 200"),
     ],
 )
 def test_wrong_use_of_an_imu_is_reported(recorded_flight, run, options, says):

@@ -96,6 +96,10 @@ def test_an_imu_gives_metres_after_a_rest():
     assert np.linalg.eigvalsh(last.pose_covariance).min() > 0
     reasons = [one["diagnostics"].statuses[0].message for one in found]
     assert reasons.count("too dark") == 2
+    readout = dict(found[-1]["diagnostics"].statuses[0].values)["readout"]  # of a global shutter
+    shown_ms, sigma_ms = (float(one.removesuffix(" ms")) for one in readout.split(", +-"))
+    assert abs(shown_ms) < 3 * sigma_ms
+    assert sigma_ms < 10
     assert found[0]["debug_image"].pixels.shape == (240, 320, 3)
 
 

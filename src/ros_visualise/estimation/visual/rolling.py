@@ -33,12 +33,11 @@ def directions_by_rows(
     Also (N, 3) their velocities, 1/s, since the image ``seconds`` before, zero where these are
     unknown, and their rows, from -1/2 at the top of the image to 1/2.
     """
-    rays = _directions(corners.pixels_uv, info)
-    known = np.isfinite(corners.before_uv[:, 0])
+    known = np.isfinite(corners.before_uv[:, 0]) & (seconds > 0)
+    both = np.concatenate([corners.pixels_uv, corners.before_uv[known]])
+    rays, before = np.split(_directions(both, info), [len(known)])  # at once, which is faster
     rolling = np.column_stack([np.zeros_like(rays), _rows(corners.pixels_uv, info)])
-    if seconds > 0 and known.any():
-        before = _directions(corners.before_uv[known], info)
-        rolling[known, :2] = (rays[known] - before) / seconds
+    rolling[known, :2] = (rays[known] - before) / seconds
     return rays, rolling
 
 
