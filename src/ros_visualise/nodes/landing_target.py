@@ -89,7 +89,7 @@ class LandingTargetParams:
     )
     patience: float = param(
         0.5,
-        "time until sightings that keep contradicting the estimate replace it, seconds",
+        "time for which sightings must contradict the estimate before they replace it, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 5),

@@ -65,8 +65,8 @@ class LandmarkParams:
     )
     tile: int = param(
         0,
-        "side of the overlapping tiles, pixels, in which a large image is searched at full"
-        " resolution, in addition to the whole image; 640 suits our own network; 0: off",
+        "size of tiles, pixels: a large image is also searched at full resolution, in overlapping"
+        " tiles of this size; 640 suits our own network; 0: off",
         min=0,
         max=4096,
         slider=(0, 1280),
