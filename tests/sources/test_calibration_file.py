@@ -73,7 +73,7 @@ def test_a_path_may_be_a_url(write, prefix):
 @pytest.mark.parametrize(
     ("url", "expected"),
     [
-        ("missing.yaml", r"missing\.yaml: no such file.*; give a calibration as camera"),
+        ("missing.yaml", r"missing\.yaml: no such file.*; give a calibration file"),
         (".", r"\.: Is a directory"),
         ("package://mine/cam.yaml", "package:// needs ROS; give the file's path"),
         ("http://host/cam.yaml", r"http://host/cam.yaml: give a path or file:///PATH"),

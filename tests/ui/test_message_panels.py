@@ -64,5 +64,5 @@ def test_diagnostics_and_statistics(panels):
     )
     tab.get_by_text("player").first.wait_for(timeout=60_000)
     tab.get_by_text("Median 0.01").wait_for(timeout=60_000)
-    tab.get_by_text("Number 2001").wait_for()
+    tab.get_by_text("Count 2001").wait_for()
     assert tab.locator(".rv-statistics canvas").count() == 3
