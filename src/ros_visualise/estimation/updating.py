@@ -130,7 +130,7 @@ def _own_gain(several: LinearizedPairs, P: Floats) -> Floats:
 
 
 def _diagonal(gains: Sequence[Floats], several: Sequence[LinearizedPairs]) -> Floats:
-    """(7 K, k) gain of all K landmarks, of theirs (G, 6, k) by group."""
+    """(7 K, k) gain of all K landmarks, of theirs (G, 7, k) by group."""
     count, total = sum(map(len, gains)), sum(one.residual.size for one in several)
     whole, start = np.zeros((count, PER_LANDMARK, total)), 0
     for gain, one in zip(gains, several, strict=True):
