@@ -17,6 +17,7 @@ from urllib.parse import urlencode
 import numpy as np
 
 from ros_visualise.batch.results import Results
+from ros_visualise.batch.tables import RECORDED
 from ros_visualise.batch.work import Work
 from ros_visualise.core import supervision
 from ros_visualise.plotting.columns import plot_columns
@@ -38,12 +39,11 @@ table { border-collapse: collapse; } td, th { padding: .15em .7em; text-align: l
 tr:nth-child(even) { background: #8882; } svg { background: white; zoom: .7; }
 figure { display: inline-block; margin: 0 1em 1em 0; }"""
 
-_OF_SOURCES = "node IN ('player', 'streamer', 'pictures')"
-_RECORDED = f"SELECT * FROM image_stats WHERE {_OF_SOURCES}"
+_IMAGES = f"SELECT * FROM image_stats WHERE {RECORDED}"
 _AT = "(t_ns - start_ns) / 1e9 AS at_s"
 _MOMENTS = {
     "The most blurred images": f"SELECT recording, t_ns, {_AT}, topic, sharpness"
-    f" FROM ({_RECORDED}) JOIN recordings USING (recording)"
+    f" FROM ({_IMAGES}) JOIN recordings USING (recording)"
     " QUALIFY row_number() OVER (PARTITION BY recording ORDER BY sharpness, t_ns) <= 3"
     " ORDER BY sharpness LIMIT 20",
     "The first detection of each object": f"SELECT recording, t_ns, {_AT}, label, times FROM"
@@ -52,7 +52,7 @@ _MOMENTS = {
     "The longest gaps in topics": "SELECT recording, gap_ns AS t_ns,"
     " (gap_ns - start_ns) / 1e9 AS at_s, topic, max_gap_s, topics.messages"
     " FROM topics JOIN recordings USING (recording) WHERE topics.messages > 1 AND"
-    f" {_OF_SOURCES}"
+    f" {RECORDED}"
     " ORDER BY max_gap_s DESC LIMIT 20",
 }
 """Heading -> a query whose rows lead to a moment of a recording."""
@@ -64,8 +64,8 @@ _TABLES = {
 }
 _HISTOGRAMS = {
     "duration of recordings, s": "SELECT duration_s FROM recordings",
-    "brightness of images": f"SELECT brightness FROM ({_RECORDED})",
-    "sharpness of images": f"SELECT sharpness FROM ({_RECORDED})",
+    "brightness of images": f"SELECT brightness FROM ({_IMAGES})",
+    "sharpness of images": f"SELECT sharpness FROM ({_IMAGES})",
     "score of detections": "SELECT score FROM detections",
     "gaps in topics, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
 }

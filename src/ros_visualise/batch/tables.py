@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     import duckdb
 
 Row = tuple[Any, ...]
+SOURCES = ("streamer", "pictures", "player")
+"""Names of the nodes that play what a batch is given."""
+RECORDED = f"node IN {SOURCES}"
+"""Condition for rows of what was recorded, in SQL."""
 
 _SIZES = {"DOUBLE[36]": 36, "DOUBLE[9]": 9}
 

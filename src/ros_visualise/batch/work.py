@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.batch.tables import TABLES
+from ros_visualise.batch.tables import SOURCES, TABLES
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.graph import IMAGE_NODES, Graph, place, place_source
@@ -55,7 +55,6 @@ _NODES = {
 They are those of `ros-visualise FILE`; with ``--landmarks``; with ``--navigate``; none, the source
 alone. Of the second and third, image nodes that nothing asks for are omitted.
 """
-_SOURCES = ("streamer", "pictures", "player")
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class Work:
         meant = {text.partition(".")[0] for text in self.set}
         meant |= {*load(options.params)} if options.params else set()
         meant |= {one.after for one in inserted if one.after}
-        source = next((name for name in _SOURCES if name in meant), _SOURCES[0])
+        source = next((name for name in SOURCES if name in meant), SOURCES[0])
         graph = Graph(place_source(find_source(source)), nodes)
         for name in sorted(meant):
             if "=" in name:

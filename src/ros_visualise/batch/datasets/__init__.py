@@ -20,12 +20,11 @@ import numpy as np
 from ros_visualise.batch.comparison import FrameBoxes, frames_of
 from ros_visualise.batch.pictures import images_at
 from ros_visualise.batch.results import Results
+from ros_visualise.batch.tables import RECORDED
 from ros_visualise.core.errors import UsageError
 
 SPLITS = ("train", "val")
 _QUALITY = 95  # of JPEG files
-RECORDED = "node IN ('player', 'streamer')"
-"""Condition for the rows of a source, in SQL."""
 _USED = {"detections": "label != ''", "poses": RECORDED}
 """Table -> the rows of it that a data set needs."""
 _MAKING = {

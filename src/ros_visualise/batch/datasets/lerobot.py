@@ -17,16 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.batch.datasets import (
-    RECORDED,
-    DatasetSource,
-    SplitRecording,
-    provenance,
-    split_recordings,
-)
+from ros_visualise.batch.datasets import DatasetSource, SplitRecording, provenance, split_recordings
 from ros_visualise.batch.pictures import images_at
 from ros_visualise.batch.results import Results
-from ros_visualise.batch.tables import quoted
+from ros_visualise.batch.tables import RECORDED, quoted
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
