@@ -108,7 +108,7 @@ def test_tags_of_another_size_than_is_given_are_noticed_by_the_odometry(mapped):
     flight.size_of = lambda tag: 1.2 * SIZE
     status, _, said = mapped(flight)
     assert status == 0
-    [longer] = re.findall(r"distances by odometry are \+([\d.]+)", said)
+    [longer] = re.findall(r"distances from odometry are \+([\d.]+)", said)
     assert 18 < float(longer) < 22  # the focal length may be off by some of it
     assert "check the given tag size" in said
 
@@ -139,7 +139,7 @@ def test_a_smoothing_that_takes_long_ends_with_ctrl_c_and_the_map_is_kept(mapped
     assert not ended.is_set(), "it did not wait for the smoothing"
     ended.set()
     assert status == 130
-    assert "holds the landmarks without smoothing" in said
+    assert "contains the landmarks without smoothing" in said
     assert len(places) == 7
 
 

@@ -61,9 +61,10 @@ def test_the_trajectory_is_closed(film, tmp_path, capsys, monkeypatch):
 def test_what_was_closed_is_printed():
     returns = [Return(12.0, 14.5, 2.25, 7, 41)]
     assert PlacesReport(returns, 0.1234, 2, 3).lines(" m") == [
-        "closed:    12.0 to 14.5 s, at places seen at 2.2 s (7 keyframes, 41 or more points each)",
+        "closed:    12.0 to 14.5 s, at places first seen at 2.2 s"
+        " (7 keyframes, 41 or more points each)",
         "moved:     by up to 0.123 m",
-        "not closed: 2 (contradicted by the odometry)",
-        "not closed: 3 (similar to several places)",
+        "rejected:  2 closures (contradicted by the odometry)",
+        "rejected:  3 closures (similar to several places)",
     ]
     assert PlacesReport([], 0.0, 0, 0).lines(" m") == []

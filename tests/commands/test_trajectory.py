@@ -275,7 +275,7 @@ class TestTruth:
         assert errors["ate"]["translation_m"]["rmse"] < 0.1
         told = run(*command)[1]
         assert "no rotation error and no RPE" in told
-        assert "not aligned, though the frames are map and odom" in told
+        assert "not aligned, though the frames differ (map, odom)" in told
 
     def test_without_out_it_is_drawn(self, run, compared, monkeypatch):
         monkeypatch.setenv("COLUMNS", "80")

@@ -69,7 +69,7 @@ def test_images_of_a_camera_at_rest_are_refused(run, tmp_path):
         (["--out", "way.csv"], "give a name that ends in .tum or .kitti"),
         (["--plot", "way.csv"], "give a name that ends in"),
         (["--corners", 3], "give at least 50"),
-        (["--scale", "/odom"], "pictures have no topics"),
+        (["--scale", "/odom"], "a folder of pictures has no topics"),
     ],
 )
 def test_wrong_usage_is_one_line(run, tmp_path, words, why):

@@ -22,7 +22,7 @@ from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import Pixels
 from ros_visualise.plotting.colors import GREEN, ORANGE
 
-_FORM = "give METRIC: NUMBER, and TOPIC: {METRIC: NUMBER}"
+_FORM = "give METRIC: NUMBER or TOPIC: {METRIC: NUMBER}"
 _MOST_MOMENTS = 24
 _WIDTH = 640  # of a picture on the page
 _STYLE = """body { font: 15px/1.5 sans-serif; max-width: 84em; margin: 2em auto; padding: 0 1em; }

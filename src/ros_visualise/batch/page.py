@@ -63,11 +63,11 @@ _TABLES = {
     "Failures": "SELECT recording, NULL AS t_ns, kind, reason, attempts FROM failures",
 }
 _HISTOGRAMS = {
-    "duration of recordings, s": "SELECT duration_s FROM recordings",
-    "brightness of images": f"SELECT brightness FROM ({_IMAGES})",
-    "sharpness of images": f"SELECT sharpness FROM ({_IMAGES})",
-    "score of detections": "SELECT score FROM detections",
-    "gaps in topics, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
+    "duration of each recording, s": "SELECT duration_s FROM recordings",
+    "brightness of each image": f"SELECT brightness FROM ({_IMAGES})",
+    "sharpness of each image": f"SELECT sharpness FROM ({_IMAGES})",
+    "score of each detection": "SELECT score FROM detections",
+    "longest gap in each topic, s": "SELECT max_gap_s FROM topics WHERE messages > 1",
 }
 
 

@@ -208,15 +208,15 @@ class Results:
 
 
 _PLANNED = declare(
-    "number BIGINT -: place in the plan",
+    "number BIGINT -: position in the plan",
     "key VARCHAR -: key of the task",
     "recording VARCHAR -: name",
     "path VARCHAR -: file or folder",
-    "size BIGINT B: bytes",
+    "size BIGINT B: size in bytes",
     "content VARCHAR -: digest",
     "begin_s DOUBLE s: beginning of the part",
     "until_s DOUBLE s: end of the part",
-    "done BIGINT -: 1 if it is done",
+    "done BIGINT -: 1 if the task is done",
     "kind VARCHAR -: kind of failure",
     "reason VARCHAR -: reason for the failure",
     "attempts BIGINT -: number of attempts",

@@ -21,8 +21,8 @@ class BagOptions(TopicOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings, later if positive; auto aligns a film by its motion with"
-        " a gyroscope; repeatable",
+        "shift one of several recordings in time (positive: later); auto aligns a film with a"
+        " gyroscope by the motion in the film; repeatable",
         metavar="NAME=SECONDS|auto",
     )
 

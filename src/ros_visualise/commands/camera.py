@@ -15,7 +15,7 @@ class CameraOptions(SizedOptions):
     """Options of ``camera``."""
 
     input: str = argument(
-        "path or number of a device (default: 0), URL of a stream, or test for a test pattern",
+        'path or number of a device (default: 0), URL of a stream, or "test" (a test pattern)',
         default="0",
         nargs="?",
         metavar="DEVICE|URL|test",

@@ -27,7 +27,7 @@ class DatasetOptions:
         type=not_negative,
         metavar="SHARE",
     )
-    every: int = option(1, "only every N-th image with detections", type=count, metavar="N")
+    every: int = option(1, "use only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
         "for lerobot, the topic of the robot's commands, which the batch kept by --fields"

@@ -115,7 +115,7 @@ def _write(lesson: Lesson, options: ExplainOptions, folder: Path) -> int:
     except UsageError as error:
         if options.topic != _ALL or options.input is None:
             raise
-        print_status(f"ros-visualise: {lesson.name}: explained on its sample: {error}")
+        print_status(f"ros-visualise: {lesson.name}: using its sample instead: {error}")
         return _write(lesson, replace(options, input=None), folder)
 
 

@@ -22,7 +22,7 @@ class InfoOptions(MemoryOptions):
 
     input: str = argument("a recording or a video", metavar="FILE")
     check: bool = option(False, "read the whole file, and report damage")
-    json: bool = option(False, "print it as one JSON object")
+    json: bool = option(False, "print the contents as one JSON object")
 
 
 def run(options: InfoOptions) -> int:

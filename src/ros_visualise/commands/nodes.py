@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class NodesOptions:
     """Options of ``nodes``."""
 
-    json: bool = option(False, "print it as one JSON object")
+    json: bool = option(False, "print the list as one JSON object")
 
 
 def run(options: NodesOptions) -> int:

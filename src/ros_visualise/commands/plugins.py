@@ -16,7 +16,7 @@ from ros_visualise.running.arguments import option
 class PluginsOptions:
     """Options of ``plugins``."""
 
-    json: bool = option(False, "print it as one JSON array")
+    json: bool = option(False, "print the list as one JSON array")
 
 
 def run(options: PluginsOptions) -> int:
@@ -52,7 +52,7 @@ def _described(registry: Registry[Any], plugin: Plugin) -> dict[str, str]:
 
 def _lines(found: list[dict[str, str]]) -> Iterator[str]:
     if not found:
-        yield "no plug-ins installed; examples/plugin in the repository is one"
+        yield "no plug-ins installed; see the example in examples/plugin in the repository"
     for one in found:
         whose = f"{one['package']} {one.get('version', '')}".strip()
         state = f": {one['failure']}" if one["failure"] else ""

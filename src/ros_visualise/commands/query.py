@@ -34,7 +34,7 @@ class QueryOptions:
     parquet: Path | None = option(None, "write the result to a Parquet file", metavar="FILE")
     plot: Path | None = option(
         None,
-        "plot the result as .svg or .png: the first column is x, the other numbers are y",
+        "plot the result as .svg or .png: the first column is x, the other numeric columns are y",
         metavar="FILE",
     )
     json: bool = option(False, "print the result as a JSON array of objects")

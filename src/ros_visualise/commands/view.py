@@ -33,7 +33,7 @@ class ViewerOptions(NetworkOptions, ViewingOptions, OutputOptions, MemoryOptions
 
     set: Sequence[str] = option(
         [],
-        "set a parameter of a node there, such as pipeline/filters.threshold=90; repeatable",
+        "set a parameter of a remote node, such as pipeline/filters.threshold=90; repeatable",
         metavar="NODE.PARAM=VALUE",
     )
     duration: float | None = option(None, "stop after S seconds", type=positive, metavar="S")

@@ -37,12 +37,12 @@ class CalibratorParams:
     )
     share: float = param(
         0.0,
-        "ChArUco: a marker's side as a fraction of a square's; AprilGrid: the gap between"
-        " tags as a fraction of a tag's side; 0 is the usual value",
+        "side of a ChArUco marker as a fraction of the side of a square, or gap between the tags of"
+        " an AprilGrid as a fraction of the side of a tag; 0: the usual value",
         min=0,
         max=0.95,
     )
-    dictionary: str = param("", "OpenCV's name for the set of markers; empty is the usual one")
+    dictionary: str = param("", "OpenCV's name for the set of markers; empty: the default set")
     model: Lens = param(Lens.PINHOLE, "lens model")
     file: str = param(
         "camera.yaml",

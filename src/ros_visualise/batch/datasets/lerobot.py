@@ -125,7 +125,9 @@ def write(source: DatasetSource, folder: Path) -> int:
         found = [_Episode(sql, one, source.action) for one in recordings]
         episodes = [one for one in found if one.rate_hz]
         if not episodes:
-            raise UsageError(f"{source.results}: no recording has images and poses at one time")
+            raise UsageError(
+                f"{source.results}: no recording has images and poses at the same time"
+            )
         names = episodes[0].names
         if not names or any(one.names != names for one in episodes):
             raise UsageError(
@@ -138,7 +140,7 @@ def write(source: DatasetSource, folder: Path) -> int:
         films = [_write_video(one, folder, number, fps) for number, one in enumerate(episodes)]
         if len({one.shape for one in films}) > 1:
             raise UsageError(
-                f"{source.results}: images differ in size; choose recordings of one size"
+                f"{source.results}: images differ in size; choose recordings of equal image size"
             )
         pixels = np.concatenate([one.pixels for one in films])
         _write_data(sql, episodes, folder, fps)

@@ -30,7 +30,7 @@ def write(source: DatasetSource, folder: Path) -> int:
         path.write_text("".join(lines))
     there = [split for split in SPLITS if any(one.split == split for one in written)]
     if len(there) == 1:  # Ultralytics needs both
-        log.warning("all images are in %s: data.yaml names them for both splits", there[0])
+        log.warning("all images are in one split, %s; data.yaml uses it for both splits", there[0])
     values = {
         **{split: f"images/{split if split in there else there[0]}" for split in SPLITS},
         "names": dict(enumerate(names)),

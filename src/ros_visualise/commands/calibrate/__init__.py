@@ -24,8 +24,9 @@ class BoardOptions:
     )
     size: str = option(
         "9x6",
-        "inner corners of a chessboard, squares of ChArUco, tags of an AprilGrid"
-        " (default: %(default)s); other interpretations are tried too",
+        "number of inner corners of a chessboard, squares of a ChArUco board or tags of an"
+        " AprilGrid (default: %(default)s); if none is found, similar counts are tried, such as"
+        " squares instead of corners",
         metavar="COLUMNSxROWS",
     )
     square: float | None = option(
@@ -36,14 +37,15 @@ class BoardOptions:
     )
     share: float | None = option(
         None,
-        "side of a ChArUco marker, as a fraction of a square's (default: 0.75); gap "
-        "between the tags of an AprilGrid, as a fraction of a tag's side (default: 0.3)",
+        "side of a ChArUco marker as a fraction of the side of a square (default: 0.75); gap"
+        " between the tags of an AprilGrid as a fraction of the side of a tag (default: 0.3)",
         type=positive,
         metavar="S",
     )
     dictionary: str | None = option(
         None,
-        "OpenCV's name for the set of markers (default: 5X5_1000; for an AprilGrid APRILTAG_36h11)",
+        "OpenCV's name for the set of markers (default: 5X5_1000, or APRILTAG_36h11 for an"
+        " AprilGrid)",
         metavar="NAME",
     )
     board: Path | None = option(
@@ -59,7 +61,7 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
     """Options of ``calibrate``."""
 
     input: Sequence[str] = argument(
-        "pictures, a folder of them, a video, a recording, or a camera: /dev/video0, 0, a URL",
+        "pictures, a folder of pictures, a video, a recording, or a camera (/dev/video0, 0, a URL)",
         nargs="*",
         metavar="SRC",
     )

@@ -25,8 +25,8 @@ class ConvertOptions(MemoryOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings, later if positive; auto aligns a film by its motion with"
-        " a gyroscope; repeatable",
+        "shift one of several recordings in time (positive: later); auto aligns a film with a"
+        " gyroscope by the motion in the film; repeatable",
         metavar="NAME=SECONDS|auto",
     )
     topics: Sequence[str] = option(
@@ -49,7 +49,8 @@ class ConvertOptions(MemoryOptions):
     )
     profile: Literal["ros1", "ros2"] | None = option(
         None,
-        "message types of an .mcap: ros2 (default), or ros1, which keeps a .bag's bytes",
+        "message types of an .mcap: ros2 (default), or ros1, which copies the messages of a .bag"
+        " unchanged",
         choices=("ros1", "ros2"),
     )
     overwrite: bool = option(False, "replace DST if it exists")

@@ -38,7 +38,7 @@ class DetectionOptions:
     )
     size: float | None = option(
         None,
-        "side of the black square, for all tags that are not in --tags; needed for poses",
+        "side of the black square in metres, for all tags that are not in --tags; needed for poses",
         type=tag_size,
         metavar="METRES",
     )
@@ -73,7 +73,8 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     offset: Sequence[str] = option(
         [],
-        "shift a source of --beside, later if positive; auto: by the film's own motion; repeatable",
+        "shift a source given with --beside in time (positive: later); auto aligns it by the motion"
+        " in the film; repeatable",
         metavar="NAME=SECONDS|auto",
     )
     mission: str | None = mission_option("the robot's own")

@@ -44,7 +44,7 @@ def _summary(found: SmoothedMap) -> Iterator[str]:
         f" {counted(sightings, 'sighting')}, {refused} of them rejected"
     )
     larger, sigma = _shared(found, LARGER)
-    successive = f"; successive views share errors: {found.noise.views:.1f} count as one"
+    successive = f"; successive views share errors, so {found.noise.views:.1f} count as one"
     yield (
         f"corners: rms {_rms(found.residuals_px[found.inliers]):.2f} px; tags appear"
         f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
@@ -69,14 +69,14 @@ def _scales(found: SmoothedMap) -> Iterator[str]:
     for name, factor in factors.items():
         if factor >= _LASTING:
             yield (
-                f"survey: {name} deviate by {factor:.1f} times the given sigma; weighted"
-                " accordingly"
+                f"survey: the {name} deviate by {factor:.1f} times the given sigma, and are"
+                " weighted accordingly"
             )
     if _is_longer(found):
         longer, sigma = _shared(found, LONGER)
         yield (
-            f"distances by odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
-            " tags: check the given tag size, or the scale of the odometry"
+            f"distances from odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than"
+            " from tags; check the given tag size, or the scale of the odometry"
         )
 
 
@@ -98,9 +98,9 @@ def _calibration(one: CalibrationError) -> str:
     """A sentence for the report."""
     focal, sigma = 100 * one.off[:2] / one.given[:2], 100 * one.sigma[:2] / one.given[:2]
     return (
-        f"calibration of {escaped(one.name)}: by the views, the focal length is {focal.mean():+.2f}"
-        f" +- {sigma.max():.2f} % off, the principal point {one.off[2]:+.1f} {one.off[3]:+.1f}"
-        f" +- {one.sigma[2:4].max():.1f} px"
+        f"calibration of {escaped(one.name)}: according to the views, the focal length is off by"
+        f" {focal.mean():+.2f} +- {sigma.max():.2f} %, the principal point by"
+        f" {one.off[2]:+.1f} {one.off[3]:+.1f} +- {one.sigma[2:4].max():.1f} px"
     )
 
 

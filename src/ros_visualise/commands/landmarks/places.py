@@ -95,7 +95,9 @@ def save_places(path: Path, log: PlaceLog, report: RunReport, overwrite: bool) -
     places, tracks = log.found()
     if not places:
         reasons = "; ".join(why) or "no landmarks were detected"
-        raise RosVisualiseError(f"{path}: not written: nothing placed on the Earth: {reasons}")
+        raise RosVisualiseError(
+            f"{path}: not written: no landmark has a geographic position: {reasons}"
+        )
     write_file(path, to_geography(path, places, tracks), overwrite)
     beside = f"; not placed: {', '.join(why)}" if why else ""
     return f"ros-visualise: {path}: {counted(len(places), 'place')}{beside}"

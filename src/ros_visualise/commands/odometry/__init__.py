@@ -59,7 +59,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     height: float | None = option(
         None,
-        "height of the camera above the ground, which gives the scale",
+        "height of the camera above the ground in metres, which gives the scale",
         type=positive,
         metavar="METRES",
     )
@@ -89,10 +89,10 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
         metavar="MS",
     )
     keep_drift: bool = option(
-        False, "do not correct the trajectory where the camera comes back to a known place"
+        False, "do not correct the trajectory when the camera returns to a known place"
     )
     corners: int = option(
-        300, "number of corners to follow (default: %(default)s)", type=int, metavar="N"
+        300, "number of corners to track (default: %(default)s)", type=int, metavar="N"
     )
 
 

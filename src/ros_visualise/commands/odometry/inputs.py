@@ -94,7 +94,9 @@ class _Folder(CameraInput):
     def __init__(self, folder: Path, options: OdometryOptions) -> None:
         super().__init__()
         if options.scale or options.imu or options.right not in (None, "none"):
-            raise UsageError(f"{folder}: pictures have no topics")
+            raise UsageError(
+                f"{folder}: a folder of pictures has no topics; omit --scale, --imu and --right"
+            )
         self._pictures = Pictures(folder, options.fps)
         first = next(image for _, image in self._pictures.read())
         self.size = (first.width, first.height)

@@ -59,7 +59,7 @@ class PlacesReport(NamedTuple):
         """The same, for people."""
         found = [
             f"closed:    {one.start_s:.1f} to {one.end_s:.1f} s,"
-            f" at places seen at {one.before_s:.1f} s"
+            f" at places first seen at {one.before_s:.1f} s"
             f" ({counted(one.closures, 'keyframe')}, {one.points} or more points each)"
             for one in self.returns
         ]
@@ -70,7 +70,7 @@ class PlacesReport(NamedTuple):
             (self.ambiguous, "similar to several places"),
         ):
             if count:
-                found.append(f"not closed: {count} ({why})")
+                found.append(f"rejected:  {counted(count, 'closure')} ({why})")
         return found
 
 

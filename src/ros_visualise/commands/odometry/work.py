@@ -35,7 +35,10 @@ from ros_visualise.vision.threads import fit_threads
 _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
-_CORRECTED = "covariances are unknown after loop closure; --keep-drift writes those of the odometry"
+_CORRECTED = (
+    "covariances are unknown after loop closure; with --keep-drift, poses stay uncorrected and"
+    " have covariances"
+)
 _LONGEST_MS = 200  # of a readout
 _WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height, --scale or --imu"
 
@@ -46,7 +49,7 @@ def find_trajectory(options: OdometryOptions) -> int:
     found = interruptible(lambda: open_input(options))
     settings, notes = _settings(options), []
     if options.imu and not found.infos:
-        raise UsageError(f"{options.input}: --imu needs a calibrated camera: give --calibration")
+        raise UsageError(f"{options.input}: --imu needs a calibrated camera; give --calibration")
     if not found.infos:
         notes.append(_estimate_focal_length(found, options))
         settings = replace(settings, is_guessed=True)
@@ -101,7 +104,7 @@ def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, in
         return "the scale could not be found; without --height or --scale, lengths have no unit"
     why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
     if why == TURNING and isinstance(odometry, VisualOdometry) and odometry.settings.is_guessed:
-        return f"{why}, or to move over flat ground; --calibration tells them apart"
+        return f"{why}, or to move over flat ground; give --calibration to distinguish the two"
     return why
 
 

@@ -24,8 +24,8 @@ class ComparisonOptions:
     )
     align: str = option(
         "none",
-        "move the trajectory onto the truth first: by the first poses (origin), by all "
-        "positions (se3), also with a scale (sim3) (default: %(default)s)",
+        "first align the trajectory with the truth: by the first poses (origin), by all"
+        " positions (se3), or also with a scale (sim3) (default: %(default)s)",
         choices=("none", "origin", "se3", "sim3"),
     )
     max_difference: float = option(
@@ -53,12 +53,12 @@ class TrajectoryOutputOptions:
         None, "draw the trajectories to this .png, .svg or .pdf", metavar="FILE"
     )
     width: float = option(
-        210, "width of the plot in mm: 88 for a column (default: %(default)s)", type=plot_width
+        210, "width of the plot in mm; 88 fits one column (default: %(default)s)", type=plot_width
     )
     label: Sequence[str] = option(
         [],
-        "name of a trajectory in the legend; repeat it for each one in their order, the ground"
-        " truth last",
+        "name of a trajectory in the legend; repeat the option for each trajectory, in order, with"
+        " the ground truth last",
     )
     title: str | None = option(None, "title of the plot; '' for none (default: name and length)")
     plane: str = option(
@@ -96,7 +96,7 @@ class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOption
 
 
 COMMAND = Command(
-    "draw poses, compare them with the truth (ATE, RPE), write them for evo",
+    "draw trajectories, compare them with the truth (ATE, RPE), or write them for evo",
     TrajectoryOptions,
     "ros_visualise.commands.trajectory.work:assess",
 )

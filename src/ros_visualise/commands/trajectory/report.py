@@ -70,7 +70,7 @@ def summary(found: Trajectory) -> list[str]:
             f"stamps:     {found.repeated} repeat the previous one; some programs reject such files"
         )
     if found.without_attitude:
-        lines.append(f"attitude:   {found.without_attitude} missing; written as no rotation")
+        lines.append(f"attitude:   {found.without_attitude} missing; written as identity rotations")
     return lines
 
 
@@ -98,7 +98,7 @@ def _how(compared: Comparison, truth: Trajectory) -> str:
     frames = compared.trajectory.path.header.frame_id, truth.path.header.frame_id
     if compared.align == "none":
         differ = all(frames) and frames[0] != frames[1]
-        how = f"not aligned{f', though the frames are {frames[0]} and {frames[1]}' * differ}"
+        how = f"not aligned{f', though the frames differ ({frames[0]}, {frames[1]})' * differ}"
     else:
         scale = f", scale {compared.alignment.s:.6f}" if compared.align == "sim3" else ""
         how = f"aligned by {compared.align}{scale}"

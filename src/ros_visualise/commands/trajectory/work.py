@@ -62,7 +62,7 @@ def _check(options: TrajectoryOptions) -> None:
     parse_delta(options.delta)
     if options.align != "none" and options.truth is None:
         raise UsageError(
-            f"--align {options.align}: needs the true trajectory: add --truth TOPIC|FILE"
+            f"--align {options.align}: needs the true trajectory; add --truth TOPIC|FILE"
         )
     beside = (parse_target(name)[1] for name in options.beside)
     count = max(1, len(options.topic)) + sum(max(1, len(topics)) for topics in beside)
