@@ -76,7 +76,7 @@ REFUSALS = [
     (["--odom", "/tf"], "choose two frames as /tf:PARENT.CHILD from base, camera, map, odom"),
     (["--odom", "/tf:map"], "write a pair of frames as /tf:PARENT.CHILD"),
     (["--odom", "/tf:map.mars"], "no frame 'mars'; known frames: base, camera, map, odom"),
-    (["--odom", "/tf:base.camera"], "camera does not move in base"),
+    (["--odom", "/tf:base.camera"], "camera does not move relative to base"),
     (["--odom", "/odom:map.base"], "no poses on /odom; choose from /tf"),
     (["--odom", "/tf:map.base", "--topics", "/odom"], "/tf is not played; add it to --topics"),
     (["--odom", "none", "--set", "path.tf_parent=map"], PAIR),
@@ -112,4 +112,4 @@ def test_transforms_without_frames_leave_nothing_to_choose(run, tmp_path):
         recorder.write("/tf", Transforms(()), STEP_NS)
     status, said = run("trajectory", path, tmp_path / "out.tum")
     assert status == 2
-    assert said == f"ros-visualise: {path}: no poses in it, and no readable transforms\n"
+    assert said == f"ros-visualise: {path}: contains neither poses nor readable transforms\n"

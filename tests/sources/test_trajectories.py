@@ -105,7 +105,7 @@ def test_fixes_on_the_plane_at_the_first_that_is_one():
 
     fixes = [fix(0.0, -1), fix(48.0), fix(48.001), fix(math.nan), fix(48.0, -1), fix(91.0)]
     found = read_trajectory(Memory(fix=fixes))
-    assert found.skipped == {"without a fix": 2, "no numbers": 2}
+    assert found.skipped == {"without a fix": 2, "not finite": 2}
     assert found.path.header.frame_id == "map"
     np.testing.assert_array_equal(found.path.quats_xyzw, [UPRIGHT] * 2)
     np.testing.assert_allclose(found.path.positions_xyz, [[0, 0, 0], [0, 111.2, 0]], atol=0.06)
@@ -115,7 +115,7 @@ def test_what_is_no_number_is_left_out_and_counted():
     wrong = [pose(math.nan, 1), pose(math.inf, 2), pose(1e300, 2), pose(0, 3, [0, 0, 0, math.nan])]
     found = read_trajectory(Memory(pose=[pose(5, 0), *wrong]))
     assert x_of(found) == [5]
-    assert found.skipped == {"no numbers": 4}
+    assert found.skipped == {"not finite": 4}
 
 
 def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
@@ -182,7 +182,7 @@ def test_what_cannot_be_chosen_is_said(topic, says):
 def test_nothing_to_choose_and_nothing_to_read_are_said():
     with pytest.raises(UsageError, match="no topic with poses"):
         read_trajectory(Memory())
-    with pytest.raises(RosVisualiseError, match="no poses on /pose: 2 no numbers"):
+    with pytest.raises(RosVisualiseError, match="no poses on /pose: 2 not finite"):
         read_trajectory(Memory(pose=[pose(math.nan, 0)] * 2))
 
 
@@ -216,7 +216,7 @@ def test_frames_that_are_not_there_are_said():
         UsageError, match=r"'nowhere'.*known frames: base, camera, map, odom, wheel"
     ):
         read_trajectory(Memory(**TF), "/tf:map.nowhere")
-    with pytest.raises(UsageError, match="camera does not move in base"):
+    with pytest.raises(UsageError, match="camera does not move relative to base"):
         read_trajectory(Memory(**TF), "/tf:base.camera")
     for topic in (None, "/tf"):
         with pytest.raises(UsageError, match=r"PARENT\.CHILD from base, camera, map, odom, wheel"):

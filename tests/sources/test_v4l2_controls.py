@@ -67,7 +67,7 @@ def test_what_decides_on_a_number_is_set_before_it(kernel: Kernel) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
-        ("exposure_time_absolute", 9, "=9: Permission denied; switch off its automatic mode"),
+        ("exposure_time_absolute", 9, "=9: Permission denied; first switch off the automatic mode"),
         ("gamma", 3, "/dev/null: no control 'gamma'"),
         ("reset", 1, "no control 'reset'"),
         ("privacy", True, "no control 'privacy'"),

@@ -34,7 +34,7 @@ def test_what_is_no_file_of_pictures(tmp_path):
     (tmp_path / "text.mbtiles").write_text("no database")
     for path, expected in (
         (tmp_path / "text.mbtiles", "not a readable MBTiles file"),
-        (make(tmp_path / "v.mbtiles", "pbf"), "tiles of format pbf; pictures are needed"),
+        (make(tmp_path / "v.mbtiles", "pbf"), "unsupported tile format pbf; use png"),
         (tmp_path / "none.mbtiles", "no such file"),
     ):
         with pytest.raises(OpenError, match=expected):

@@ -119,7 +119,7 @@ def test_tokens_are_made_anew_and_a_poor_one_is_refused(monkeypatch):
         with pytest.raises(UsageError, match=f"{variable}: give 16 to 200 letters"):
             access_rules("0.0.0.0")
         monkeypatch.setenv(variable, TOKEN)
-    with pytest.raises(UsageError, match="give two that differ"):
+    with pytest.raises(UsageError, match="give two different tokens"):
         access_rules("127.0.0.1")
 
 

@@ -183,7 +183,7 @@ def test_too_much_is_reported_and_the_rest_is_drawn(browse, hub, runtime):
     client.read_until(lambda: runtime.asked["/points"] == 1)
     hub.tree._max_bytes = 20_000
     runtime.say(odom=odometry([1, 0, 0]), points=cloud(np.ones((9000, 3)), "odom"))
-    line = "1 changes rejected: too much for the 3D view"
+    line = "1 changes rejected: the 3D view is full"
     client.read_until(lambda: line in client.state.get("notes", ()))
     assert any(line.startswith("/points: ") for line in client.state["notes"])
     assert [line.partition(": ")[0] for line in client.state["missing"]] == ["/points"]

@@ -179,7 +179,7 @@ def test_a_few_come_at_once(tmp_path, caplog):
         with taking(tmp_path) as here:
             begun = [here.begin(f"{number}.mp4", 1) for number in range(5)]
             await begun[4][1]
-            assert "4.mp4: wait until one of 4 uploads has ended" in caplog.text
+            assert "4.mp4: 4 uploads are running; wait until one has ended" in caplog.text
             for sender, taken in begun[:4]:
                 sender.send(b"x")
                 await taken

@@ -182,8 +182,16 @@ def test_compressed_depth_in_metres_is_read():
             "bgr8; compressedDepth png",
             "unsupported compressed",
         ),
-        (depth_file(file_of(".png", GRAY)), "16UC1; compressedDepth png", "no 16-bit gray picture"),
-        (depth_file(file_of(".png", BGR)), "32FC1; compressedDepth png", "no 16-bit gray picture"),
+        (
+            depth_file(file_of(".png", GRAY)),
+            "16UC1; compressedDepth png",
+            "is not a 16-bit gray image",
+        ),
+        (
+            depth_file(file_of(".png", BGR)),
+            "32FC1; compressedDepth png",
+            "is not a 16-bit gray image",
+        ),
         (np.zeros(12, np.uint8), "16UC1; compressedDepth png", "its 12 bytes are damaged"),
         (np.zeros(0, np.uint8), "16UC1; compressedDepth png", "its 0 bytes are damaged"),
         (np.zeros(40, np.uint8), "32FC1; compressedDepth png", "bytes are damaged"),

@@ -130,8 +130,8 @@ def test_a_fisheye_without_coefficients_is_still_one():
             [0.9],
             "unsupported distortion_model 'fov'; use one of plumb_bob, rational_polynomial, equi",
         ),
-        ("plumb_bob", [0.1, 0.2], "has 2 coefficients of plumb_bob, which has 0 or 4 or 5"),
-        ("equidistant", [0.1] * 5, "has 5 coefficients of equidistant, which has 4"),
+        ("plumb_bob", [0.1, 0.2], "has 2 coefficients of plumb_bob, which needs 0 or 4 or 5"),
+        ("equidistant", [0.1] * 5, "has 5 coefficients of equidistant, which needs 4"),
     ],
 )
 def test_what_nobody_can_undo_is_refused(model, D, expected):

@@ -190,7 +190,7 @@ def ask_for_pair(recording: Recording, topic: str) -> str:
                 tree.add(content(entry.message), False)
     frames = ", ".join(tree.frames())
     if not frames:
-        return f"{recording.path}: no poses in it, and no readable transforms"
+        return f"{recording.path}: contains neither poses nor readable transforms"
     return f"{recording.path}: choose two frames as {topic}:PARENT.CHILD from {frames}"
 
 
@@ -209,7 +209,7 @@ class _Reader:
         """Reason -> number of skipped messages."""
         counts = {
             "without a fix": self._locator.without_fix,
-            "no numbers": self._locator.refused,
+            "not finite": self._locator.refused,
             "damaged": self._damaged,
             **{f"transforms: {what}": n for what, n in self._wrong_transforms.items()},
         }
@@ -302,4 +302,4 @@ def _check_motion(recording: Recording, pair: NamedPair, tree: FrameTree) -> Non
     except NoTransform as error:
         raise UsageError(f"{recording.path}: {error}; choose among these") from None
     if newest_ns is None:
-        raise UsageError(f"{recording.path}: {pair.child} does not move in {pair.parent}")
+        raise UsageError(f"{recording.path}: {pair.child} does not move relative to {pair.parent}")

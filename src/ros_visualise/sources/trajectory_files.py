@@ -96,7 +96,7 @@ def _lines(text: str) -> Iterator[tuple[int, list[str], bool]]:
 def _tum(words: list[str]) -> tuple[int, Floats]:
     seconds = Decimal(words[0])
     if not abs(seconds) < _MOST_S:
-        raise ValueError("no time")
+        raise ValueError("invalid time")
     return int(seconds.scaleb(9).to_integral_value()), _finite(words[1:])
 
 
@@ -105,7 +105,7 @@ def _euroc(words: list[str]) -> tuple[int, Floats]:
     is_seconds = "." in words[0] and time < _LATEST_S
     stamp_ns = int((time.scaleb(9) if is_seconds else time).to_integral_value())
     if not abs(stamp_ns) < 2**63 or abs(np.linalg.norm(row[3:]) - 1) > _NEAR:
-        raise ValueError("no time or no rotation")
+        raise ValueError("invalid time or rotation")
     return stamp_ns, row
 
 
@@ -113,12 +113,12 @@ def _kitti(words: list[str]) -> tuple[int, Floats]:
     upper = _finite(words).reshape(3, 4)
     R = upper[:, :3]
     if abs(R @ R.T - np.eye(3)).max() > _NEAR or np.linalg.det(R) < 0:
-        raise ValueError("no rotation")
+        raise ValueError("invalid rotation")
     return 0, np.concatenate([upper[:, 3], rotations.from_matrix(R)])
 
 
 def _finite(words: list[str]) -> Floats:
     numbers = np.array(words, np.float64)
     if not np.isfinite(numbers).all():
-        raise ValueError("no numbers")
+        raise ValueError("a value is not finite")
     return numbers

@@ -152,7 +152,7 @@ def _set(file: int, control: Control, name: str, value: Value) -> str:
     try:
         fcntl.ioctl(file, S_CTRL, bytearray(_VALUE.pack(control.id, number)))
     except OSError as error:
-        hint = "switch off its automatic mode first, such as auto_exposure"
+        hint = "first switch off the automatic mode, such as auto_exposure"
         return f"{name}={shown}: {error.strerror}; {hint}"
     return ""
 

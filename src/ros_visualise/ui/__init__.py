@@ -115,10 +115,10 @@ def read_arrangement(path: Path) -> Arrangement:
     Raises:
         OpenError: it cannot be read, or has another form.
     """
-    found = open_yaml(path, "give a file that 'Save layout' wrote") or {}
+    found = open_yaml(path, "give a file written by 'Save layout'") or {}
     is_one = isinstance(found, dict) and all(isinstance(name, str) for name in found)
     if not is_one or not all(isinstance(value, Value) for value in found.values()):
-        raise OpenError(f"{path}: must hold lines SETTING: VALUE, such as windows/path: false")
+        raise OpenError(f"{path}: must contain lines SETTING: VALUE, such as windows/path: false")
     return dict(found)
 
 

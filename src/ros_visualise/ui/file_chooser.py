@@ -75,7 +75,7 @@ class FileChooser:
         if not _STREAM.fullmatch(text):
             self.ask(self.files().get(text, Path(text)), adds)
         elif adds:
-            raise UsageError(f"{text}: only recordings and films can be added")
+            raise UsageError(f"{text}: only recordings and videos can be added")
         else:
             self._ask(text)
 

@@ -42,12 +42,12 @@ def check_windows() -> None:
     )
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
-            "this OpenCV lacks windows: pip uninstall opencv-python-headless, then pip "
-            "install '.[desktop]'; or use the page (view web)"
+            "this build of OpenCV has no windows; run: pip uninstall opencv-python-headless, then "
+            "pip install '.[desktop]'; or use the page (view web)"
         )
     if trial.returncode:
         raise OpenError(
-            f"{_what_is_wrong(trial.stderr)}; use the page (view web), or ssh -X from "
+            f"{_what_is_wrong(trial.stderr)}; use the page (view web), or connect with ssh -X from "
             "another machine"
         )
 
@@ -58,7 +58,7 @@ def _what_is_wrong(errors: str) -> str:
         return "no display: DISPLAY is not set"
     if "connect to display" in errors or "open display" in errors:
         return f"no display: DISPLAY={display} cannot be opened"
-    return "OpenCV's windows do not start: on Debian, apt-get install libgl1 libglib2.0-0 libsm6"
+    return "OpenCV cannot open windows; on Debian, apt-get install libgl1 libglib2.0-0 libsm6"
 
 
 def screen_size() -> tuple[int, int]:
@@ -145,7 +145,7 @@ def parse_place(text: str) -> tuple[int, int]:
     number, slash, of = (text or "1/1").partition("/")
     if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
         raise UsageError(
-            f"window={text}: give the position of a window, such as 2/4: the second of four"
+            f"window={text}: give the position of a window, such as 2/4 for the second of four"
         )
     return int(number), int(of)
 

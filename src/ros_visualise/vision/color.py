@@ -85,7 +85,7 @@ def refuse_measurements(encoding: str) -> None:
     """
     if encoding in MEASUREMENTS:
         raise UnsupportedImage(
-            f"{encoding} holds measurements, not gray or colour values: show the topic itself"
+            f"{encoding} holds measurements, not gray or colour values; show this topic directly"
         )
 
 

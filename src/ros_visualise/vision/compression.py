@@ -92,7 +92,7 @@ def _decompress_depth(compressed: CompressedImage, encoding: str, how: str) -> I
         raise ValueError(_broken(compressed.format, compressed.data.size))
     values = _decode(compressed.data[_DEPTH_HEADER.size :], compressed.format)
     if not _is_gray_16(values):
-        raise ValueError(f"compressed depth {compressed.format!r} holds no 16-bit gray picture")
+        raise ValueError(f"compressed depth {compressed.format!r} is not a 16-bit gray image")
     if encoding == _DEPTH:
         return Image(values, _DEPTH, compressed.header)
     _, a, b = _DEPTH_HEADER.unpack_from(compressed.data.tobytes()[: _DEPTH_HEADER.size])

@@ -136,7 +136,7 @@ def distortion_of(info: CameraInfo) -> tuple[bool, Floats]:
     if len(info.D) not in allowed:
         counts = " or ".join(map(str, allowed))
         raise UnsupportedImage(
-            f"the calibration has {len(info.D)} coefficients of {name}, which has {counts}"
+            f"the calibration has {len(info.D)} coefficients of {name}, which needs {counts}"
         )
     return name == "equidistant", info.D
 

@@ -189,7 +189,7 @@ def test_what_is_not_ros_is_left_out_and_what_is_not_understood_named(tmp_path: 
         "/json": "json: only ROS messages are read",
         "/nameless": "cdr: it has no schema",
         "/broken": "my_msgs/msg/Broken: its definition cannot be read",
-        "/partial": "my_msgs/msg/Partial: made of my_msgs/msg/Part, an unknown type",
+        "/partial": "my_msgs/msg/Partial: has a field of the unknown type my_msgs/msg/Part",
     }
     assert [info.messages for info in recording.topics.values()] == [1] * 6
     recording.close()

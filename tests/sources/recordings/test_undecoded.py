@@ -15,7 +15,7 @@ from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.schemas import Schemas
 
 UNREADABLE = {
-    "wstring words": r"my_msgs/msg/A: wide strings \(wstring\) cannot be read",
+    "wstring words": r"my_msgs/msg/A: wide strings \(wstring\) are not supported",
     "!! no definition": "my_msgs/msg/A: its definition cannot be read",
     "": "my_msgs/msg/A: unknown type",
 }

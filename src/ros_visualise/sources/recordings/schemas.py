@@ -85,7 +85,7 @@ class Schemas:
     def _define(self, encoding: Encoding, type_name: str, text: str, is_idl: bool) -> Definitions:
         self._text_left -= len(text)
         if self._text_left < 0:
-            raise DamagedMessage(f"{type_name}: too many definitions before it")
+            raise DamagedMessage(f"{type_name}: skipped; the recording has too many definitions")
         spaces = self._spaces.setdefault(encoding, [(Definitions(encoding), {})])
         if not text.strip() and spaces[0][0].knows(type_name):
             text = spaces[0][0].text(type_name)
@@ -109,9 +109,9 @@ class Schemas:
         fields = (field for _, fields in types.values() for field in fields)
         unknown = [name for name in sorted(parts_of(fields)) if not definitions.knows(name)]
         if any(name.endswith("/wstring") for name in unknown):
-            raise DamagedMessage(f"{type_name}: wide strings (wstring) cannot be read")
+            raise DamagedMessage(f"{type_name}: wide strings (wstring) are not supported")
         if unknown:
-            raise DamagedMessage(f"{type_name}: made of {unknown[0]}, an unknown type")
+            raise DamagedMessage(f"{type_name}: has a field of the unknown type {unknown[0]}")
         return definitions
 
 

@@ -258,7 +258,9 @@ class Connection:
         self._dialect.notes = []
         late = self._dialect.channels.keys() - self.channels.keys()
         if self.channels and late:
-            self._report(f"new topics, not shown: {', '.join(sorted(late)[:3])}; open it again")
+            self._report(
+                f"new topics, not shown: {', '.join(sorted(late)[:3])}; reopen to show them"
+            )
 
     def _report(self, text: str) -> None:
         """Log a text, once, whatever numbers it has."""
@@ -271,7 +273,7 @@ class Connection:
         sent = error.sent if isinstance(error, ConnectionClosed) else None
         if sent is not None and sent.code == 1009:
             limit = sized(unpacked_limit(0))
-            return f"sent more than {limit} at once; if you trust it, add a larger --max-memory"
+            return f"sent more than {limit} at once; if you trust it, raise --max-memory"
         return "the connection was lost"
 
 

@@ -79,7 +79,7 @@ def server_source(connection: Connection, topics: Collection[str] = ()) -> Sourc
         ServerParams,
         {topic: kind.data_class for topic, kind in types.items()},
         live=True,
-        doc="Messages of a server.",
+        doc="Messages from a server.",
         latched=frozenset(topic for topic, kind in types.items() if kind.qos.transient_local),
         ros=types,
         publishes=True,

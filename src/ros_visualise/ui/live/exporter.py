@@ -60,7 +60,7 @@ class PageExporter:
         path = inside(self._folder, name or f"part-{datetime.now():%Y%m%d-%H%M%S}.mcap")
         recording = open_played(self._runtime)
         if recording is None:
-            raise UsageError("only recordings and films can be exported; record this instead")
+            raise UsageError("only recordings and videos can be exported; use Record instead")
         begin_s, end_s = span_s
         start_ns = recorded_ns(self._runtime, begin_s)
         stop_ns = None if end_s is None else recorded_ns(self._runtime, end_s) + 1

@@ -149,7 +149,7 @@ class Page:
         try:
             return Marks(current if isinstance(current, Path) else None)
         except RosVisualiseError as error:
-            log.warning("%s; marks set now are not kept", error)
+            log.warning("%s; new marks will not be saved", error)
             return Marks()
 
     async def _answer(self, query: BrowserQuery, is_viewer: bool) -> Answer | None:

@@ -158,9 +158,7 @@ class PageServer:
         if path in self._hubs:
             await self._hubs[path].serve(scope, receive, send)
             return
-        hint = (
-            f"Foxglove connects to ws:// and the printed address with {FoxgloveHub.path} at its end"
-        )
+        hint = f"for Foxglove, put ws:// before the printed address and {FoxgloveHub.path} after it"
         if not set(SUBPROTOCOLS).isdisjoint(scope["subprotocols"]):
             self._gate.report_once(f"page: {hint}")  # viewers do not show the answer
         raise Refusal(f"no WebSocket at this address; {hint}", 404)
@@ -168,7 +166,7 @@ class PageServer:
     async def _ask(self, query: BrowserQuery, scope: Scope, visit: Visit) -> Answer | None:
         own = [value for key, value in scope["headers"] if key == HEADER.lower().encode()]
         if "ask" in query and own != [b"1"]:
-            raise Refusal("only pages of this server may send queries", 403)
+            raise Refusal("only pages from this server may send queries", 403)
         return await self._answer(query, visit.is_viewer)
 
     async def _upload(

@@ -22,7 +22,7 @@ export default {
         <div v-for="[topic, counts] in rows" :key="topic" class="rv-tick-row" :title="topic">
           <span>{{ topic }}</span><canvas :ref="(canvas) => canvas && drawRow(canvas, counts)"></canvas></div>
       </div>
-      <div v-for="one in sources" :key="one.name" class="rv-source" :title="one.title + (one.aligned ? ', aligned by its timestamps' : ', starts together with the others')">
+      <div v-for="one in sources" :key="one.name" class="rv-source" :title="one.title + (one.aligned ? ', aligned by timestamps' : ', starts together with the first source')">
         <span class="rv-span" :class="{ 'rv-held': one.isHeld }" :style="{ left: place(one.begin), right: rest(one.end) }" @pointerdown="hold($event, one)">{{ one.title }}</span>
         <label>offset<input type="number" step="0.01" :value="one.offset" :disabled="readOnly" :aria-label="'Offset of ' + one.title + ', seconds'"
           @keydown.stop @change="move(one, Number($event.target.value))">s</label>
@@ -47,14 +47,14 @@ export default {
           title="Back to live (End)" @mousedown.prevent @click="act({ live: 1 })" />
       </div>
       <div v-if="!state.live" class="rv-controls">
-        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed, from slow motion to fast (< and >)"
+        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< is slower, > is faster)"
           @change="act({ rate: Number($event.target.value) }); $event.target.blur()">
           <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
-          :aria-pressed="String(!!state.loop)" title="Repeat: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+          :aria-pressed="String(!!state.loop)" title="Loop: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
         <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
-          title="Set a mark, a bookmark in time (M); a right click on a mark renames or removes it" @mousedown.prevent @click="mark" />
+          title="Set a mark, that is, a bookmark in time (M); right-click a mark to rename or remove it" @mousedown.prevent @click="mark" />
         <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
           :aria-pressed="String(!!rows.length)" title="Messages of each topic over time" @mousedown.prevent @click="toggleTicks" />
         <select v-if="(state.topics ?? []).length > 1" :value="state.topic" :disabled="readOnly" aria-label="Step by" class="rv-topic"

@@ -148,7 +148,7 @@ def _choose_tokens(environment: Mapping[str, str]) -> tuple[str, str]:
     token = _choose_token(environment, _TOKEN_VARIABLE)
     view_token = _choose_token(environment, _VIEW_TOKEN_VARIABLE)
     if token == view_token:
-        raise UsageError(f"{_TOKEN_VARIABLE}, {_VIEW_TOKEN_VARIABLE}: give two that differ")
+        raise UsageError(f"{_TOKEN_VARIABLE}, {_VIEW_TOKEN_VARIABLE}: give two different tokens")
     return token, view_token
 
 

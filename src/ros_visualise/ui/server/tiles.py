@@ -43,9 +43,7 @@ class TileFile:
             raise OpenError(f"{path}: not a readable MBTiles file: {error}") from None
         kind = str(rows.get("format", "png"))
         if kind not in _TYPES:
-            raise OpenError(
-                f"{path}: tiles of format {kind}; pictures are needed: png, jpg or webp"
-            )
+            raise OpenError(f"{path}: unsupported tile format {kind}; use png, jpg or webp")
         self._type = _TYPES[kind]
 
     def answer(self, name: str) -> Answer:

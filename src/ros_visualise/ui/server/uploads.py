@@ -86,7 +86,7 @@ class Uploads:
         if any(one.path == path for one in self._incoming):
             raise UsageError(f"{path.name}: already being uploaded; choose another name")
         if len(self._incoming) >= _MOST:
-            raise UsageError(f"{path.name}: wait until one of {_MOST} uploads has ended")
+            raise UsageError(f"{path.name}: {_MOST} uploads are running; wait until one has ended")
         self._require_room(path.name, size)
         return UploadedFile(path, size)
 

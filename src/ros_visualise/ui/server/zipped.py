@@ -69,5 +69,5 @@ class ZippedFolder:
             file.seek(within)
             found = file.read(count)
         if len(found) < count:
-            raise OSError(f"{part}: shortened while it was sent")
+            raise OSError(f"{part}: became shorter while it was being sent")
         return found

@@ -94,7 +94,7 @@ class ShownScene:
     def _send(self, topic: str, place: Floats, fixed: str) -> None:
         """Send the robot there, to face in its direction of travel."""
         if topic not in self.goals:
-            raise UsageError("no such topic for goals")
+            raise UsageError("this topic does not accept goals")
         start = self.scene.robot_xyz
         ahead = np.zeros(3) if start is None else place - start
         half = np.arctan2(ahead[1], ahead[0]) / 2
@@ -122,7 +122,7 @@ class ShownScene:
         has_transforms, kinds = bool(frames.tree.frames()), topics_of(self._graph)
         lines = notes(frames.fixed, scene.topic_frames, scene.problems, has_transforms)
         if self._tree.refused:
-            lines.append(f"{self._tree.refused} changes rejected: too much for the 3D view")
+            lines.append(f"{self._tree.refused} changes rejected: the 3D view is full")
         return {
             "has": scene.view.shown,
             "fixed": frames.fixed,

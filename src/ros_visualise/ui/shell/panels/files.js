@@ -6,13 +6,13 @@ export default {
     <div class="rv-files">
       <section v-if="all.opens" aria-label="Open">
         <h3>Open</h3>
-        <select :disabled="readOnly" aria-label="Source" title="Videos and recordings beside the current one, and uploads" @change="open">
+        <select :disabled="readOnly" aria-label="Source" title="Uploads, and videos and recordings in the current folder" @change="open">
           <option value="">Choose a file</option>
           <option v-for="name in all.files" :key="name">{{ name }}</option>
         </select>
-        <label v-if="isAddable" class="rv-check"><input v-model="adds" type="checkbox" :disabled="readOnly">Add to what is played, on the same timeline</label>
+        <label v-if="isAddable" class="rv-check"><input v-model="adds" type="checkbox" :disabled="readOnly">Add to the current timeline</label>
         <label class="rv-field">Address<input :disabled="readOnly" placeholder="ws://…, rtsp://…, /dev/video0 or test" @keydown.enter="address"
-          title="URL of a stream, device of a camera, or test for a test pattern; Enter opens it"></label>
+          title="URL of a stream, camera device, or 'test' for a test pattern; press Enter to open it"></label>
         <p v-if="all.recent.length > 1" class="rv-note">Recent:
           <template v-for="path in all.recent.slice(1)" :key="path"><button class="rv-link" :title="path" :disabled="readOnly"
             @click="openIt(path)">{{ base(path) }}</button> </template></p>
@@ -22,8 +22,8 @@ export default {
       </section>
       <section aria-label="Record">
         <h3>Record</h3>
-        <label class="rv-field">File<input v-model="name" :placeholder="'record-….mcap'" :disabled="readOnly" title="Such as run.mcap or edges.mp4; empty: an automatic name"></label>
-        <label class="rv-field">Split<input v-model="split" :disabled="readOnly" title="Size or duration of a file: 1G or 10m; empty: one file"></label>
+        <label class="rv-field">File<input v-model="name" :placeholder="'record-….mcap'" :disabled="readOnly" title="Name such as run.mcap or edges.mp4; leave empty for an automatic name"></label>
+        <label class="rv-field">Split<input v-model="split" :disabled="readOnly" title="Size or duration of each file, such as 1G or 10m; leave empty for a single file"></label>
         <details>
           <summary>Topics to record ({{ chosen.length }} of {{ all.topics.length }})</summary>
           <button class="rv-link" :disabled="readOnly" @click="off = []; more = all.topics.map(([name]) => name)">All</button>
@@ -38,13 +38,13 @@ export default {
       </section>
       <section v-if="!clock.live && clock.duration != null" aria-label="Playback range">
         <h3>Playback range</h3>
-        <label class="rv-field">Start<input :value="clock.part?.[0] ?? 0" inputmode="decimal" :disabled="readOnly" title="Start, seconds; the [ key sets it" @change="range('begin_at', $event)"></label>
-        <label class="rv-field">End<input :value="clock.part?.[1] ?? 0" inputmode="decimal" :disabled="readOnly" title="End, seconds (0 = end of recording); the ] key sets it" @change="range('end_at', $event)"></label>
+        <label class="rv-field">Start<input :value="clock.part?.[0] ?? 0" inputmode="decimal" :disabled="readOnly" title="Start, seconds; press [ to set it" @change="range('begin_at', $event)"></label>
+        <label class="rv-field">End<input :value="clock.part?.[1] ?? 0" inputmode="decimal" :disabled="readOnly" title="End, seconds (0 = end of recording); press ] to set it" @change="range('end_at', $event)"></label>
         <span class="rv-actions">
           <q-btn v-for="[label, action] in ends" :key="action" outline dense no-caps size="sm" :label="label" :disable="readOnly" @click="act({ [action]: 1 })" />
         </span>
         <template v-if="all.exportable.length">
-          <label class="rv-field">File<input v-model="part" placeholder="part-….mcap" :disabled="readOnly" title="New file with this range: .mcap, .bag, .mp4 or .csv; leave it empty for a new .mcap"></label>
+          <label class="rv-field">File<input v-model="part" placeholder="part-….mcap" :disabled="readOnly" title="New file with this range: .mcap, .bag, .mp4 or .csv; leave empty for a new .mcap"></label>
           <details>
             <summary>Topics to export ({{ parts.length || "all" }})</summary>
             <label v-for="topic in all.exportable" :key="topic" class="rv-check"><input v-model="parts" type="checkbox" :value="topic" :disabled="readOnly">{{ topic }}</label>

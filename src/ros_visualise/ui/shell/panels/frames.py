@@ -12,7 +12,7 @@ class FramesPicture(Panel, component="picture.js"):
     """A picture of frames below their parents, with rates and ages."""
 
     title, icon = "Frames", "lan"
-    help = "Tree of coordinate frames, tf"
+    help = "Tree of coordinate frames (tf)"
 
     def __init__(self, state: Mapping[str, Any], read_only: bool) -> None:
         super().__init__(state, read_only)

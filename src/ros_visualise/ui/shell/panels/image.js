@@ -13,7 +13,7 @@ export default {
   template: `
     <div class="rv-image" @dragover.prevent @drop.prevent="drop">
       <div class="rv-image-bar" role="toolbar" aria-label="Image">
-        <select :value="topic" aria-label="Topic" title="Topic; drop others here to compare" @change="choose($event.target.value)">
+        <select :value="topic" aria-label="Topic" title="Topic; drop other topics here to compare them" @change="choose($event.target.value)">
           <option v-if="!topic" value="">No image topic</option>
           <option v-for="one in offered" :key="one" :value="one">{{ one }}</option>
         </select>
@@ -32,14 +32,14 @@ export default {
             <label v-if="clouds.length">Point cloud <select v-model="cloud" aria-label="Point cloud" title="Points over the image, coloured by distance">
               <option value="">None</option><option v-for="one in clouds" :key="one">{{ one }}</option></select></label>
             <label v-if="hasBoxes" title="Outlines of detected objects"><input v-model="boxes" type="checkbox"> Detections</label>
-            <label title="Stretch the contrast to the values that occur"><input v-model="stretch" type="checkbox"> Stretch contrast</label>
+            <label title="Stretch the contrast to the range of values in the image"><input v-model="stretch" type="checkbox"> Stretch contrast</label>
           </div></q-menu>
         </button>
       </div>
       <div class="rv-image-room">
         <canvas ref="picture" role="img" :aria-label="shown.join(', ')"></canvas>
         <canvas ref="over" class="rv-image-over" tabindex="0" :class="{ 'rv-picks': picks }" :aria-label="'View of ' + topic"
-          title="Wheel or +, -: zoom; drag or arrows: move; double click or 0: fit; 1: one to one"></canvas>
+          title="Zoom: wheel, + and -; move: drag or arrow keys; fit: double click or 0; one to one: 1"></canvas>
         <p v-if="note" class="rv-image-note">{{ note }}</p>
       </div>
       <div v-if="aside" class="rv-image-values">
@@ -76,7 +76,7 @@ export default {
         { label: "Freeze", title: "Keep showing this image", icon: "ac_unit", on: this.held, act: () => (this.held = !this.held) },
         { label: "Line profile", title: "Draw a line to plot the values along it (or drag with Shift)", icon: "show_chart", on: this.isDrawing, act: this.drawLine },
         { label: "Histogram", title: "Histogram of the values", icon: "bar_chart", on: this.aside, act: () => (this.aside = !this.aside) },
-        { label: "Save PNG", title: "Save the image with all 8 or 16 bits", icon: "download", act: this.save },
+        { label: "Save PNG", title: "Save the image at its full depth of 8 or 16 bits", icon: "download", act: this.save },
         { label: "Full screen", title: "Full screen", icon: "fullscreen", act: () => (document.fullscreenElement ? document.exitFullscreen() : this.$el.requestFullscreen()) },
       ];
     },
@@ -233,7 +233,7 @@ export default {
       const { width, height, encoding, stamp } = first;
       const other = this.known.get(this.keys[1]);
       const apart = first.apart ?? (other ? Number(BigInt(other.stamp) - BigInt(stamp)) / 1e6 : 0);
-      const later = apart ? `; the other ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
+      const later = apart ? `; the other image is ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
       this.stamp = stamp;
       this.facts = `${width} × ${height} ${encoding}, ${timeOf(stamp)}${later}${first.preview ? "; preview" : ""}`;
     },

@@ -22,7 +22,7 @@ export default {
       <div class="rv-tools">
         <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole track" @click="fit" />
         <span v-for="(topic, i) in [...topics, ...placed]" :key="topic" :style="{ color: color(i) }">● {{ topic }}</span>
-        <input v-model.lazy="tiles" type="url" aria-label="Address of tiles" title="Address of map tiles with {z}, {x} and {y}; they are fetched from there"
+        <input v-model.lazy="tiles" type="url" aria-label="Address of map tiles" title="Address with {z}, {x} and {y}, from which map tiles are fetched"
           placeholder="Tiles: https://…/{z}/{x}/{y}.png" @change="lay">
       </div>
       <p v-if="!topics.length && !placed.length" class="rv-map-note">No topics with satellite positions (NavSatFix) or GeoJSON</p>
@@ -136,7 +136,7 @@ export default {
         }
         this.reason = "";
       } catch (error) {
-        this.reason = `${topic}: no GeoJSON that can be drawn`;
+        this.reason = `${topic}: not valid GeoJSON`;
       }
       return group;
     },

@@ -15,7 +15,7 @@ class Map(Panel, component="map.js"):
     """Positions over a grid in metres, or over tiles of a server that the user names."""
 
     title, icon = "Map", "map"
-    help = "GPS or satellite positions and tracks from above"
+    help = "Satellite (GPS) positions and tracks on a map"
 
     def __init__(self, state: Mapping[str, Any], read_only: bool) -> None:
         super().__init__(state, read_only)

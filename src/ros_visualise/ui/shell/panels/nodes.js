@@ -9,7 +9,7 @@ function written(value) {
 
 const Param = {
   template: `
-    <div class="rv-param" tabindex="-1" :data-name="node + '/' + param.name" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (currently without effect)' : '')">
+    <div class="rv-param" tabindex="-1" :data-name="node + '/' + param.name" :class="{ 'rv-unused': unused }" :title="param.help + (unused ? ' (currently has no effect)' : '')">
       <label :for="id">{{ param.label }}</label>
       <span class="rv-input">
         <q-toggle v-if="param.kind === 'bool'" dense :model-value="value" :disable="locked" :aria-label="param.label" @update:model-value="set" />
@@ -91,10 +91,10 @@ export default {
         </select>
       </div>
       <p v-if="only" class="rv-note">Only {{ only.join(", ") }} <button @click="show(null)">Show all</button></p>
-      <p v-if="!shown.length" class="rv-note">{{ words ? "No parameter matches." : "No node with parameters." }}</p>
+      <p v-if="!shown.length" class="rv-note">{{ words ? "No parameter matches." : "No node has parameters." }}</p>
       <details v-for="node in shown" :key="node.node" :open="isOpen(node.node)" @toggle="toggled(node.node, $event)">
         <summary :title="node.help">{{ node.node }}
-          <button v-if="!readOnly && isChanged(node)" class="rv-reset" :title="'Reset all of ' + node.node" :aria-label="'Reset ' + node.node" @click.prevent="store.reset(node.node)">↺</button>
+          <button v-if="!readOnly && isChanged(node)" class="rv-reset" :title="'Reset all parameters of ' + node.node" :aria-label="'Reset ' + node.node" @click.prevent="store.reset(node.node)">↺</button>
         </summary>
         <template v-if="isOpen(node.node)">
           <template v-for="group in node.groups" :key="group.name">

@@ -68,7 +68,7 @@ export default {
             <q-item v-for="(act, kind) in savers" :key="kind" clickable @click="act"><q-item-section>{{ kind }}</q-item-section></q-item>
           </q-list></q-menu>
         </q-btn>
-        <select v-if="isLive" v-model.number="last" aria-label="Shown time" title="Shown time" @change="keep(), request()">
+        <select v-if="isLive" v-model.number="last" aria-label="Time range" title="Time range" @change="keep(), request()">
           <option :value="0">All</option><option v-for="one in lasts" :key="one" :value="one">Last {{ one }} s</option>
         </select>
         <q-circular-progress v-if="share < 1" :value="100 * share" size="18px" :title="'Reading the recording: ' + Math.round(100 * share) + ' %'" />

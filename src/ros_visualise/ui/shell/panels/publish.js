@@ -31,7 +31,7 @@ export default {
           <q-btn outline dense no-caps label="Publish once" :disable="!ready" @click="publish(0)" />
           <q-btn outline dense no-caps :label="isOn ? 'Stop' : 'Repeat'" :color="isOn ? 'negative' : undefined" :disable="!ready && !isOn" @click="isOn ? stop() : publish(rate)" />
           <label class="rv-rate">at <input type="number" min="0.1" max="50" step="any" v-model.number="rate" aria-label="Rate in Hz"> Hz</label>
-          <q-btn flat dense no-caps label="Clear" title="Default values" @click="clear" />
+          <q-btn flat dense no-caps label="Clear" title="Reset to default values" @click="clear" />
         </div>
         <p class="rv-problem" role="alert">{{ problem }}</p>
         <p class="rv-note" role="status">{{ count ? count + (count === 1 ? " message" : " messages") + " published" : "" }}</p>

@@ -16,7 +16,7 @@ export default {
     <div class="rv-space3d">
       <div ref="room" class="rv-space-room">
         <canvas ref="canvas" tabindex="0" role="img" :aria-label="'3D view. ' + words" v-show="!problem"
-          title="Drag to turn, right button or two fingers to move, wheel to zoom; arrow keys, + and -, T from above, Home resets"></canvas>
+          title="Drag to rotate; drag with the right button or two fingers to move; wheel to zoom. Keys: arrows, + and -, T (top view), Home (reset)"></canvas>
         <p v-if="problem" class="rv-space-problem" role="alert">{{ problem }}</p>
         <p v-else-if="isKnown && !shown.has" class="rv-space-problem">Nothing to draw in 3D: this graph has no point clouds, poses, paths, maps or markers.</p>
       </div>
@@ -112,14 +112,14 @@ export default {
         });
       } catch (error) {
         console.info(`no 3D: ${error}`);
-        this.problem = "3D needs WebGL, which this browser lacks or has switched off. Everything else works.";
+        this.problem = "3D needs WebGL, which this browser does not support or has switched off. Everything else works.";
         return;
       }
       this.view.setFollow(this.follow);
       const { view } = this.state ?? {};
       if (Array.isArray(view) && view.length === 6 && view.every(Number.isFinite)) this.view.view = view;
       const canvas = this.$refs.canvas;
-      canvas.addEventListener("webglcontextlost", () => (this.problem = "The graphics driver stopped; reload the page to see 3D again."));
+      canvas.addEventListener("webglcontextlost", () => (this.problem = "The graphics driver stopped; reload the page to restore the 3D view."));
       this.sized = new ResizeObserver(([{ contentRect: { width, height } }]) => this.view.resize(width, height));
       this.sized.observe(this.$refs.room);
       const paint = () => {

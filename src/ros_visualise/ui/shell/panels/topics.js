@@ -7,10 +7,10 @@ const MORE = 5; // lines beyond the edges
 const KEPT = 60; // figures, of one second each
 const COLUMNS = [
   { name: "Topic", hint: "", at: 0 },
-  { name: "Hz", hint: "By the message stamps", at: 2 },
+  { name: "Hz", hint: "Rate according to the message stamps", at: 2 },
   { name: "Target", hint: "Requested rate, Hz", at: 4 },
-  { name: "Dropped", hint: "Messages lost; those that a node was set to skip do not count", at: 5 },
-  { name: "ms", hint: "Median latency from the source until this node is done", at: 7 },
+  { name: "Dropped", hint: "Messages lost, not counting those that a node is set to skip", at: 5 },
+  { name: "ms", hint: "Median latency from the source to the end of this node's processing", at: 7 },
 ];
 
 export default {
