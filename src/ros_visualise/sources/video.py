@@ -92,7 +92,7 @@ class Video:
         self._open()
         first = next(Decoder(self._container, self._stream).frames(), None)
         if first is None:
-            raise OpenError(f"{path}: no frame of its video can be decoded; convert it again")
+            raise OpenError(f"{path}: no video frame can be decoded; convert the file again")
         self._origin = first.pts
         self.info = _info(self._container, self._stream, first, size)
 

@@ -23,7 +23,7 @@ _APPEARANCE: Mapping[str, tuple[str, tuple[float, float, float] | None, str]] = 
     "names": ("Frame names", None, "Frames close to each other share a label"),
     "axes_size": ("Axes size", (0.1, 5.0, 0.1), _SIZED),
     "point_size": ("Point size", (0.01, 0.5, 0.01), _SIZED),
-    "max_points": ("Max points", (5000, 500_000, 5000), "Points drawn per cloud"),
+    "max_points": ("Max points", (5000, 500_000, 5000), "Maximum number of points drawn per cloud"),
     "covariances": ("Covariances", None, "Ellipsoids of two standard deviations"),
 }
 """Field of an `Appearance` -> its label, its range with a step, and a line of help."""
@@ -135,7 +135,7 @@ class SceneControls:
             scene.frames.chosen or _AUTO,
             lambda name: scene.set_fixed(None if name == _AUTO else name),
             (_AUTO, *scene.frames.names),
-            hint="Frame that everything is drawn in",
+            hint="Frame in which everything is drawn",
         )
         for name, (label, limits, hint) in _APPEARANCE.items():
             value = getattr(scene.appearance, name)

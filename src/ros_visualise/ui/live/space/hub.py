@@ -232,7 +232,7 @@ def _numbers(values: Any) -> View:
     """
     numbers = x, y, z, *at = tuple(map(float, values))
     if len(at) != 3 or not all(abs(one) < _FARTHEST_M for one in numbers):  # NaN is not
-        raise ValueError("six numbers, in metres")
+        raise ValueError("needs six numbers, in metres")
     return x, y, z, at[0], at[1], at[2]
 
 

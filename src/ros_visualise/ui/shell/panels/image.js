@@ -67,7 +67,7 @@ export default {
       if (!this.isKnown) return "";
       if (!this.topic) return "No image topics";
       if (!this.offer) return `${this.topic} is not in this graph`;
-      return this.problem || (this.hasImage ? "" : `No image of ${this.topic} yet`);
+      return this.problem || (this.hasImage ? "" : `No image on ${this.topic} yet`);
     },
     buttons() {
       return [

@@ -12,7 +12,7 @@ export default {
   template: `
     <div class="rv-publish">
       <p v-if="!offer.allowed || readOnly" class="rv-note">{{ readOnly ? "This page is read-only." : offer.reason }}</p>
-      <p v-else-if="!offer.any && !Object.keys(offer.topics).length" class="rv-note">No node here takes messages from outside.</p>
+      <p v-else-if="!offer.any && !Object.keys(offer.topics).length" class="rv-note">No node in this graph accepts messages from outside.</p>
       <template v-else>
         <label class="rv-field">Topic<input v-model.trim="topic" :list="id + 'topics'" placeholder="/cmd_vel" aria-label="Topic" @change="choose"></label>
         <label class="rv-field">Type<input v-model.trim="type" :list="id + 'types'" placeholder="geometry_msgs/msg/Twist" aria-label="Type" @change="describe"></label>
