@@ -281,7 +281,7 @@ def test_a_camera_is_calibrated_from_pictures(recordings):
     pictures = sorted((recordings / "calib" / "opencv").glob("left*.jpg"))
     found = rv.calibrate(pictures, "9x6")
     assert found.info.K[0, 0] == pytest.approx(535.92, rel=0.01)  # as published
-    with pytest.raises(rv.UsageError, match="no board in 3 images"):
+    with pytest.raises(rv.UsageError, match="no board found in 3 images"):
         rv.calibrate(IMAGES[:3])
     with pytest.raises(rv.UsageError, match="no 'chess'; did you mean chessboard"):
         rv.calibrate(IMAGES[:3], pattern="chess")

@@ -37,9 +37,9 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda image, boxes, params: None,
             {},
-            r"its step must take image, params, not image, boxes, params: each message arrives"
-            r" alone; to match them by their stamps add sync=Exact\(\), Approximate\(SECONDS\) or"
-            r" Latest\('image'\), else give every input the default None",
+            r"its step must take image, params, not image, boxes, params: messages arrive one"
+            r" at a time; to match them by stamp, add sync=Exact\(\), Approximate\(SECONDS\) or"
+            r" Latest\('image'\); otherwise give every input the default None",
         ),
         (
             lambda params, image=None, boxes=None: None,

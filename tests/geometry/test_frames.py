@@ -287,7 +287,7 @@ def test_errors_say_what_lacks(tree):
         tree.lookup("map", "gps")
     with pytest.raises(
         NoTransform,
-        match="separate trees: lidar is in that of world, robot in that of map",
+        match="separate trees: lidar is below world, but robot is below map",
     ):
         tree.lookup("robot", "lidar")
     assert tree.roots == ["map", "world"]

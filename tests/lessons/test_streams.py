@@ -150,9 +150,9 @@ def test_without_truth_odometry_is_drawn_alone_and_says_so():
     for t in range(5):
         answer = drift.step(None, odom=Odometry(np.array([t, 0, 0.0]), UP, header=stamped(t)))
     text = " ".join(answer["text"].text.split())
-    assert "The path by odometry: 4.00 m so far" in text
-    assert "its drift is unknown: only odometry is drawn" in text
-    assert b"odometry alone: no truth" in answer["image"].data.figure.svg()
+    assert "The path from odometry is 4.00 m long so far" in text
+    assert "the drift is unknown, and only odometry is drawn" in text
+    assert b"odometry only; true path unknown" in answer["image"].data.figure.svg()
 
 
 def test_the_message_of_an_image_is_counted_in_bytes():
@@ -160,7 +160,7 @@ def test_the_message_of_an_image_is_counted_in_bytes():
     image = StepResult(picture, "bgr8", stamped(12.25), work=picture)
     text = " ".join(graph.message(image, None)["text"].text.split())
     assert "header.stamp 12.250000000 header.frame_id map height, width 24, 32" in text
-    holds(text, "step N bytes of a row data N bytes", 96, 2304)
+    holds(text, "step N bytes per row data N bytes", 96, 2304)
 
 
 def test_means_and_deviations_of_an_imu_are_those_of_the_last_seconds():
@@ -193,7 +193,7 @@ def test_the_graph_counts_messages_and_drops(monkeypatch):
         if number % 4 == 1:
             taken = slow.step(counted["image"], graph.SlowParams(busy_ms=100))
     text = " ".join(counted["text"].text.split())
-    assert shown(text, "N messages have come on this topic. The rate of the last N:") == [20, 20]
+    assert shown(text, "N messages have arrived on this topic. The rate of the last N:") == [20, 20]
     assert shown(text, "by their stamps N a second, every N ± N ms") == [25, 40, 0]
     text = " ".join(taken["text"].text.split())
     holds(text, "works N ms on each message, so it can process N per second", 100, 10)

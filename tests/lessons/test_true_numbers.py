@@ -148,7 +148,8 @@ class TestGradient:
             for centre in range(0, 360, 45)
         ]
         if sorted(weights)[-1] > 1.05 * sorted(weights)[-2]:  # else rounding decides
-            [share, most] = shown(texts["direction"], "weighted by |G|, N % points to about N°")
+            sentence = "N° is the most common in this picture: N % of the gradient"
+            [most, share] = shown(texts["direction"], sentence)
             assert most == 45 * int(np.argmax(weights))
             assert share == pytest.approx(100 * max(weights) / max(length.sum(), 1e-9), abs=6)
 
@@ -177,7 +178,7 @@ class TestColor:
         blue, green, red = np.moveaxis(flat.astype(float), -1, 0)
         luma = np.floor(0.299 * red + 0.587 * green + 0.114 * blue + 0.5)
         apart = abs(luma - flat.mean(axis=1))
-        sentence = "differs from it by N levels on average in this picture, at most by N."
+        sentence = "differs from Y by N levels on average in this picture, and by N at most."
         assert shown(texts["gray"], sentence) == pytest.approx(
             [apart.mean(), apart.max()], abs=1.06
         )
@@ -336,7 +337,7 @@ def test_bayer(picture):
         sentence = "the largest error is N levels; N % of the pixels have a colour that is wrong"
         holds(texts[name], sentence, abs(error).max(), false)
         if name != "bilinear":
-            sentence = "dB (N dB against the bilinear method)"
+            sentence = "dB (N dB compared with the bilinear method)"
             holds(texts[name], sentence, quality - psnr(found["bilinear"], truth))
     np.testing.assert_array_equal(  # as the lesson says
         found["edge_aware"][2:-2, 2:-2, ::2], found["bilinear"][2:-2, 2:-2, ::2]
@@ -354,9 +355,9 @@ def test_bayer(picture):
         for is_edge in (True, False)
     }
     sentence = (
-        "more than 30 levels apart, at N % of the pixels without green, green is off by N levels"
-        " (RMS), and with the bilinear method by N. At the others it is off by N, and with the"
-        " bilinear method by N"
+        "At N % of the pixels without green, these two differences are more than 30 levels apart."
+        " There the error of green is N levels (RMS), against N with the bilinear method. At the"
+        " other pixels it is N, against N"
     )
     expected = [off[name, e] for e in (True, False) for name in ("edge_aware", "bilinear")]
     holds(texts["edge_aware"], sentence, 100 * edge[guessed[inner]].mean(), *expected)
@@ -373,7 +374,7 @@ class TestCamera:
         height, width = picture.shape[:2]
         focal, cx, cy = 0.9 * width, (width - 1) / 2, (height - 1) / 2
         holds(texts["pinhole"], "fx = fy = N pixels, cx = N and cy = N", focal, cx, cy)
-        sentence = "At a distance of N m one metre is N pixels wide"
+        sentence = "At a distance of N m, one metre is N pixels wide"
         holds(texts["pinhole"], sentence, 5, focal / 5)
         field = math.degrees(2 * math.atan(0.5 / 0.9))
         holds(texts["pinhole"], "field of view is N°", field)

@@ -87,7 +87,7 @@ class Results:
                 return options, [Planned(*json.loads(line)) for line in file]
         except (OSError, ValueError, TypeError, StopIteration):
             raise OpenError(
-                f"{self.folder}: not the results of a batch; give the folder of its --out"
+                f"{self.folder}: not the results of a batch; give the --out folder of a batch"
             ) from None
 
     def is_done(self, key: str) -> bool:

@@ -69,7 +69,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "messages BIGINT -: number of messages from the source in this part",
         "errors BIGINT -: number of errors in nodes",
         "reason VARCHAR -: text of the first error",
-        "lost VARCHAR -: what could not be read; empty if nothing",
+        "lost VARCHAR -: data that could not be read; empty if none was lost",
         "cpu_s DOUBLE s: processor time",
         "wall_s DOUBLE s: elapsed time",
         "peak_mb DOUBLE MB: peak memory",
@@ -170,7 +170,7 @@ LISTED: Mapping[str, tuple[Column, ...]] = {
         "messages BIGINT -: number of messages from the source",
         "distance_m DOUBLE m: length of the path on the first topic with poses, or else with"
         " fixes, sampled at 1 Hz",
-        "lost VARCHAR -: what could not be read; empty if nothing",
+        "lost VARCHAR -: data that could not be read; empty if none was lost",
         "cpu_s DOUBLE s: processor time",
     ),
     "failures": declare(

@@ -22,7 +22,7 @@ class CompareOptions:
     )
     junit: Path | None = option(None, "write the changes as JUnit XML", metavar="FILE.xml")
     html: Path | None = option(
-        None, "write a page with the worst moments side by side", metavar="FILE.html"
+        None, "write a page with the moments that changed most, side by side", metavar="FILE.html"
     )
     truth: str = option(
         "/ground_truth/odom", "topic of true poses (default: %(default)s)", metavar="TOPIC"

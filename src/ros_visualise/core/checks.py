@@ -84,9 +84,9 @@ def check_inputs(
             check_step(name, target, [port, *extras])
         except UsageError as error:
             raise UsageError(
-                f"{error}: each message arrives alone; to match them by their stamps add"
-                f" sync=Exact(), Approximate(SECONDS) or Latest({inputs[0]!r}),"
-                " else give every input the default None"
+                f"{error}: messages arrive one at a time; to match them by stamp, add sync=Exact(),"
+                f" Approximate(SECONDS) or Latest({inputs[0]!r}); otherwise give every input the"
+                " default None"
             ) from None
 
 

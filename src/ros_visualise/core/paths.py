@@ -45,7 +45,7 @@ def inside(folder: Path, name: str) -> Path:
     """
     size = len(name.encode(errors="replace"))
     if size > _MOST_BYTES:
-        raise UsageError(f"a name of {size} bytes: give one of at most {_MOST_BYTES}")
+        raise UsageError(f"the name has {size} bytes; choose one of at most {_MOST_BYTES}")
     check_printable(name)
     if any(map(_is_invisible, name)):
         raise UsageError(f"{name!a}: contains invisible characters; choose another name")

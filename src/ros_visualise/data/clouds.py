@@ -132,7 +132,9 @@ def _read_format(one: Any, order: str) -> Any:
 def _write_field(name: str, kind: np.dtype[Any], offset: int) -> Fields:
     number = _NUMBERS.get(kind.base.str[1:])
     if number is None:
-        raise ValueError(f"field {name!r} of a cloud is {kind.base}, which PointCloud2 lacks")
+        raise ValueError(
+            f"field {name!r} of a cloud is {kind.base}, which PointCloud2 does not support"
+        )
     count = math.prod(kind.shape)
     values = {"name": name, "offset": offset, "datatype": number, "count": count}
     return Fields("sensor_msgs/msg/PointField", values)

@@ -47,7 +47,9 @@ def keep_all(message: Any, arrays: Iterable[tuple[str, np.dtype[Any], tuple[int,
         array = np.asarray(attributes[name], dtype)
         if array.shape != shape and not _fits(array.shape, shape):
             wanted = str(shape).replace("-1", "N")
-            raise ValueError(f"{type(message).__name__}.{name} is {array.shape}, not {wanted}")
+            raise ValueError(
+                f"{type(message).__name__}.{name} has the shape {array.shape}, not {wanted}"
+            )
         attributes[name] = read_only(array) if array.flags.writeable else array
 
 

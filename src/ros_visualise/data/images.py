@@ -137,9 +137,14 @@ class Image(Message):
         dtype, channels = known[self.encoding]
         depth = self.data.shape[2:] or (1,)
         if self.data.dtype != dtype or depth != (channels,) or len(self.data.shape) > 3:
-            raise ValueError(f"{self.encoding} is not {self.data.dtype} of {self.data.shape}")
+            raise ValueError(
+                f"the encoding {self.encoding} does not fit {self.data.dtype} data of shape"
+                f" {self.data.shape}"
+            )
         if not isinstance(self.camera_info, CameraInfo | None):
-            raise ValueError(f"camera_info is {type(self.camera_info).__name__}, not CameraInfo")
+            raise ValueError(
+                f"camera_info must be a CameraInfo, not a {type(self.camera_info).__name__}"
+            )
         if not isinstance(self.data, Deferred):
             object.__setattr__(self, "data", read_only(self.data))
 

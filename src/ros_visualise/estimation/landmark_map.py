@@ -280,7 +280,7 @@ class LandmarkMap:
             if landmark and landmark.is_used and landmark.rejected >= _MOVED:
                 self._drop(state, landmark)
                 self.known.pop(name, None)
-                outcome.rejected[name] = "moved; estimated anew"
+                outcome.rejected[name] = "moved; re-estimating it"
 
     def _watch(
         self,

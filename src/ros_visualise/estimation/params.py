@@ -63,7 +63,8 @@ class OdometryErrorParams:
     )
     odom_turn_noise: float = param(
         3.0,
-        "heading error, growing with rotation, as wheels slip (standard deviation), deg/sqrt(rad)",
+        "heading error, growing with rotation because wheels slip (standard deviation),"
+        " deg/sqrt(rad)",
         min=0,
         max=90,
         slider=(0, 10),
@@ -88,7 +89,7 @@ class OdometryErrorParams:
     odom_axes: float = param(
         0.5,
         "misalignment between the axes of the odometry and of the robot (standard deviation),"
-        " degrees: wheels follow the ground even if the body tilts",
+        " degrees; wheels follow the ground even if the body tilts",
         min=0,
         max=45,
         slider=(0, 5),
@@ -163,7 +164,8 @@ class CameraErrorParams:
     )
     delay: float = param(
         0.5,
-        "maximum delay of a measurement, seconds; within it, each is applied at its own timestamp",
+        "maximum delay of a measurement, seconds; each is applied at its own timestamp, and later"
+        " ones are dropped",
         min=0.01,
         max=60,
         slider=(0.1, 2),
@@ -171,8 +173,8 @@ class CameraErrorParams:
     )
     camera_clock: float = param(
         0.05,
-        "standard deviation of the offset of the camera's clock, which is then estimated,"
-        " seconds; 0: off",
+        "standard deviation of the offset of the camera's clock, seconds; the offset is then"
+        " estimated; 0: off",
         min=0,
         max=1,
         slider=(0, 0.2),
@@ -180,14 +182,15 @@ class CameraErrorParams:
     )
     calibration: str = param(
         "",
-        "calibration file, written by calibrate, for the uncertainty of the focal length",
+        "calibration file written by ros-visualise calibrate; gives the uncertainty of the focal"
+        " length",
         group="camera",
         file=bool,
     )
     camera_turn: float = param(
         0.5,
-        "standard deviation of the error of the camera's mounting, which is then estimated,"
-        " degrees; 0: off",
+        "standard deviation of the camera's mounting angles, degrees; their error is then"
+        " estimated; 0: off",
         min=0,
         max=20,
         slider=(0, 5),
@@ -195,7 +198,7 @@ class CameraErrorParams:
     )
     camera_turn_time: float = param(
         20.0,
-        "time constant of the mounting error, seconds, as with a gimbal; 0: the error is constant",
+        "time constant of a varying mounting error, as with a gimbal, seconds; 0: constant error",
         min=0,
         max=1e5,
         slider=(0, 100),

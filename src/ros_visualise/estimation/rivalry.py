@@ -118,7 +118,7 @@ def _disagree(belief: Belief, step: OdometryStep, model: OdometryNoise) -> None:
 def _ignore_imu(belief: Belief) -> None:
     until_ns = belief.now_ns + round(belief.imu.back_off_s * 1e9)
     belief.imu = ImuTrust(ignored_until_ns=until_ns, back_off_s=2 * belief.imu.back_off_s)
-    belief.note("the IMU contradicts the odometry: ignoring it; check its tf frame")
+    belief.note("the IMU contradicts the odometry; ignoring the IMU; check its tf frame")
 
 
 def _follow_odometry(belief: Belief) -> None:

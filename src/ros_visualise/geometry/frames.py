@@ -228,7 +228,7 @@ class FrameTree:
             why = f"no frame {' or '.join(absent)}; known frames: {', '.join(sorted(names))}"
         else:
             tops = [list(self._ancestors(name))[-1] for name in (source, target)]
-            why = f"separate trees: {source} is in that of {tops[0]}, {target} in that of {tops[1]}"
+            why = f"separate trees: {source} is below {tops[0]}, but {target} is below {tops[1]}"
         return f"no transform from {source} to {target}: {why}"
 
 

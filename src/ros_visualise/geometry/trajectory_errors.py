@@ -193,7 +193,7 @@ def fit_similarity(points_xyz: Floats, targets_xyz: Floats, with_scale: bool) ->
     covariance = (targets_xyz - target).T @ spread / len(points_xyz)
     U, singular, Vt = np.linalg.svd(covariance)
     if singular[1] <= _FLAT * singular[0]:
-        raise ValueError("the positions lie on a line, so the rotation about it is unknown")
+        raise ValueError("the positions lie on a line, so the rotation about that line is unknown")
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
     rotation = (U * signs) @ Vt
     variance = (spread**2).sum() / len(points_xyz)

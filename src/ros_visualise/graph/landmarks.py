@@ -261,7 +261,7 @@ def check_poses(graph: Graph) -> None:
     """Raises UsageError if landmarks are placed on the Earth with no attitude of the camera."""
     for node in graph.nodes:
         if node.type.name == GEOREFERENCE and not (has_frames(graph) or node.params.course):
-            hint = ", or assume attitudes by --set georeference.course=true"
+            hint = ", or derive the attitude from the course with --set georeference.course=true"
             raise UsageError(_NO_POSES.format("tf") + hint)
 
 

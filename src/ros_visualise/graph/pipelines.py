@@ -244,12 +244,14 @@ def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
 
 def _demo_source() -> str:
     if find_spec("mujoco") is None:
-        log.info("showing a drawn landscape; for the quadrotor, pip install 'ros_visualise[sim]'")
+        log.info(
+            "showing a drawn landscape; for the quadrotor, run: pip install 'ros_visualise[sim]'"
+        )
         return "landscape"
     try:
         choose_backend()
     except OpenError as error:
-        log.warning("showing a drawn landscape; the quadrotor needs more: %s", error)
+        log.warning("showing a drawn landscape; the quadrotor cannot be simulated: %s", error)
         return "landscape"
     return "quadrotor"
 

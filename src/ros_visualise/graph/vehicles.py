@@ -34,7 +34,9 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
     for number, address in enumerate(addresses, 1):
         line, system = split_system(address)
         if address in addresses[: number - 1]:
-            raise UsageError(f"--mavlink {address}: given twice; ?system=2 follows another vehicle")
+            raise UsageError(
+                f"--mavlink {address}: given twice; add ?system=2 to follow another vehicle"
+            )
         if line in own:
             raise UsageError(
                 f"--mavlink {line}: --mavlink-vehicle uses the same address; give it"

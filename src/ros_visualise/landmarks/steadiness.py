@@ -71,4 +71,5 @@ def loosened(sigma_rad: float, time_s: float, level: float) -> tuple[float, floa
 
 def words(sigma_rad: float, time_s: float) -> str:
     """The same in words."""
-    return f"now assuming {math.degrees(sigma_rad):.2g} degrees, changing within {time_s:.2g} s"
+    degrees = math.degrees(sigma_rad)
+    return f"now assuming {degrees:.2g} degrees, with a time constant of {time_s:.2g} s"

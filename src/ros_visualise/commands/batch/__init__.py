@@ -22,7 +22,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
         metavar="INPUT",
     )
     out: Path | None = option(
-        None, "folder of the results; finished work is not repeated", metavar="DIR"
+        None, "folder for the results; finished work is not repeated", metavar="DIR"
     )
     pipeline: str = option(
         "images",
@@ -53,7 +53,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     export: Sequence[str] = option(
         [],
-        "keep the images in which something is detected, as JPEG files; repeatable",
+        "save the images in which something is detected as JPEG files; repeatable",
         choices=("pictures",),
     )
     workers: int | None = option(
@@ -62,8 +62,8 @@ class BatchOptions(SettingOptions, MemoryOptions):
     cluster: str = option(
         "",
         "run the tasks on a Dask cluster: the address of its scheduler, such as"
-        " tcp://192.168.1.10:8786, or local, which starts one here; inputs and DIR must be on a"
-        " disk that all its machines share",
+        " tcp://192.168.1.10:8786, or local, which starts a scheduler on this machine; inputs"
+        " and DIR must be on a disk that all machines of the cluster share",
         metavar="ADDRESS|local",
     )
     device: str = option(
@@ -80,7 +80,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     overlap: float = option(
         10.0,
-        "how much earlier each part begins, to warm up its nodes (default: 10s)",
+        "start each part this much earlier, to warm up its nodes (default: 10s)",
         type=period,
         metavar="TIME",
     )

@@ -85,7 +85,7 @@ class CalibrateOptions(BoardOptions, MemoryOptions):
 
 
 COMMAND = Command(
-    "calibrate a camera from pictures of a board; print the board",
+    "calibrate a camera from pictures of a board, or print such a board",
     CalibrateOptions,
     "ros_visualise.commands.calibrate.work:calibrate_camera",
 )

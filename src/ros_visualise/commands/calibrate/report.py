@@ -155,7 +155,7 @@ def _about_board(found: CameraCalibration, collector: ViewCollector) -> str:
     board, differences = collector.finder.board, _differences(collector)
     assert board is not None
     width, height = found.size
-    other = f" (not of {', '.join(differences)})" if differences else ""
+    other = f" (instead of {', '.join(differences)})" if differences else ""
     where = f"in {collector.found} of {counted(collector.seen, 'image')} of {width}x{height}"
     return f"{board.words}{other}, {where}"
 

@@ -269,7 +269,7 @@ def _read_rows(path: Path, size: tuple[int, int]) -> CameraInfo:
         P = row.reshape(3, 4)
     except (OSError, ValueError, IndexError):
         raise OpenError(
-            f"{path}: not a calibration of KITTI, which has 12 numbers on each line"
+            f"{path}: not a KITTI calibration file, which has 12 numbers on each line"
         ) from None
     if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0):
         raise OpenError(f"{path}: not a camera's projection matrix")

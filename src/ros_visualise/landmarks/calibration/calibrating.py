@@ -96,8 +96,8 @@ def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     """
     if len(views) < FEWEST_VIEWS:
         raise UsageError(
-            f"too few distinct views of the board: {len(views)}; at least"
-            f" {FEWEST_VIEWS} are needed, better 15: tilted, near, and in all corners of the image"
+            f"too few distinct views of the board: {len(views)}; take at least {FEWEST_VIEWS},"
+            " better 15, with the board tilted, near, and in all corners of the image"
         )
     model = MODELS[lens]
     kept, outliers = list(views), []

@@ -71,8 +71,8 @@ class ViewCollector:
         """The kept views; raises UsageError if no image showed the board."""
         if not self.found:
             raise UsageError(
-                f"no board in {counted(self.seen, 'image')}: no {self.finder.tried}; check pattern"
-                " and size"
+                f"no board found in {counted(self.seen, 'image')}: no {self.finder.tried}; check"
+                " the pattern and size"
             )
         return self.views
 

@@ -61,7 +61,7 @@ def lay_out(board: Board, page: str, square: float | None) -> Sheet:
         sides = {
             BoardKind.CHESSBOARD: f"squares of {side:g} mm",
             BoardKind.CHARUCO: f"squares of {side:g} mm, markers {board.dictionary} of {share}",
-            BoardKind.APRILGRID: f"tags of {side:g} mm, {share} between them",
+            BoardKind.APRILGRID: f"tags of {side:g} mm, {share} apart",
         }
         return f"{board.noun} of {board.counts}, {sides[board.kind]}"
 

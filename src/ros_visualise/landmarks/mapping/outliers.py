@@ -96,7 +96,7 @@ def wrong_survey(found: SmoothedMap) -> list[Outlier]:
     number = int(worst.argmax())
     text = (
         f"its surveyed position is {np.linalg.norm(off[number]):.2f} m"
-        f" ({worst[number]:.0f} sigma) from its position in the views; ignored"
+        f" ({worst[number]:.0f} sigma) from where the views place it; ignored"
     )
     return [Outlier(found.problem.names[surveyed[number].tag], SURVEY, text)]
 
@@ -155,7 +155,9 @@ def _explained(
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
     if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
         text = f"it moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"
-        return Outlier(name, MOVED, f"{text}; the map has its last pose", apart, first.tolist())
+        return Outlier(
+            name, MOVED, f"{text}; the map contains its last pose", apart, first.tolist()
+        )
     text = f"two copies, {apart:.2f} m apart; kept the one seen more often"
     return Outlier(name, TWICE, text, apart, there.tolist())
 

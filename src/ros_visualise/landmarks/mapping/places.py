@@ -121,7 +121,7 @@ def _surveyed_well(problem: Problem) -> tuple[Problem, list[Outlier]]:
         Outlier(
             problem.names[one.tag],
             SURVEY,
-            f"its surveyed position is {metres:.2f} m from its position in the views; ignored",
+            f"its surveyed position is {metres:.2f} m from where the views place it; ignored",
             float(metres),
         )
         for one, metres, is_far in zip(known, off, far, strict=True)
@@ -150,8 +150,12 @@ def _ambiguous(
             continue  # its place is known by hand
         moved = [at is None or T is None or _apart(at, T) > far_m for T in others]
         if any(moved) or (rivals and tag in blamed):
-            text = f"connected only by {wrong}, and one of these was moved; omitted from the map"
-            found[name] = Outlier(name, HANGING, f"{text} (--ignore-tags, or new ids by --tags)")
+            text = (
+                f"connected only through {wrong}, and one of these has moved; omitted from the map"
+            )
+            found[name] = Outlier(
+                name, HANGING, f"{text} (use --ignore-tags, or give new ids with --tags)"
+            )
     return found
 
 
@@ -349,7 +353,9 @@ def _explained(
     at = [tree.T[node][:3, 3] for node, _ in places if node in tree.T]
     apart = max((float(np.linalg.norm(a - b)) for a in at for b in at), default=0.0)
     spans = ", ".join(f"{one.min() / 1e9:.1f} to {one.max() / 1e9:.1f} s" for one in times)
-    text = f"at {len(places)} places up to {apart:.2f} m apart, seen from {spans}; the map has "
+    text = (
+        f"at {len(places)} places up to {apart:.2f} m apart, seen from {spans}; the map contains "
+    )
     begin = times[kept].min() / 1e9
     is_last = all(one.max() < times[kept].min() for k, one in enumerate(times) if k != kept)
     text += f"the one from {begin:.1f} s; --tags can give the others new ids"

@@ -256,5 +256,5 @@ def _number(where: str, tag: Mapping[str, Any], name: str) -> float:
 def _name(where: str, values: Mapping[str, Any]) -> str:
     name = values["name"]
     if not isinstance(name, str) or not name.strip():
-        raise _Invalid(f"{where}: name is {name!r}; give a word")
+        raise _Invalid(f"{where}: name is {name!r}; give a non-empty string")
     return name

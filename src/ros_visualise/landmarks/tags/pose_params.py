@@ -18,8 +18,8 @@ class PoseParams:
 
     size: float = param(
         0.0,
-        "side of the black square in metres, for tags that are not in the file; 0: "
-        "unknown, no poses",
+        "side of the black square in metres, for tags that are not in the file of sizes;"
+        " 0: unknown, so no poses are estimated",
         min=0,
         max=MAX_TAG_M,
         slider=(0, 1),
@@ -33,8 +33,8 @@ class PoseParams:
     ignore: str = param("", "ids of tags to ignore, such as 166,213")
     corner_floor: float = param(
         0.3,
-        "standard deviation of the camera's corner errors, pixels, assumed for its first images"
-        " and then estimated; 0.3 suits real cameras, 0 rendered images",
+        "standard deviation of the camera's corner errors, pixels; assumed for the first images"
+        " and then estimated; 0.3 suits real cameras, 0 suits rendered images",
         min=0,
         max=10,
         slider=(0, 2),
@@ -51,8 +51,8 @@ class PoseParams:
     )
     calibration: str = param(
         "",
-        "camera calibration written by ros-visualise calibrate: its uncertainty, instead of "
-        "focal_sigma and center_sigma; read once",
+        "camera calibration written by ros-visualise calibrate, whose uncertainty replaces"
+        " focal_sigma and center_sigma; read once",
         file=bool,
         group="poses",
     )

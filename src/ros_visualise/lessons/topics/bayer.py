@@ -121,8 +121,8 @@ LESSON = Lesson(
 
             green at a red pixel = (N + E + S + W) / 4
 
-        This is fast, and makes the picture soft. At an edge it mixes both sides, and each colour at
-        slightly different places: so thin lines get false colours.
+        This is fast, but makes the picture soft. At an edge it mixes the two sides, and does so at
+        slightly different places for each colour, so thin lines get false colours.
         """,
             ),
             "mosaic",
@@ -132,8 +132,8 @@ LESSON = Lesson(
                 "VNG",
                 "vng",
                 """
-        Variable number of gradients (Chang, Cheung, Pang, 1999): it measures how much the picture
-        changes in eight directions, and averages only along those with little change.
+        The method "variable number of gradients" (Chang, Cheung, Pang, 1999) measures how much the
+        picture changes in eight directions, and averages only along those with little change.
         """,
             ),
             "mosaic",
@@ -193,21 +193,21 @@ def _about_green(work: _Measured, plain: Pixels, found: Pixels) -> str:
     plain_edge, plain_rest = off(plain, is_edge), off(plain, ~is_edge)
     share = 100 * is_edge[is_guessed].mean()
     why = (
-        ": without a clear edge it is the mean of two neighbours instead of four, which keeps more"
-        " noise and texture"
+        ": without a clear edge, green is the mean of two neighbours instead of four, which keeps"
+        " more noise and texture"
         if rest > plain_rest
         else ""
     )
     return (
-        f"Where these two differences are more than {_EDGE} levels apart, at {share:.1f} % of the"
-        f" pixels without green, green is off by {edge:.1f} levels (RMS), and with the bilinear"
-        f" method by {plain_edge:.1f}. At the others it is off by {rest:.1f}, and with the bilinear"
-        f" method by {plain_rest:.1f}{why}."
+        f"At {share:.1f} % of the pixels without green, these two differences are more than {_EDGE}"
+        f" levels apart. There the error of green is {edge:.1f} levels (RMS), against"
+        f" {plain_edge:.1f} with the bilinear method. At the other pixels it is {rest:.1f}, against"
+        f" {plain_rest:.1f}{why}."
     )
 
 
 def _compared(found_db: float, plain_db: float) -> str:
-    return f" ({found_db - plain_db:+.2f} dB against the bilinear method)"
+    return f" ({found_db - plain_db:+.2f} dB compared with the bilinear method)"
 
 
 def _draw(work: _Measured, picture: Pixels, error: Pixels | None) -> Figure:

@@ -56,8 +56,8 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
 
         with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The cube has sides of 1
         m. Its corner at ({x:.2f}, {y:.2f}, {z:.2f}) m, red, is seen at ({u:.1f}, {v:.1f}). At a
-        distance of {distance:g} m one metre is {scale:.1f} pixels wide, at twice the distance half
-        of that. The camera's field of view is {angle:.0f}°.
+        distance of {distance:g} m, one metre is {scale:.1f} pixels wide; at twice the distance, it
+        is half as wide. The camera's field of view is {angle:.0f}°.
         """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), bgr)
@@ -149,7 +149,7 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
         the picture is recovered{rest}. The recovered part differs from the truth by
         {difference:.2f} levels on average, because it was interpolated twice.
         """
-    rest = "" if valid.all() else "; the black rest was outside the view of the lens"
+    rest = "" if valid.all() else "; the black part was outside the view of the lens"
     return show(image, back, text, share=100 * valid.mean(), rest=rest,
                 difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
 

@@ -44,8 +44,8 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
             G(x, y) = exp(-r² / 2σ²) / 2πσ²
             r² = x² + y²,   σ = {sigma:g}
 
-        That changes a pixel of this picture by {change:.2f} gray levels on average. cv2.Canny does
-        not smooth, so do it before calling it. With σ = 0 this step is off.
+        This changes a pixel of this picture by {change:.2f} gray levels on average. cv2.Canny does
+        not smooth, so give it a smoothed picture. With σ = 0 this step is off.
         """
     return show(image, smoothed, text, smoothed, sigma=params.sigma, change=change)
 
@@ -114,10 +114,10 @@ def suppression(image: Image, params: PixelParams) -> dict[str, Message]:
     text = """
         A pixel stays only if its |G| is larger than that of its two neighbours in the direction of
         the gradient; θ is rounded to 0°, 45°, 90° or 135°. If two are equal, the left or upper one
-        stays, on a diagonal neither, as in cv2.Canny.
+        stays; on a diagonal, neither of them stays, as in cv2.Canny.
 
         At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, rounded to {taken}°. Its two
-        neighbours, orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
+        neighbours, orange, have {before:.0f} and {after:.0f}, so the pixel {fate}.
 
         Of {all} pixels with a gradient, {kept} stay ({share:.1f} %). Click another pixel.
         """
@@ -217,10 +217,10 @@ LESSON = Lesson(
     "canny",
     "how Canny's method finds edges one pixel wide: its five steps, and one pixel in detail",
     """
-    An edge is where the gray changes quickly. Canny wanted three things from an edge detector: it
-    misses no edge and invents none, it finds edges exactly where they are, and it finds each edge
-    only once. His method (1986) has five steps: smooth, differentiate, thin, apply two thresholds,
-    and follow the edges.
+    An edge is where the gray changes quickly. Canny wanted three things from an edge detector: that
+    it misses no edge and invents none, that it finds edges exactly where they are, and that it
+    finds each edge only once. His method (1986) has five steps: smooth, differentiate, thin, apply
+    two thresholds, and follow the edges.
 
     Each image shows one step on this picture of {width} x {height} pixels. Move the sliders of a
     step, and all later steps change too.

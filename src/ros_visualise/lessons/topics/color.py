@@ -71,7 +71,7 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
 
 @node("hsv", params=PixelParams, inputs=TAKES, outputs=GIVES)
 def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
-    """HSV: the hue, how strong it is, and how bright."""
+    """HSV: the hue, how strong it is, and how bright it is."""
     bgr = work_of(image, np.ndarray)
     found = to_hsv(bgr)
     row, column = np.unravel_index(found[..., 1].argmax(), bgr.shape[:2])
@@ -170,9 +170,9 @@ def gray(image: Image, params: object) -> dict[str, Message]:
 
             Y = {r} R + {g} G + {b} B
 
-        The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average in this
-        picture, at most by {largest:.1f}. cv2.cvtColor differs from the weighted sum in {differ} of
-        {all} pixels.
+        The plain mean (R + G + B) / 3 differs from Y by {difference:.1f} levels on average in this
+        picture, and by {largest:.1f} at most. cv2.cvtColor differs from the weighted sum in
+        {differ} of {all} pixels.
         """
     apart = np.abs(weighted - mean)
     blue, _, red = cv2.split(bgr)

@@ -29,8 +29,8 @@ _MOST = 100_000  # largest number of poses
 class TreeParams:
     """The query to tf."""
 
-    target: str = param("", "the frame in which its pose is given; empty: the root")
-    source: str = param("", "the frame to locate; empty: the deepest in the tree")
+    target: str = param("", "the frame in which the pose is given; empty: the root")
+    source: str = param("", "the frame whose pose is wanted; empty: the deepest in the tree")
 
 
 @node("tree", params=TreeParams, inputs={"tf": Transforms}, outputs=GIVES, frames=True)
@@ -137,12 +137,12 @@ class Drift:
         if len(self._truth.rows) < 2:
             places, _ = self._odom.at(stamps)
             text = """
-                The path by odometry: {length:.2f} m so far. This recording does not contain the
-                true path, so its drift is unknown: only odometry is drawn. A simulated robot knows
-                its true path: run this lesson without a file.
+                The path from odometry is {length:.2f} m long so far. This recording does not
+                contain the true path, so the drift is unknown, and only odometry is drawn. A
+                simulated robot knows its true path; to see it, run this lesson without a file.
                 """
             figure = _draw_way([(places, BLUE)])
-            figure.text(WIDTH - 20, 20, "odometry alone: no truth", 13, "end", BLUE)
+            figure.text(WIDTH - 20, 20, "odometry only; true path unknown", 13, "end", BLUE)
             return show_at(odom.header, figure, text, length=_length(places))
         return self._compare(odom, stamps[stamps <= self._truth.rows[-1][0]])
 
@@ -158,8 +158,8 @@ class Drift:
         length = _length(true_places)
         text = """
             Odometry adds up small steps, measured by wheels or a camera. Each step is a little
-            wrong, and nothing corrects it, so the error grows (for a while errors may cancel). Blue
-            is the path by odometry, green is the true one.
+            wrong, and nothing corrects it, so the error grows (for a while errors may cancel). The
+            path from odometry is blue, the true path is green.
 
             After {length:.2f} m the error is {error:.3f} m, {share:.2f} % of the path, and the
             heading is off by {heading:+.2f}°. A heading that is wrong by ε turns every later step
@@ -181,7 +181,7 @@ class Drift:
 
 LESSON = Lesson(
     "frames",
-    "the tree of frames, what tf answers, and odometry beside the truth: why it drifts",
+    "the tree of frames, what tf answers, and why odometry drifts away from the truth",
     "",
     [Step(Tree), Step(Drift)],
     sample=("husky", {"world": "plane", "mission": "square", "camera": False, "lidar": False}),

@@ -116,7 +116,7 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
 
 @node("magnitude", inputs=TAKES, outputs=GIVES)
 def size(image: Image, params: object) -> dict[str, Message]:
-    """|G|: how fast it changes in the direction in which it changes most."""
+    """|G|: how fast the gray changes in its steepest direction."""
     found = work_of(image, _Gradient)
     length = magnitude(found.dx, found.dy)
     y, x = np.unravel_index(length.argmax(), length.shape)
@@ -143,7 +143,7 @@ def size(image: Image, params: object) -> dict[str, Message]:
 
 @node("direction", inputs=TAKES, outputs=GIVES)
 def towards(image: Image, params: object) -> dict[str, Message]:
-    """θ: the direction in which it gets brighter."""
+    """θ: the direction in which the picture gets brighter."""
     found = work_of(image, _Gradient)
     angle, length = direction(found.dx, found.dy), magnitude(found.dx, found.dy)
     weights = np.bincount((angle / 45 + 0.5).astype(int).ravel() % 8, length.ravel(), 8)
@@ -153,8 +153,8 @@ def towards(image: Image, params: object) -> dict[str, Message]:
             θ = atan2(Gy, Gx)
 
         The colour is θ: red 0° (right), yellow-green 90° (down), cyan 180° (left), violet 270°
-        (up); the brightness is √|G|. Of this picture's gradient, weighted by |G|, {share:.0f} %
-        points to about {most}°, more than to any other of eight directions.
+        (up); the brightness is √|G|. Of eight directions, {most}° is the most common in this
+        picture: {share:.0f} % of the gradient, weighted by |G|, points there.
         """
     return show(
         image,
@@ -169,7 +169,7 @@ def towards(image: Image, params: object) -> dict[str, Message]:
 class EdgesParams:
     """Threshold for edges."""
 
-    threshold: int = param(100, "an edge is where |G| exceeds this",
+    threshold: int = param(100, "a pixel whose |G| is above this threshold is an edge",
                            min=0, max=100_000, slider=(0, 800))  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def message(image: Image, params: object) -> dict[str, Message]:
             header.frame_id  {frame_id}
             height, width    {height}, {width}
             encoding         bgr8
-            step             {step}   bytes of a row
+            step             {step}   bytes per row
             data             {size} bytes
 
         The stamp is the time at which the camera took the image, not the time at which it arrived.
@@ -63,7 +63,7 @@ class _Counted:
 
 @node("rate", inputs=TAKES, outputs=GIVES)
 class Rate:
-    """The rate of a topic: how often a message comes."""
+    """The rate of a topic: how often a message arrives."""
 
     def __init__(self, _: object) -> None:
         self._number = 0
@@ -82,7 +82,7 @@ class Rate:
             np.diff(np.array(one)) / 1e6 for one in (self._stamps, self._arrivals)
         )
         text = """
-            {number} messages have come on this topic. The rate of the last {count}:
+            {number} messages have arrived on this topic. The rate of the last {count}:
 
                 by their stamps
                 {stamped}
@@ -90,7 +90,7 @@ class Rate:
                 {arrived}
 
             A topic has a name and a type. A publisher does not know who subscribes to it, and a
-            subscriber does not know who publishes: so any node can be replaced by another. The
+            subscriber does not know who publishes, so any node can be replaced by another. The
             figure shows the intervals between arrivals (red) and between stamps (blue).
             """
         return show(
@@ -129,8 +129,8 @@ class Slow:
         came = number - self._first + 1
         text = """
             This node works {busy} ms on each message, so it can process {most}. While it
-            works, each new message replaces the one that waits: so it always gets the latest one.
-            Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were dropped.
+            works, each new message replaces the one that waits, so the node always gets the latest
+            one. Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were dropped.
 
             That is right for watching and steering, where only the newest message counts. A
             recording must not lose any: there the source waits for the slowest node. Drops are

@@ -122,12 +122,12 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     counts = [np.bincount(one.ravel(), minlength=256) for one in cv2.split(bgr)]
     top = np.array([255.0, max(count.max() for count in counts)])
     axes = PlotAxes(figure, (60, 226, WIDTH - 80, 120), np.zeros(2), top)
-    axes.draw("level", "pixels, of each channel")
+    axes.draw("level", "pixels per channel")
     for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
         axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)
     text = """
-        The histogram counts how many pixels have each level: of the gray picture above, of its
-        three channels below. The mean, {mean:.1f}, is the brightness; the standard deviation,
+        The histogram counts how many pixels have each level: above for the gray picture, below for
+        the three channels. The mean, {mean:.1f}, is the brightness; the standard deviation,
         {spread:.1f}, is the contrast. If all levels were equally frequent, each pixel would carry 8
         bits of information. Here it carries less, the entropy
 
