@@ -73,7 +73,8 @@ def test_topics_that_cannot_be_played_are_said_in_one_line(run, tmp_path, caplog
     status, _ = run("bag", path, *QUICK)
     assert status == 1
     assert caplog.messages == [
-        f"{path}: not played: /json0, /json1, /json2 and 2 more (json: only ROS messages are read)"
+        f"{path}: not played: /json0, /json1, /json2 and 2 more"
+        " (json: only ROS messages are supported)"
     ]
     caplog.clear()
     assert run("bag", path, *QUICK, "--topics", "/odom")[0] == 0
@@ -83,7 +84,7 @@ def test_topics_that_cannot_be_played_are_said_in_one_line(run, tmp_path, caplog
 def test_where_nothing_can_be_played_it_is_said_why(run, tmp_path):
     status, said = run("bag", mcap_with_json(tmp_path / "r.mcap", ["/json"], ros=False), *QUICK)
     assert status == 2
-    assert "nothing in it can be played: /json (json: only ROS messages are read)" in said
+    assert "nothing in it can be played: /json (json: only ROS messages are supported)" in said
 
 
 def test_a_video_that_ends_early_is_said_once(run, tmp_path, caplog):
@@ -93,7 +94,7 @@ def test_a_video_that_ends_early_is_said_once(run, tmp_path, caplog):
     assert status == 1
     assert "cut off" not in said
     (once,) = caplog.messages
-    assert once.startswith("streamer: it ends at ")
+    assert once.startswith("streamer: the video ends at ")
 
 
 def test_what_a_camera_drops_is_not_of_what_it_gave(run, monkeypatch):

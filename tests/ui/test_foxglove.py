@@ -146,8 +146,8 @@ def test_a_viewer_at_a_wrong_path_is_answered_with_the_right_one(page, port, cap
     with pytest.raises(InvalidStatus) as refused:
         connect(f"ws://127.0.0.1:{port}/{TOKEN}{path}", subprotocols=[OLDER])
     assert refused.value.response.status_code == 404
-    assert b"with /foxglove at its end" in refused.value.response.body
-    assert "with /foxglove at its end" in caplog.text
+    assert b"and append /foxglove" in refused.value.response.body
+    assert "and append /foxglove" in caplog.text
 
 
 def test_a_desktop_app_may_be_let_in_by_its_origin(port, runtime):

@@ -244,10 +244,10 @@ class Video:
             faults.append(f"{hidden} of {decoder.expected} images could not be decoded")
         if size < promised:
             what = f"cut off after {size} of at least {promised} bytes"
-            faults.append(f"it ends at {end_ns / 1e9:.2f} s, {what}")
+            faults.append(f"the video ends at {end_ns / 1e9:.2f} s, {what}")
         elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(
-                f"it ends at {end_ns / 1e9:.2f} s, before its declared end; it may be cut off"
+                f"the video ends at {end_ns / 1e9:.2f} s, before its declared end; perhaps cut off"
             )
         if end_ns and not self.faults:
             self.faults = faults

@@ -185,8 +185,8 @@ def test_what_is_not_ros_is_left_out_and_what_is_not_understood_named(tmp_path: 
     unreadable = {topic: info.unreadable for topic, info in recording.topics.items()}
     assert unreadable.pop("/string") == ""
     assert unreadable == {
-        "/proto": "protobuf: only ROS messages are read",
-        "/json": "json: only ROS messages are read",
+        "/proto": "protobuf: only ROS messages are supported",
+        "/json": "json: only ROS messages are supported",
         "/nameless": "cdr: it has no schema",
         "/broken": "my_msgs/msg/Broken: its definition cannot be read",
         "/partial": "my_msgs/msg/Partial: has a field of the unknown type my_msgs/msg/Part",

@@ -346,7 +346,7 @@ def test_types_of_ros_need_no_definition_and_others_do(tmp_path: Path) -> None:
     unreadable = {topic: info.unreadable for topic, info in recording.topics.items()}
     assert unreadable["/text"] == ""
     assert "not defined in the recording" in unreadable["/mine"]
-    assert unreadable["/other"] == "protobuf: only ROS messages are read"
+    assert unreadable["/other"] == "protobuf: only ROS messages are supported"
     assert recording.loss.messages == 10
 
 

@@ -254,7 +254,7 @@ def describe_channel(channel: McapChannel, schema: Schema | None, schemas: Schem
     """A channel as its messages are to be read; its schema is added to those of the recording."""
     encoding = channel.message_encoding
     if encoding not in _LANGUAGES:
-        why = f"{encoding or 'no encoding'}: only ROS messages are read"
+        why = f"{encoding or 'no encoding'}: only ROS messages are supported"
     elif schema is None:
         why = f"{encoding}: it has no schema"
     else:

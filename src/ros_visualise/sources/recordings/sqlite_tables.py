@@ -81,7 +81,7 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
     """The topics of a bag, by their numbers; raises DatabaseError."""
     tables = {name for name in _NAMES if _is_table(database, name)}
     if not {"messages", "topics"} <= tables:
-        raise sqlite3.DatabaseError("its tables messages and topics are missing")
+        raise sqlite3.DatabaseError("the table messages or topics is missing")
     definitions = _definitions(database) if "message_definitions" in tables else {}
     cursor = database.execute("SELECT * FROM topics ORDER BY id")
     names = [column[0] for column in cursor.description]
@@ -105,7 +105,7 @@ def _channel(
     name, type_name = str(topic["name"]), ros_name(str(topic["type"]))
     encoding = topic.get("serialization_format") or "cdr"
     if encoding != "cdr":
-        return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are read")
+        return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are supported")
     language, text = definitions.get(type_name, ("", ""))
     given = str(topic.get("type_description_hash") or "")
     qos = str(topic.get("offered_qos_profiles") or "")

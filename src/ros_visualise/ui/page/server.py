@@ -158,7 +158,7 @@ class PageServer:
         if path in self._hubs:
             await self._hubs[path].serve(scope, receive, send)
             return
-        hint = f"for Foxglove, put ws:// before the printed address and {FoxgloveHub.path} after it"
+        hint = f"for Foxglove, use the printed address with ws://, and append {FoxgloveHub.path}"
         if not set(SUBPROTOCOLS).isdisjoint(scope["subprotocols"]):
             self._gate.report_once(f"page: {hint}")  # viewers do not show the answer
         raise Refusal(f"no WebSocket at this address; {hint}", 404)

@@ -1,7 +1,7 @@
 // Rate over time and intervals of a topic, and the histogram of one of its fields.
 import { markRaw } from "vue";
 
-const WORDS = { count: "Count", mean: "Mean", median: "Median", deviation: "Deviation", min: "Minimum", max: "Maximum" };
+const WORDS = { count: "Count", mean: "Mean", median: "Median", deviation: "Standard deviation", min: "Minimum", max: "Maximum" };
 
 export default {
   template: `
