@@ -47,12 +47,12 @@ export default {
           title="Back to live (End)" @mousedown.prevent @click="act({ live: 1 })" />
       </div>
       <div v-if="!state.live" class="rv-controls">
-        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed (< is slower, > is faster)"
+        <select class="rv-rate" :value="state.rate" :disabled="readOnly" aria-label="Playback speed" title="Playback speed, from slow motion to fast (keys < and >)"
           @change="act({ rate: Number($event.target.value) }); $event.target.blur()">
           <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
-          :aria-pressed="String(!!state.loop)" title="Loop: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+          :aria-pressed="String(!!state.loop)" title="Repeat: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
         <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
           title="Set a mark, that is, a bookmark in time (M); right-click a mark to rename or remove it" @mousedown.prevent @click="mark" />
         <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
