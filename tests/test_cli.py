@@ -430,6 +430,6 @@ def test_a_recording_is_split_beside_its_name(video, tmp_path):
     again = ["video", video, *QUICK, "--record", tmp_path / "r.bag", "--split", "64K"]
     assert "r_0.bag exists" in refused(*again)
     assert "needs --record" in refused("video", video, *QUICK, "--split", "1G")
-    assert "1x: give bytes as 1G" in refused(*again[:-1], "1x")
+    assert "1x: give a size such as 1G" in refused(*again[:-1], "1x")
     whole = [*QUICK, "--record", tmp_path / "r.bag", "--split", "64K", "--overwrite"]
     assert "in use as the source" in refused("bag", parts[0], *whole)

@@ -114,9 +114,9 @@ def is_true_of_corners(text, bgr):
     M = np.stack([cv2.boxFilter(one, -1, (3, 3), normalize=False, borderType=cv2.BORDER_REPLICATE)
                   for one in (dx * dx, dx * dy, dx * dy, dy * dy)], axis=-1)  # fmt: skip
     both = np.linalg.eigvalsh(M.reshape(*gray.shape, 2, 2))
-    x, y = map(int, shown(text, "at (N, N), has"))
+    x, y = map(int, shown(text, "at (N, N), has the"))
     best = both[..., 0].max()
-    holds(text, "has N and N", best, both[y, x, 1])
+    holds(text, "has the eigenvalues N and N", best, both[y, x, 1])
     least = best / 100
     holds(text, "above N large", least)
     corner, flat = (both[..., 0] > least).mean(), (both[..., 1] <= least).mean()
@@ -131,8 +131,8 @@ def is_true_of_flow(text, seen, last):
         *grays, start, None, winSize=(PATCH, PATCH), maxLevel=4, criteria=(3, 20, 0.03)
     )
     far = np.linalg.norm((there - start)[:, 0], axis=1)
-    count, median, most = shown(text, "N corners of the previous picture are found") + shown(
-        text, "moved by a median of N pixels, and at most by N"
+    count, median, most = shown(text, "N corners of the previous picture were found") + shown(
+        text, "moved by a median of N pixels, and by at most N"
     )
     assert count == len(far)
     assert median == pytest.approx(np.median(far), abs=0.2)
@@ -145,7 +145,7 @@ def is_true_of_lines(text, pair):
     F = back.T @ np.cross(np.eye(3), t).T @ R @ back
     lines = cv2.computeCorrespondEpilines(pair.first_uv[agree].reshape(-1, 1, 2), 1, F)[:, 0]
     away = np.abs((np.insert(pair.second_uv[agree], 2, 1, axis=1) * lines).sum(axis=1))
-    holds(text, "their median distance to their lines is N pixels", np.median(away))
+    holds(text, "at a median distance of N pixels from their lines", np.median(away))
     assert np.median(away) < 1.5
     holds(text, "N of N corners agree", agree.sum(), len(agree))
     angle = np.degrees(np.linalg.norm(cv2.Rodrigues(R)[0]))
@@ -161,9 +161,9 @@ def is_true_of_scale(text, pair):
     P = [pair.K @ np.eye(3, 4), pair.K @ np.column_stack([R, t])]
     points = cv2.triangulatePoints(*P, first.T, second.T)
     points = (points[:3] / points[3]).T
-    near, far = shown(text, "Eight of ten points are N to N steps away")
+    near, far = shown(text, "Eight out of ten points are N to N steps away")
     assert [near, far] == pytest.approx(np.quantile(points[:, 2], [0.1, 0.9]), rel=0.1, abs=0.06)
-    before, after = shown(text, "seen N pixels from their corners on average before, N after")
+    before, after = shown(text, "seen N pixels from their corners before, and N after")
     assert before == after < 2
 
 
@@ -178,8 +178,8 @@ def is_true_of_drift(text, film):
     spread = np.diag(J @ poses[-1].covariance @ J.T)
     holds(text, "After N pictures with N keyframes", len(film), odometry.counts["keyframes"])
     holds(text, "the trajectory is N long", way)
-    holds(text, "deviation of its end is N (", np.sqrt(spread[:3].sum()))
-    holds(text, "of its length) and N°", np.degrees(np.sqrt(spread[3:].sum())))
+    holds(text, "deviation of the last pose is N (", np.sqrt(spread[:3].sum()))
+    holds(text, "of the length) and N°", np.degrees(np.sqrt(spread[3:].sum())))
     holds(text, "lost N times", odometry.counts["losses"])
 
 
@@ -200,10 +200,10 @@ def test_a_flight_is_explained_as_it_was_flown():
     x, y, z = shown(texts["epipolar"], "direction (N, N, N)")
     assert np.dot([x, y, z], p / np.linalg.norm(p)) > 0.99
     assert np.linalg.norm(se3.rotation_vector(motion.R @ R)) < np.radians(2.5)
-    near, far = shown(texts["scale"], "Eight of ten points are N to N steps away")
+    near, far = shown(texts["scale"], "Eight out of ten points are N to N steps away")
     assert 2.0 / np.linalg.norm(p) < near < far < 10.0 / np.linalg.norm(p)
     half, end = (
-        shown(texts["drift"], one)[0] for one in ("half-way it was N and", "its end is N (")
+        shown(texts["drift"], one)[0] for one in ("half-way it was N and", "last pose is N (")
     )
     assert 0 < half < end
 
@@ -212,7 +212,7 @@ def test_a_flight_is_explained_as_it_was_flown():
     ("film", "words"),
     [
         (flown(1), "One picture shows no motion"),
-        (flown(1) * 8, "The camera is at rest, or only turns"),
+        (flown(1) * 8, "The camera is at rest or only turns"),
         ([np.full((90, 120, 3), 128, np.uint8)] * 3, "Too few corners"),
     ],
     ids=["still", "static", "blank"],
@@ -220,7 +220,7 @@ def test_a_flight_is_explained_as_it_was_flown():
 def test_what_shows_no_motion_is_said_in_a_sentence(film, words):
     texts, _ = play(film)
     assert words in texts["epipolar"] or "hardly any corner" in texts["epipolar"]
-    assert texts["scale"] == "No motion: see the step before."
+    assert texts["scale"] == "No motion; see the previous step."
     assert len(texts["drift"]) < 120
 
 

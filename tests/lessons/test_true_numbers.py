@@ -280,7 +280,7 @@ def test_threshold(picture):
     holds(texts["otsu"], "Here t = N (cv2.threshold finds N)", level, level)
     share = below.size / gray.size
     variance = share * (1 - share) * (below.mean() - (above.mean() if above.size else 0)) ** 2
-    holds(texts["otsu"], "σ² is N, of a variance of N in all", variance, gray.var())
+    holds(texts["otsu"], "σ² is N, out of a total variance of N", variance, gray.var())
     mean = cv2.boxFilter(gray, cv2.CV_64F, (31, 31), borderType=cv2.BORDER_REPLICATE)
     [white] = shown(texts["adaptive"], "N % of the pixels become white")
     assert white == pytest.approx(100 * (gray > np.rint(mean) - 5).mean(), abs=1.5)
@@ -512,15 +512,17 @@ def test_vision(picture):
         for kernel, bias in zip(kernels, biases, strict=True)
     ]
     active = np.array([np.mean(one > 0) for one in maps])
-    sentence = "Kernel N answers at N % of the places, more than any other; kernel N at N %"
+    sentence = (
+        "Kernel N responds at N % of the places, more than any other; kernel N responds at N %"
+    )
     most, share, least, rare = shown(texts["activations"], sentence)
     assert active[int(most)] == pytest.approx(active.max(), abs=0.002)
     assert active[int(least)] == pytest.approx(active.min(), abs=0.002)
     assert [share, rare] == pytest.approx([100 * active.max(), 100 * active.min()], abs=0.51)
-    sentence = "fewer than any other; N of N kernels answer nowhere"
+    sentence = "fewer than any other; N of N kernels respond nowhere"
     assert shown(texts["activations"], sentence)[1] == len(kernels)
     holds(texts["kernels"], "These are all N kernels", len(kernels))
-    assert sum(shown(texts["kernels"], "N kernels are mostly edge, N spot, N colour")) == len(
+    assert sum(shown(texts["kernels"], "N kernels are mostly edge, N spot and N colour")) == len(
         kernels
     )
     gx = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]])

@@ -268,7 +268,7 @@ def test_the_point_is_drawn_in_red(tmp_path):
 def test_without_a_network_it_is_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "OWN_MODEL", tmp_path / "none.onnx")
     with pytest.raises(
-        OpenError, match=r"landmark_detector: give an ONNX file by model=FILE\.onnx"
+        OpenError, match=r"landmark_detector: give an ONNX file with model=FILE\.onnx"
     ):
         make("")
     monkeypatch.setattr(module, "OWN_MODEL", Path(own_network(tmp_path / "own.onnx")))

@@ -142,7 +142,7 @@ def test_after_a_jump_of_time_all_that_was_drawn_goes_and_that_is_said(caplog):
     node.reset()
     node.reset()
     assert [r.getMessage() for r in caplog.records] == [
-        "time jumped: dropping 1 landmark; save_map keeps them"
+        "time jumped: dropping 1 landmark; next time, call save_map first to keep them"
     ]
     answer = node.step(PARAMS, detections=message(0), frames=tree())
     assert answer["landmarks"].detections == ()

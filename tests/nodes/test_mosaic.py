@@ -115,7 +115,7 @@ def test_without_a_position_or_a_file():
     image = Image(seen(POSES[0]), "bgr8", Header(0, "camera"))
     assert node.step(params, image=image, frames=FrameTree()) is None
     node.finish()
-    with pytest.raises(ParameterError, match="give a file name by save_to"):
+    with pytest.raises(ParameterError, match="set save_to to a file name"):
         node.save_mosaic()
     with pytest.raises(ParameterError, match=r"ends in \.tif"):
         update(MosaicParams(), {"save_to": "mosaic.png"})

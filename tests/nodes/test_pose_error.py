@@ -45,4 +45,4 @@ def test_another_frame_is_said_once(caplog):
     node = PoseError(NoParams())
     assert step(node, 1, frame="odom") is None
     assert step(node, 1, frame="odom") is None
-    assert caplog.text.count("the pose is in map and the truth in odom") == 1
+    assert caplog.text.count("the pose is in frame map, but the truth is in odom") == 1

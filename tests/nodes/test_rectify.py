@@ -25,7 +25,7 @@ def test_an_image_keeps_all_but_its_pixels_and_its_calibration():
 @pytest.mark.parametrize(
     ("image", "expected"),
     [
-        (replace(IMAGE, encoding="bayer_rggb8"), "filters.demosaic=true, and rectify after it"),
+        (replace(IMAGE, encoding="bayer_rggb8"), "filters.demosaic=true, and rectify its result"),
         (
             replace(IMAGE, camera_info=replace(INFO, width=65)),
             "calibration for 65x48 does not fit images of 64x48",

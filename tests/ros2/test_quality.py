@@ -27,6 +27,6 @@ def test_what_fits_all_publishers_gets_messages_from_each(offered: tuple[QoS, ..
 def test_both_sides_are_named_where_no_messages_pass():
     camera = end("camera", QoS(reliable=False))
     why = clash(camera, end("recorder", QoS(reliable=True)))
-    assert why == "/robot/recorder asks for reliable, and /robot/camera offers best effort"
+    assert why == "/robot/recorder requests reliable, but /robot/camera offers best effort"
     why = clash(camera, end("map", QoS(reliable=False, transient_local=True)))
-    assert why == "/robot/map asks for transient local, and /robot/camera offers volatile"
+    assert why == "/robot/map requests transient local, but /robot/camera offers volatile"

@@ -195,7 +195,7 @@ def test_a_subscriber_that_gets_nothing_is_told_of(
     with caplog.at_level(logging.WARNING):
         stock.hear(String, "/unheard", QoSProfile(depth=1))
         wait_for(lambda: "/unheard" in caplog.text, "the warning")
-    assert "/stock asks for reliable, and /tests offers best effort" in caplog.text
+    assert "/stock requests reliable, but /tests offers best effort" in caplog.text
     publisher.close()
 
 

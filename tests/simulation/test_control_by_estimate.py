@@ -70,9 +70,9 @@ def test_an_estimate_in_another_frame_is_rejected():
 def test_a_rover_without_an_estimate_waits_and_says_why_it_aborts():
     simulation, texts, truths = run("husky", lambda _: None, estimate_patience=5.0)
     assert math.dist(truths[0].position_xyz, truths[-1].position_xyz) < 0.05
-    assert "waiting: no estimate of its pose" in texts
+    assert "waiting: no pose estimate" in texts
     assert simulation.failure == (
-        "husky aborted its mission at (0.0, 0.0): no estimate of its pose for 5 s"
+        "husky aborted its mission at (0.0, 0.0): no pose estimate for 5 s"
     )
 
 
@@ -83,10 +83,10 @@ def test_a_quadrotor_without_an_estimate_rises_holds_and_lands_with_the_reason()
     assert np.abs(places[:, :2]).max() < 0.5
     assert places[-1, 2] < 0.25  # on the ground
     assert [t for t in texts if "no estimate" in t] == [
-        "holding: no estimate of its pose",
-        "landing: no estimate of its pose",
+        "holding: no pose estimate",
+        "landing: no pose estimate",
     ]
-    assert simulation.failure.endswith("no estimate of its pose for 5 s")
+    assert simulation.failure.endswith("no pose estimate for 5 s")
 
 
 def test_it_holds_while_the_estimate_pauses_and_goes_on_after():
@@ -95,7 +95,7 @@ def test_it_holds_while_the_estimate_pauses_and_goes_on_after():
         return None if 6 < time_s < 10 else as_pose(truth)
 
     simulation, texts, truths = run("quadrotor", pausing)
-    assert texts.count("holding: no estimate of its pose") == 1
+    assert texts.count("holding: no pose estimate") == 1
     by_time = {m.header.stamp_ns / 1e9: m.position_xyz for m in truths}
     held = [place for time_s, place in by_time.items() if 8.5 < time_s < 10]
     assert math.dist(held[0], held[-1]) < 0.3

@@ -126,7 +126,7 @@ def test_tipped_over_its_mission_fails_and_it_does_nothing_more(robot: str):
     assert "(" in simulation.failure
     simulation.command(twist(x=1, z=1))
     for order in ("stop", "start_mission"):
-        with pytest.raises(UsageError, match=f"the {robot} has tipped over: reset it"):
+        with pytest.raises(UsageError, match=f"the {robot} has tipped over; reset it"):
             simulation.act(order)
     with pytest.raises(UsageError, match="reset it"):
         simulation.add_mission("square")

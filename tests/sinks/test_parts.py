@@ -217,7 +217,7 @@ def test_sizes_and_times_are_told_apart_by_their_letters(text: str, split: Split
     "text", ["", "1", "1K", "0s", "0.5s", "-1G", "1g", "10M30s", "nanG", "1e9G"]
 )
 def test_other_texts_are_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="give bytes as 1G or 500M"):
+    with pytest.raises(UsageError, match="give a size such as 1G or 500M"):
         parse_split(text)
 
 

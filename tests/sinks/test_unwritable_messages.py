@@ -104,7 +104,7 @@ def test_others_are_written_before_and_after_it(name: str, tmp_path: Path) -> No
 def test_a_video_refuses_what_is_no_image(tmp_path: Path) -> None:
     with open_recorder(tmp_path / "v.mp4", {"/i": TopicType(Image.type_name)}) as recorder:
         for number in range(3):
-            with pytest.raises(DamagedMessage, match="not an image for a video"):
+            with pytest.raises(DamagedMessage, match="cannot be encoded as video"):
                 recorder.write("/i", Text("hello"))
             recorder.write("/i", Image(PIXELS, "mono8", Header(number * 10**8)))
     assert (tmp_path / "v.mp4").stat().st_size > 0

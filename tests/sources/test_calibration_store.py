@@ -77,7 +77,7 @@ def test_the_uncertainty_is_read_as_it_was_written(tmp_path):
 @pytest.mark.parametrize(
     ("covariance", "why"),
     [
-        (None, "no intrinsics_covariance; write the file by ros-visualise calibrate"),
+        (None, "no intrinsics_covariance; create the file with ros-visualise calibrate"),
         (np.eye(4), "its intrinsics_covariance has 16 numbers, not 81"),
         (-np.eye(9), "its intrinsics_covariance is not symmetric and positive semidefinite"),
         (np.triu(np.ones((9, 9))), "is not symmetric"),

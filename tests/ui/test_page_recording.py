@@ -76,10 +76,10 @@ def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
     client = Live(port, "/live/files")
     notices = Live(port, "/live/nodes")
     refused = {
-        ("r.mcap", "5"): "split 5: give bytes as 1G or 500M",
-        ("r.bag", "10M30s"): "split 10M30s: give bytes as 1G or 500M",
-        ("r", "0s"): "split 0s: give bytes as 1G or 500M",
-        ("r.mcap", "<b>"): "split <b>: give bytes as 1G or 500M",
+        ("r.mcap", "5"): "split 5: give a size such as 1G or 500M",
+        ("r.bag", "10M30s"): "split 10M30s: give a size such as 1G or 500M",
+        ("r", "0s"): "split 0s: give a size such as 1G or 500M",
+        ("r.mcap", "<b>"): "split <b>: give a size such as 1G or 500M",
         ("v.mp4", "1G"): ".mp4 files cannot be split",
         ("old.mcap", "1G"): "old_2.mcap exists",
         ("link.mcap", "1G"): "link_0.mcap exists",

@@ -18,7 +18,7 @@ from ros_visualise.core.errors import OpenError
 MARKS = (0xFE, 0xFD)
 """First byte of a frame of MAVLink 1 and 2."""
 
-_INSTALL = "pip install 'ros_visualise[drone]', in a clone: pip install '.[drone]'"
+_INSTALL = "pip install 'ros_visualise[drone]' (in a clone: pip install '.[drone]')"
 _SIGNED, _SIGNATURE = 1, 13
 _LONGEST = 10 + 255 + 2 + _SIGNATURE
 _MARK = re.compile(b"[\xfd\xfe]")

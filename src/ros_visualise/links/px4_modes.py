@@ -185,7 +185,7 @@ class Px4Modes:
         """Fly to a place and hold there, NaN: as it is now; the reason why not, or empty."""
         assert self._now is not None
         if self.landed:
-            return "on the ground, take off first"
+            return "on the ground; take off first"
         here = self._goal.position if self.mode is Px4Mode.HOLD else self._now.position
         self._go(np.where(np.isnan(position), here, position), yaw)
         self.mode = Px4Mode.HOLD

@@ -177,7 +177,7 @@ class Vehicle:
             return False
         if self.autopilot not in (guidance.PX4, guidance.ARDUPILOT):
             self._warn(
-                f"autopilot {self.autopilot} is neither PX4 nor ArduPilot; it gets no guidance"
+                f"autopilot {self.autopilot} is neither PX4 nor ArduPilot; sending it no guidance"
             )
             return False
         message = make(self.autopilot)
@@ -204,7 +204,7 @@ class Vehicle:
             return
         if peer != self._peer and not (self._is_free and is_beat):
             if not self._is_free:
-                places = f"{_place(peer)}; it is at {_place(self._peer)}"
+                places = f"{_place(peer)}; the vehicle's address is {_place(self._peer)}"
                 self._warn(f"ignoring system {system} at {places}")
             return
         self.counts["messages"] += 1

@@ -206,6 +206,4 @@ class _CountingStore(Typestore):
 
 
 def _too_many(limit: int) -> TooLarge:
-    return TooLarge(
-        f"a message of more than {limit} values; if you trust it, add a larger --max-memory"
-    )
+    return TooLarge(f"a message of more than {limit} values; if you trust it, raise --max-memory")

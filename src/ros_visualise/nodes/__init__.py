@@ -137,7 +137,7 @@ def find(name: str) -> NodeType | SourceType:
     try:
         return NODES.find(name)
     except UsageError as error:
-        raise UsageError(f"{error} (a node of your own: FILE.py:NAME)") from None
+        raise UsageError(f"{error} (give a node of your own as FILE.py:NAME)") from None
 
 
 def find_node(name: str) -> NodeType:

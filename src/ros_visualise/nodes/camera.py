@@ -29,8 +29,8 @@ class CameraParams:
         saved=False,
         file=may_read_files,
     )
-    size: str = param("", "image size, WIDTHxHEIGHT; empty is the camera's own", restart=True)
-    fps: float = param(0.0, "requested frame rate, Hz; 0 is the camera's own", min=0, restart=True)
+    size: str = param("", "image size, WIDTHxHEIGHT; empty: the camera's own", restart=True)
+    fps: float = param(0.0, "requested frame rate, Hz; 0: the camera's own", min=0, restart=True)
     timeout: float = param(
         2.0,
         "time without an image after which the camera is reopened, seconds",

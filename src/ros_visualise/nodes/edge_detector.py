@@ -40,8 +40,8 @@ class EdgeParams:
     )
     low: int = param(
         100,
-        "lower threshold of the hysteresis; swapped with high if larger; on the scale of 8-bit"
-        " images",
+        "lower threshold of the hysteresis, on the scale of 8-bit images; swapped with high if"
+        " larger",
         min=0,
         max=800,
         used=unless("auto", True),
@@ -62,14 +62,14 @@ class EdgeParams:
     )
     l2_gradient: bool = param(
         False,
-        "canny: Euclidean norm of the gradient, more exact than |dx| + |dy|",
+        "canny: use the Euclidean norm of the gradient, which is more exact than |dx| + |dy|",
         group="method",
         used=lambda p: p.method is Method.CANNY and not p.auto,
     )
     sigma: float = param(
         0.0,
-        "standard deviation of the Gaussian blur before edge detection, pixels; 0 is off; with"
-        " laplacian: LoG",
+        "standard deviation of the Gaussian blur before edge detection, pixels; 0 is off; blur and"
+        " laplacian together are a LoG",
         min=0,
         max=20,
         slider=(0, 5),

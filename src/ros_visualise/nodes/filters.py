@@ -41,7 +41,7 @@ class FiltersParams:
     )
     width: int = param(
         0,
-        "width after resizing, pixels; 0 follows height or scale",
+        "width after resizing, pixels; 0: computed from height or scale",
         min=0,
         max=16384,
         slider=(0, 3840),
@@ -49,7 +49,7 @@ class FiltersParams:
     )
     height: int = param(
         0,
-        "height after resizing, pixels; 0 follows width or scale",
+        "height after resizing, pixels; 0: computed from width or scale",
         min=0,
         max=16384,
         slider=(0, 2160),
@@ -62,7 +62,9 @@ class FiltersParams:
     )
     gray: bool = param(True, "conversion of colour to gray: 0.299 R + 0.587 G + 0.114 B")
     blur: Blur = param(
-        Blur.OFF, "smoothing; median above size 5 reduces 16-bit images to 256 levels", group="blur"
+        Blur.OFF,
+        "kind of smoothing; a median larger than 5 pixels reduces 16-bit images to 256 levels",
+        group="blur",
     )
     blur_size: int = param(
         5,
@@ -74,7 +76,7 @@ class FiltersParams:
     )
     blur_sigma: float = param(
         0.0,
-        "gaussian and bilateral: standard deviation, pixels; 0 follows the size",
+        "gaussian and bilateral: standard deviation, pixels; 0: computed from the size",
         min=0,
         max=20,
         group="blur",
@@ -82,7 +84,7 @@ class FiltersParams:
     )
     bilateral_color: float = param(
         50.0,
-        "bilateral: difference of values above which they are hardly mixed (x 257 at 16 bits)",
+        "bilateral: difference above which values are hardly mixed (x 257 for 16-bit images)",
         min=1,
         max=255,
         group="blur",
@@ -98,7 +100,7 @@ class FiltersParams:
     )
     brightness: int = param(
         0,
-        "offset added to all values (x 257 at 16 bits); 0 is off",
+        "offset added to all values (x 257 for 16-bit images); 0 is off",
         min=-255,
         max=255,
         group="tone",
@@ -170,8 +172,8 @@ class FiltersParams:
     )
     threshold: int = param(
         255,
-        "threshold of each channel (x 257 at 16 bits); truncate changes nothing at 255; otsu and"
-        " adaptive choose their own",
+        "threshold of each channel (x 257 for 16-bit images); truncate changes nothing at 255; otsu"
+        " and adaptive choose their own",
         min=0,
         max=255,
         used=unless("threshold_mode", Threshold.OFF, Threshold.OTSU, *_ADAPTIVE),
@@ -187,7 +189,7 @@ class FiltersParams:
     )
     adaptive_offset: float = param(
         2.0,
-        "adaptive: offset of the threshold below the window's mean (x 257 at 16 bits)",
+        "adaptive: offset of the threshold below the window's mean (x 257 for 16-bit images)",
         min=-255,
         max=255,
         slider=(-50, 50),

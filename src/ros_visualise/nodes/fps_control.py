@@ -17,13 +17,13 @@ class FpsParams:
 
     fps: int = param(
         30,
-        "rate of frames that pass, Hz; 0 counts as 1",
+        "maximum frame rate, Hz; 0 counts as 1",
         min=0,
         max=240,
         slider=(0, 30),
         used=when("enabled", True),
     )
-    enabled: bool = param(True, "rate limit; off passes every frame")
+    enabled: bool = param(True, "limit the rate; if off, every frame passes")
 
 
 @node(
@@ -36,7 +36,7 @@ class FpsParams:
     timed=True,
 )
 class FpsControl:
-    """Limits images to a requested rate, by their timestamps, without repeating or delaying any.
+    """Limits the rate of images, measured by their timestamps, without repeating or delaying any.
 
     Images without a timestamp are taken by their arrival times.
     """

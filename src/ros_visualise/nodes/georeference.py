@@ -64,7 +64,9 @@ _BOX, _PIXEL = 0.1, 1.0  # deviations of a point, as a fraction of its box, and 
 class GeoreferenceParams:
     """Parameters of `Georeference`."""
 
-    fixed_frame: str = param(MAP, "frame with x east, y north, z up; odom if frame map is missing")
+    fixed_frame: str = param(
+        MAP, "frame with x east, y north, z up; odom if there is no frame named map"
+    )
     camera_pitch: float = param(
         90.0,
         "downward tilt from the horizon, degrees, of a camera fixed to base_link whose frame is not"
@@ -74,7 +76,7 @@ class GeoreferenceParams:
     )
     course: bool = param(
         False,
-        "where /tf has no attitude, assume that the camera looks along the course of the fixes,"
+        "where /tf has no attitude, assume that the camera looks along the course of the GPS fixes,"
         " camera_pitch below the horizon",
     )
     lens: str = param(
@@ -84,7 +86,7 @@ class GeoreferenceParams:
     )
     lens_sigma: float = param(
         0.05,
-        "standard deviation of an uncalibrated focal length, as a fraction",
+        "standard deviation of an uncalibrated focal length, as a fraction of it",
         min=0,
         max=1,
         slider=(0, 0.2),
@@ -100,7 +102,7 @@ class GeoreferenceParams:
     )
     heading_sigma: float = param(
         3.0,
-        "standard deviation of its heading, degrees",
+        "standard deviation of the camera's heading, degrees",
         min=0,
         max=180,
         slider=(0, 20),
@@ -108,7 +110,8 @@ class GeoreferenceParams:
     )
     position_sigma: float = param(
         3.0,
-        "standard deviation of its position east and north, metres; used if fixes report none",
+        "standard deviation of the camera's position east and north, metres; used if the GPS fixes"
+        " report none",
         min=0,
         max=1e4,
         slider=(0, 10),
@@ -116,7 +119,7 @@ class GeoreferenceParams:
     )
     height_sigma: float = param(
         1.0,
-        "standard deviation of its height above the point of take-off, metres",
+        "standard deviation of the camera's height above the point of take-off, metres",
         min=0,
         max=1e4,
         slider=(0, 10),
@@ -124,7 +127,7 @@ class GeoreferenceParams:
     )
     time_sigma: float = param(
         0.0,
-        "standard deviation of the images' times relative to the camera's poses, seconds",
+        "standard deviation of the time offset between images and camera poses, seconds",
         min=0,
         max=10,
         slider=(0, 0.5),
@@ -184,7 +187,7 @@ class GeoreferenceParams:
     splittable=False,
 )
 class Georeference:
-    """Places detections on the Earth, with covariances: where their rays meet the ground.
+    """Places detections on the Earth, where their rays meet the ground, with covariances.
 
     Tags with a known size are placed by their own distance. ``positions`` are in the fixed frame,
     whose origin is ``map_origin``; ``geojson`` has latitudes, longitudes and heights. The origin is

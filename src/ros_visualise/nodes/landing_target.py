@@ -47,7 +47,9 @@ class LandingTargetParams:
         "landing target: the name of a tag, of a bundle, or of a class of objects with the origin"
         " in the middle, such as pad, helipad",
     )
-    rate: float = param(20.0, "rate of messages between images, from odometry, Hz", min=0, max=200)
+    rate: float = param(
+        20.0, "rate of messages between images, predicted from odometry, Hz", min=0, max=200
+    )
     timeout: float = param(
         1.0, "time after which an unseen target is lost, seconds", min=0.05, max=60
     )
@@ -65,7 +67,7 @@ class LandingTargetParams:
     )
     speed: float = param(
         1.0,
-        "standard deviation of the target's speed, m/s; 0 is a still target",
+        "standard deviation of the target's speed, m/s; 0: the target does not move",
         min=0,
         max=50,
         slider=(0, 5),
@@ -73,7 +75,7 @@ class LandingTargetParams:
     )
     acceleration: float = param(
         0.5,
-        "standard deviation of the change of its speed in one second, m/s",
+        "standard deviation of the change in the target's speed in one second, m/s",
         min=0.001,
         max=50,
         slider=(0, 5),
@@ -89,7 +91,7 @@ class LandingTargetParams:
     )
     patience: float = param(
         0.5,
-        "time for which sightings must contradict the estimate before they replace it, seconds",
+        "time for which sightings must contradict the estimate until they replace it, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 5),
@@ -97,8 +99,8 @@ class LandingTargetParams:
     )
     attitude_sigma: float = param(
         0.5,
-        "standard deviation of the camera's attitude, degrees; raised if the images show a"
-        " larger one",
+        "standard deviation of the camera's attitude, degrees; raised if the images show larger"
+        " errors",
         min=0,
         max=45,
         slider=(0, 5),
@@ -106,7 +108,7 @@ class LandingTargetParams:
     )
     attitude_time: float = param(
         20.0,
-        "time constant of the attitude's error, seconds",
+        "time constant of the camera's attitude error, seconds",
         min=0.01,
         max=1e9,
         slider=(1, 600),

@@ -40,18 +40,18 @@ class LandmarkParams:
     )
     names: str = param(
         "",
-        "text file with one class name per line; empty is the network's own names",
+        "text file with one class name per line; empty: the names in the network's file",
         restart=True,
         file=bool,
     )
     classes: str = param(
-        "", "names or numbers of the classes to detect, such as helipad, 7; empty is all"
+        "", "names or numbers of the classes to detect, such as helipad, 7; empty: all"
     )
     min_score: float = param(0.6, "lowest score of a detection, 0 to 1", min=0, max=1)
     max_overlap: float = param(
         0.5,
-        "overlap above which two boxes of a class are merged, as a fraction; for networks that"
-        " report an object several times",
+        "overlap above which two boxes of the same class are merged, as a fraction; for networks"
+        " that report an object several times",
         min=0,
         max=1,
         group="choice",
@@ -88,8 +88,8 @@ class LandmarkParams:
     )
     input_size: int = param(
         0,
-        "longer side of the network's input, pixels, if its file does not fix it; 0 is the file's"
-        " own, or else 640",
+        "longer side of the network's input, pixels, if the network's file does not fix it; 0: the"
+        " file's default, or 640",
         min=0,
         max=4096,
         restart=True,
@@ -99,7 +99,7 @@ class LandmarkParams:
     )
     threads: int = param(
         2,
-        "number of threads for one image; more are faster, but slow down other nodes",
+        "number of threads per image; more threads are faster, but slow down other nodes",
         min=1,
         max=64,
         restart=True,
@@ -122,7 +122,7 @@ class LandmarkParams:
     calibrated=True,
 )
 class LandmarkDetector:
-    """Detects objects with a neural network (ONNX), and their directions if calibrated."""
+    """Detects objects with a neural network (ONNX); a calibration adds their directions."""
 
     def __init__(self, params: LandmarkParams) -> None:
         self._remarks = OnceLog("landmark_detector")
@@ -202,5 +202,5 @@ def _file_of(model: str) -> str:
         OpenError: none is given, and our own is not installed.
     """
     if not model and not OWN_MODEL.is_file():
-        raise OpenError("landmark_detector: give an ONNX file by model=FILE.onnx")
+        raise OpenError("landmark_detector: give an ONNX file with model=FILE.onnx")
     return model or str(OWN_MODEL)

@@ -49,7 +49,7 @@ class LocalizerParams(MapParams):
         3, "number of sightings before a landmark is accepted", min=1, max=1000, slider=(1, 20)
     )
     ground_frame: str = param(
-        "", "frame whose x-y plane is the ground; empty is the fixed frame", group="ground"
+        "", "frame whose x-y plane is the ground; empty: the fixed frame", group="ground"
     )
     attitude_sigma: float = param(
         1.0,
@@ -96,7 +96,7 @@ class LocalizerParams(MapParams):
     splittable=False,
 )
 class LandmarkLocalizer:
-    """Maps landmarks in a fixed frame, from detections with poses and the tree of frames.
+    """Maps landmarks in a fixed frame, from detections with poses and the tf tree.
 
     A landmark does not move, so its frame is one of ``tf_static``.
     """
@@ -108,7 +108,7 @@ class LandmarkLocalizer:
             frame_id, self._known, _ = map_file.load(Path(params.map))
             if frame_id != params.fixed_frame:
                 raise OpenError(
-                    f"{params.map}: its landmarks are in the frame {frame_id}:"
+                    f"{params.map}: its landmarks are in the frame {frame_id};"
                     f" set fixed_frame={frame_id}"
                 )
         self._frame = ""
@@ -186,7 +186,8 @@ class LandmarkLocalizer:
         """Begin again with the landmarks of the map: the same views would count twice."""
         dropped = len(self._localizer.landmarks) - len(self._known)
         if dropped > 0:
-            log.warning("%s: dropping %s; save_map keeps them", why, counted(dropped, "landmark"))
+            what = counted(dropped, "landmark")
+            log.warning("%s: dropping %s; next time, call save_map first to keep them", why, what)
         self._localizer = Localizer(copy.deepcopy(self._known))
         self._shown, self._anew = LandmarkMessages(), True
 

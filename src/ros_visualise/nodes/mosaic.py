@@ -48,11 +48,11 @@ class MosaicParams:
     """Parameters of `Mosaicking`."""
 
     save_to: str = param(
-        "", "GeoTIFF that is written at the end, such as mosaic.tif; empty is none", file=bool
+        "", "GeoTIFF to write at the end, such as mosaic.tif; empty: none", file=bool
     )
     resolution: float = param(
         0.0,
-        "side of a pixel on the ground, metres; 0 is as fine as the first image",
+        "side of a pixel on the ground, metres; 0: as fine as the first image",
         min=0,
         max=100,
         slider=(0, 2),
@@ -76,11 +76,13 @@ class MosaicParams:
     )
     min_angle: float = param(
         20.0,
-        "minimum angle below the horizon, degrees; ground seen at a flatter one is omitted",
+        "minimum angle below the horizon, degrees; ground seen at a shallower angle is omitted",
         min=1,
         max=89,
     )
-    fixed_frame: str = param(MAP, "frame with x east, y north, z up; odom if frame map is missing")
+    fixed_frame: str = param(
+        MAP, "frame with x east, y north, z up; odom if there is no frame named map"
+    )
     ground_height: float = param(
         0.0,
         "height of the ground in the fixed frame, metres",
@@ -111,7 +113,7 @@ class MosaicParams:
     splittable=False,
 )
 class Mosaicking:
-    """Projects images onto level ground: a map of all that was seen, also as GeoTIFF.
+    """Projects images onto level ground, for a map of everything seen, also as a GeoTIFF.
 
     ``footprint`` is the part of the ground that an image shows, ``picture`` the mosaic, both in
     GeoJSON. The place on the Earth is that of the source's origin, else estimated from fixes.
@@ -166,7 +168,7 @@ class Mosaicking:
         """Write the mosaic as GeoTIFF; raises ParameterError without a name."""
         path, origin = Path(self._params.save_to), self._finder.origin
         if not self._params.save_to:
-            raise ParameterError("give a file name by save_to, such as mosaic.tif")
+            raise ParameterError("set save_to to a file name, such as mosaic.tif")
         picture = self._mosaic.picture(_SAVED_PX)
         if picture is None or origin is None:
             log.warning("mosaic: no images on the ground yet; nothing saved")

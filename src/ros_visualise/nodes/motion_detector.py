@@ -37,9 +37,7 @@ class MotionParams:
     min_side: int = param(
         12, "minimum width and height of an object, pixels", min=1, max=4096, slider=(1, 100)
     )
-    gap: int = param(
-        9, "parts of an object that are closer than this are joined, pixels", min=0, max=200
-    )
+    gap: int = param(9, "gap up to which the parts of an object are joined, pixels", min=0, max=200)
 
 
 @node(
@@ -50,7 +48,7 @@ class MotionParams:
     on_demand=("debug_image",),
 )
 class MotionDetector:
-    """Detects moving objects in images of a still camera, without a network.
+    """Detects moving objects in images from a still camera, without a network.
 
     Source: Zivkovic and van der Heijden, Efficient adaptive density estimation per image pixel for
     the task of background subtraction, 2006.

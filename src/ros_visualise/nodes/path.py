@@ -36,7 +36,7 @@ class PathParams:
     """Parameters of `PathNode`."""
 
     min_distance: float = param(
-        0.05, "distance between poses of the path, metres", min=0, max=100, slider=(0, 2)
+        0.05, "minimum distance between poses of the path, metres", min=0, max=100, slider=(0, 2)
     )
     min_angle: float = param(
         5.0,
@@ -55,14 +55,14 @@ class PathParams:
     )
     rate: float = param(
         5.0,
-        "maximum publishing rate, by the timestamps, Hz; 0 publishes with every pose",
+        "maximum publishing rate, measured by timestamps, Hz; 0 publishes with every pose",
         min=0,
         max=100,
     )
     tf_parent: str = param(
-        "", "frame in which tf_child is followed, by tf; both empty: follow the other inputs"
+        "", "frame in which tf_child is followed, using tf; both empty: follow the other inputs"
     )
-    tf_child: str = param("", "frame that is followed by tf; empty: follow the other inputs")
+    tf_child: str = param("", "frame to follow, using tf; empty: follow the other inputs")
 
 
 @node(
@@ -82,7 +82,7 @@ class PathParams:
     splittable=False,
 )
 class PathNode:
-    """The path of a robot; it starts over when time jumps or the frame changes.
+    """Publishes the path of a robot, starting over when time jumps or the frame changes.
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.

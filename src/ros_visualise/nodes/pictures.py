@@ -44,7 +44,7 @@ class PicturesParams:
 
 @source("pictures", params=PicturesParams, outputs={"image": Image})
 class PicturesNode:
-    """Play a picture, or all of a folder in the order of their names."""
+    """Play a picture, or all pictures in a folder, in order of name."""
 
     def __init__(
         self, params: PicturesParams, playback: Playback, series: Sequence[Series] = ()

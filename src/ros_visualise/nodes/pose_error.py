@@ -42,7 +42,9 @@ class PoseError:
     ) -> dict[str, Any] | None:
         frames = pose.header.frame_id, truth.header.frame_id
         if frames[0] != frames[1]:
-            self._remarks.say(f"the pose is in {frames[0]} and the truth in {frames[1]}: no error")
+            self._remarks.say(
+                f"no error: the pose is in frame {frames[0]}, but the truth is in {frames[1]}"
+            )
             return None
         error = pose_error(pose.position_xyz, pose.quat_xyzw, truth.position_xyz, truth.quat_xyzw)
         away_m = float(np.linalg.norm(error[:3]))

@@ -38,9 +38,11 @@ class RectifyParams:
     calibrated=True,
 )
 def rectify(image: Image, params: RectifyParams) -> Image | None:
-    """Removes the distortion of the lens from images and their calibration."""
+    """Removes lens distortion from images and from their calibration."""
     if color.is_bayer(image.encoding):
-        raise UnsupportedImage(f"{image.encoding}: set filters.demosaic=true, and rectify after it")
+        raise UnsupportedImage(
+            f"{image.encoding}: set filters.demosaic=true, and rectify its result"
+        )
     info = image.camera_info
     if info is None:
         return None

@@ -26,7 +26,7 @@ class StreamerParams:
     """Parameters of `Streamer`."""
 
     path: str = param("", "video file", restart=True, saved=False, file=bool)
-    size: str = param("", "image size, WIDTHxHEIGHT; empty is the video's own", restart=True)
+    size: str = param("", "image size, WIDTHxHEIGHT; empty: the video's own", restart=True)
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
         "",

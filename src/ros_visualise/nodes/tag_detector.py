@@ -40,8 +40,8 @@ class TagParams(PoseParams):
     )
     quad_sigma: float = param(
         0.0,
-        "blur before squares are detected, pixels; below 0 it sharpens: -0.8 detects smaller tags,"
-        " and takes 1.5 times as long",
+        "standard deviation of the blur before squares are detected, pixels; values below 0"
+        " sharpen: -0.8 detects smaller tags, but takes 1.5 times as long",
         min=-3,
         max=3,
         slider=(-2, 2),
@@ -49,8 +49,8 @@ class TagParams(PoseParams):
     )
     search_every: int = param(
         1,
-        "search every n-th image as a whole, the others only around the last tags; 1: all of them;"
-        " 5 is faster, for video",
+        "search only every n-th image as a whole, and the others around the last tags; 1 searches"
+        " every image as a whole; 5 is faster, and suits video",
         min=1,
         max=100,
         slider=(1, 30),

@@ -22,7 +22,7 @@ from ros_visualise.nodes import node
     outputs={"detections": Detections},
 )
 class TagPoses:
-    """Adds poses to recorded tags, from their corners and their calibration."""
+    """Adds poses to recorded tags, from their corners and the camera's calibration."""
 
     def __init__(self, params: PoseParams) -> None:
         self._remarks = OnceLog("tag_poses")

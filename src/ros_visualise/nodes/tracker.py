@@ -64,7 +64,7 @@ class TrackerParams:
     low_score: float = param(
         0.1,
         "minimum score for a detection to continue a track; set the detector's own minimum score"
-        " as low",
+        " just as low",
         min=0,
         max=1,
     )
@@ -93,11 +93,12 @@ class TrackerParams:
     )
     lines: str = param(
         "",
-        "counting lines, pixels, such as gate: 100,200 400,200, with ; between several; 'in' is the"
-        " direction to the right, seen from the first point",
+        "counting lines, in pixels, such as gate: 100,200 400,200; several are separated by ;"
+        " ('in' means to the right, as seen from the first point)",
     )
     zones: str = param(
-        "", "counting zones, in pixels, such as yard: 0,0 100,0 100,100, with ; between several"
+        "",
+        "counting zones, in pixels, such as yard: 0,0 100,0 100,100; several are separated by ;",
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
@@ -114,14 +115,14 @@ class TrackerParams:
     )
     min_low_overlap: float = param(
         0.5,
-        "minimum overlap of a detection with a low score",
+        "minimum overlap of a track with a detection that has a low score",
         min=0.01,
         max=0.99,
         group="association",
     )
     acceleration: float = param(
         0.25,
-        "standard deviation of the change of an object's velocity in one second, in box lengths"
+        "standard deviation of the change in an object's velocity in one second, in box lengths"
         " per second",
         min=0.01,
         max=100,

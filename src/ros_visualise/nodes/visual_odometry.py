@@ -72,7 +72,7 @@ class CameraMotionParams:
         restart=True,
     )
     scale_by: str = param(
-        "", "what else gives the scale: reference or fix; empty: nothing", restart=True
+        "", "other input that gives the scale: reference or fix; empty: none", restart=True
     )
     imu: bool = param(
         True, "use the IMU, if there is one, unless height or scale_by gives the scale"
@@ -92,8 +92,8 @@ class CameraMotionParams:
     )
     camera_turn: float = param(
         -1.0,
-        "error of the camera's attitude on the robot, degrees (standard deviation); below 0: 1.5"
-        " with an IMU, which corrects it, and otherwise 0.5",
+        "standard deviation of the camera's attitude on the robot, degrees; below 0: 1.5 with an"
+        " IMU, which corrects the attitude, and otherwise 0.5",
         min=-1,
         max=10,
     )

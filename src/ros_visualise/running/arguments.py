@@ -128,8 +128,8 @@ def _checked(
 
 
 not_negative = _checked(float, lambda n: 0 <= n <= _MAX_S, f"a number from 0 to {_MAX_S:g}")
-positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, to {_MAX_S:g}")
-tag_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, to {MAX_TAG_M:g}")
+positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, up to {_MAX_S:g}")
+tag_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, up to {MAX_TAG_M:g}")
 seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
 plot_width = _checked(float, lambda n: 60 <= n <= 1000, "a number from 60 to 1000")
 rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")

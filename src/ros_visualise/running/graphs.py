@@ -90,7 +90,7 @@ def recording(
     ``more``: recordings and films that are played with it; ``offsets``: as of ``--offset``.
     """
     if offsets and not more:
-        raise UsageError(f"--offset {offsets[0]}: needs several recordings or films")
+        raise UsageError(f"--offset {offsets[0]}: needs several recordings or videos")
 
     def graph(undo: ExitStack) -> Graph:
         chosen = ["" if topic == _NONE else topic for topic in (image, odom)]
@@ -114,7 +114,8 @@ def _report_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> No
         by = f"moved by {moved[name]:g} s" if moved[name] else f"--offset {name}=SECONDS moves it"
         log.info("%s: %s; %s", path.name, how, by)
         if frames is not None:
-            log.info("%s: frames renamed to %s/...: another source moves them too", path.name, name)
+            why = "another source publishes frames with the same names"
+            log.info("%s: frames renamed to %s/..., because %s", path.name, name, why)
 
 
 def server(
@@ -221,7 +222,7 @@ def following(
 def _joined(selection: Selection, path: str, runtime: LocalRuntime) -> Selection:
     """A selection with another file; the offsets of those that are played stay."""
     if not os.path.exists(selection.path) or selection.another is not None:
-        raise UsageError(f"{path}: can only be added to a recording or a film")
+        raise UsageError(f"{path}: can only be added to a recording or a video")
     offsets, source = [], runtime.graph.source
     if source is not None and runtime.playback is not None:
         moved = runtime.parameters[source.name].current
@@ -323,8 +324,8 @@ def _check_path(graph: Graph) -> None:
             continue
         if node.params.tf_parent or node.params.tf_child:
             raise UsageError(
-                f"{node.name}: no tf: leave tf_parent and tf_child empty; to follow two frames of a"
-                " recording, give --odom /tf:PARENT.CHILD"
+                f"{node.name}: no tf; leave tf_parent and tf_child empty, or, to follow two frames"
+                " of a recording, give --odom /tf:PARENT.CHILD"
             )
 
 

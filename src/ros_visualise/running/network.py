@@ -18,7 +18,7 @@ from ros_visualise.sources.playback import Playback
 if TYPE_CHECKING:
     from ros_visualise.runtime.middleware import Transport
 
-_INSTALL = "pip install 'ros_visualise[zenoh]', in a clone '.[zenoh]'"
+_INSTALL = "pip install 'ros_visualise[zenoh]' (in a clone: pip install '.[zenoh]')"
 
 
 def join(options: NetworkOptions, name: str, wait_s: float = math.inf) -> Transport | None:

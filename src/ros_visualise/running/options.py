@@ -44,7 +44,7 @@ def mission_option(otherwise: str) -> Any:
 
 def profile_option(default: str | None, otherwise: str) -> Any:
     """An option ``--profile``; ``otherwise`` is the profile without it."""
-    help = f"profile of errors of the sensors and the world (default: {otherwise})"
+    help = f"error profile of the sensors and the world (default: {otherwise})"
     return option(default, help, choices=("ideal", "realistic", "hard"))
 
 
@@ -79,7 +79,8 @@ class ViewingOptions:
     host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
     port: int = option(8080, "port of the page (default: %(default)s)", type=port)
     token: bool = option(
-        True, "let anyone who can reach the page use it (default: its address contains a token)"
+        True,
+        "let anyone who can reach the page use it (default: its address contains a secret token)",
     )
     open: bool | None = option(
         None, "open the page in a browser (default: from a terminal on a desktop)"
@@ -99,8 +100,8 @@ class ViewingOptions:
     )
     allow_control: bool = option(
         False,
-        "let the page publish messages and command the vehicles of --mavlink; its read-only address"
-        " never may",
+        "let the page publish messages and command the vehicles of --mavlink; a page opened at the"
+        " read-only address never can",
     )
     allow_origin: Sequence[str] = option(
         [],
@@ -243,8 +244,8 @@ class NetworkOptions:
     )
     listen: Sequence[str] = option(
         [],
-        "address on which other machines may join, such as tcp/0.0.0.0:7447 (not encrypted; tls/"
-        " is); repeatable",
+        "address on which other machines may join, such as tcp/0.0.0.0:7447; tcp/ is not encrypted,"
+        " tls/ is; repeatable",
         metavar="ADDRESS",
     )
     mavlink: Sequence[str] = option(
@@ -255,7 +256,7 @@ class NetworkOptions:
     )
     node_name: str = option(
         "",
-        "name on the Zenoh network, with a namespace for its topics: uav1/camera",
+        "name on the Zenoh network, with a namespace for its topics, such as uav1/camera",
         metavar="NAME",
     )
 
@@ -281,7 +282,7 @@ class TopicOptions(PlayingOptions):
     )
     odom: str | None = option(
         None,
-        "topic that the path is drawn from (default: the first odometry), or two frames as"
+        "topic from which the path is drawn (default: the first odometry), or two frames, given as"
         " /tf:PARENT.CHILD",
         metavar="TOPIC|none",
     )

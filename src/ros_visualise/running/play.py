@@ -267,7 +267,7 @@ def _start_recordings(
 
 def _print_summary(report: RunReport) -> None:
     for name, topic in report.topics.items():
-        rates = f"{topic.hz or 0:g} Hz by the stamps, {topic.wall_hz or 0:g} Hz in real time"
+        rates = f"{topic.hz or 0:g} Hz by timestamps, {topic.wall_hz or 0:g} Hz in real time"
         print_status(f"{name}: {counted(topic.messages, 'message')}, {rates}")
     for name, node in report.nodes.items():
         of = f" of {node.received}" if node.received > node.processed else ""  # not of a source

@@ -42,8 +42,8 @@ class GimbalParams(CameraSensorParams):
     )
     gimbal_error: float = _gimbal(
         0.0,
-        "slowly varying error of the gimbal about each axis, which tf does not show: standard"
-        " deviation, degrees",
+        "slowly varying error of the gimbal about each axis (standard deviation), degrees; tf does"
+        " not show it",
         min=0,
         max=10,
     )

@@ -20,8 +20,12 @@ _FIELDS = {
     "latency": ("delay of each message, seconds", 0, 5),
     "jitter": ("mean of an additional random delay (exponential), seconds", 0, 5),
     "dropped": ("share of messages that are lost, 0 to 1", 0, 1),
-    "clock_offset": ("error of its clock at the start, seconds; positive: late stamps", -10, 10),
-    "clock_drift": ("drift of its clock, microseconds per second", -1e5, 1e5),
+    "clock_offset": (
+        "error of the sensor's clock at the start, seconds; positive: late stamps",
+        -10,
+        10,
+    ),
+    "clock_drift": ("drift of the sensor's clock, microseconds per second", -1e5, 1e5),
 }
 """End of a parameter's name -> its help and its limits; the default is 0."""
 

@@ -42,4 +42,4 @@ def advise_opengl() -> str:
     return f"{unset}apt install libegl1 libgl1 libgl1-mesa-dri, or libosmesa6"
 
 
-_INSTALL = "pip install 'ros_visualise[sim]', in a clone '.[sim]'"
+_INSTALL = "pip install 'ros_visualise[sim]' (in a clone: pip install '.[sim]')"

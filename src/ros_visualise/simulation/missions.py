@@ -76,7 +76,7 @@ class Mission:
 
     def __post_init__(self) -> None:
         if self.shape and self.waypoints:
-            raise OpenError("a mission has a shape or waypoints, not both: omit one")
+            raise OpenError("a mission has a shape or waypoints, not both; omit one")
         if self.land_on not in ("", PAD):
             raise OpenError(f"land_on cannot be {self.land_on!r}: give {_FORMS['land_on']}")
         if not (self.has_route or self.land_on):

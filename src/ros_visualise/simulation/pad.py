@@ -58,7 +58,7 @@ class PadParams:
     )
     pad_motion: PadMotion = param(
         PadMotion.STILL,
-        "motion of the pad; along a line it goes back and forth",
+        "motion of the pad; on a line it moves back and forth",
         restart=True,
         group="pad",
     )

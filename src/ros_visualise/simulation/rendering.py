@@ -32,7 +32,7 @@ def choose_backend() -> str:
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in ("disable", "disabled", "off", "false", "0"):
-        raise OpenError(f"MUJOCO_GL={asked} disables rendering: unset it, or turn the camera off")
+        raise OpenError(f"MUJOCO_GL={asked} disables rendering; unset it, or turn the camera off")
     if sys.platform == "darwin":
         return "cgl"
     if sys.platform == "win32":

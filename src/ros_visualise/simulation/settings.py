@@ -78,5 +78,5 @@ class ScenarioParams:
         0, "seed of all random errors; equal seeds give equal data", min=0, max=2**31 - 1
     )
     tf_prefix: str = setting(
-        "", "prefix of its frames, except map, such as uav1 for uav1/base_link"
+        "", "prefix of the robot's frames (except map), such as uav1 for uav1/base_link"
     )

@@ -268,7 +268,7 @@ class Simulation:
 
     def _check_upright(self) -> None:
         if not self.upright:
-            raise UsageError(f"the {self._name} has tipped over: reset it")
+            raise UsageError(f"the {self._name} has tipped over; reset it")
 
     def _set_down(self) -> tuple[Vector, Quat]:
         """Put the robot at its start and let it come to rest there, motors off."""

@@ -146,7 +146,7 @@ class Mp4Recorder(Recorder):
             raise
         except Exception as error:  # OpenCV raises what it happens to meet
             kind = type(message).__name__
-            raise DamagedMessage(f"{kind}: not an image for a video: {error}") from error
+            raise DamagedMessage(f"{kind}: cannot be encoded as video: {error}") from error
 
     def _add(self, planes: Bytes, stamp_ns: int, video: _Video) -> None:
         ticks = self._timeline.place(stamp_ns)

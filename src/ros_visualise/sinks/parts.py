@@ -49,7 +49,8 @@ def parse_split(text: str) -> Split:
     if unit in _SIZES and number * _SIZES[unit] >= _LEAST_BYTES:
         return Split(size=round(number * _SIZES[unit]))
     raise UsageError(
-        f"split {text}: give bytes as 1G or 500M (at least 64K), or a time as 10m, 90s or 1h"
+        f"split {text}: give a size such as 1G or 500M (at least 64K), or a time such as 10m, 90s"
+        " or 1h"
     )
 
 

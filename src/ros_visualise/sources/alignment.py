@@ -71,7 +71,7 @@ def read_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
         offsets[number] = found.offset_s
         print_status(
             f"ros-visualise: {joined.paths[number].name}: moved by {found.offset_s:.3f} s"
-            f" +- {found.sigma_s:.3f} s, which explains the motion of the film's images best"
+            f" +- {found.sigma_s:.3f} s, which explains the motion in the video best"
             f" ({100 * found.explained:.0f} %)"
         )
     return offsets
@@ -85,7 +85,7 @@ def _align(joined: JoinedRecording, number: int, text: str) -> Alignment:
     film = number if is_film else next(iter(films), None)
     gyro = next((one for one in gyros if (one[0] != number) == is_film), None)
     if film is None or gyro is None or gyro[0] == film:
-        raise UsageError(f"--offset {text}: needs a film and the log of a gyroscope (/imu/data)")
+        raise UsageError(f"--offset {text}: needs a video and the log of a gyroscope (/imu/data)")
     shifts_ns = [
         span[0] - one.start_ns for span, one in zip(joined.spans_ns, joined.recordings, strict=True)
     ]

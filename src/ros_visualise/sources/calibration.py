@@ -57,8 +57,8 @@ class Calibration:
         own = (self._info.width, self._info.height)
         if not _is_scaled(own, size):
             raise OpenError(
-                f"{self._url}: for images of {own[0]}x{own[1]};"
-                f" those of {size[0]}x{size[1]} have another aspect ratio"
+                f"{self._url}: made for images of {own[0]}x{own[1]};"
+                f" images of {size[0]}x{size[1]} have another aspect ratio"
             )
         return self._info if own == size else resized(self._info, own, size)
 
@@ -155,7 +155,7 @@ def read_uncertainty(url: str) -> CalibrationUncertainty:
     path, info = path_of(url), read_calibration(url)
     values = open_yaml(path, _WANTED)
     if _COVARIANCE not in values:
-        raise OpenError(f"{path}: no {_COVARIANCE}; write the file by ros-visualise calibrate")
+        raise OpenError(f"{path}: no {_COVARIANCE}; create the file with ros-visualise calibrate")
     try:
         covariance = _matrix(values, _COVARIANCE, 4 + info.D.size, 4 + info.D.size)
         least, most = np.linalg.eigvalsh(covariance)[[0, -1]]

@@ -305,7 +305,7 @@ class LiveCamera:
             failure = OpenError(f"{self._address.name}: cannot be read: {reason}")
             self._note(failure=None if self._opened else failure)
             return reason
-        return "it ended"
+        return "the stream ended"
 
     def _restore_controls(self) -> None:
         try:

@@ -183,7 +183,7 @@ def _open_folder(path: Path) -> Recording:
         return series.open(path)
     for one in FORMATS.all() if not found else ():
         if whole_path := one.whole_of(path):
-            raise OpenError(f"{path}: a part of a {one.name}; give the whole: {whole_path}")
+            raise OpenError(f"{path}: only a part of a {one.name}; give the whole: {whole_path}")
     if not found:
         raise NoRecording(_nothing_in(path))
     if len(found) == 1:

@@ -214,7 +214,7 @@ class Playback:
         """Raise UsageError if the start lies after the end of the source."""
         if duration_ns and self._position_ns > duration_ns:
             start, end = self._position_ns / 1e9, duration_ns / 1e9
-            raise UsageError(f"cannot start at {start:g} s: it lasts {end:.2f} s")
+            raise UsageError(f"cannot start at {start:g} s: the source lasts only {end:.2f} s")
 
     def play(self) -> None:
         """Go on; at the end, start again."""

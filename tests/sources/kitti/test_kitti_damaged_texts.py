@@ -126,7 +126,7 @@ def test_turns_without_their_times_are_said(opened, changeable, what, kept, lost
     topic = f"/velodyne_points/scan_{what}"
     assert len(messages(recording, topic)) == 5 - lost
     assert recording.loss.messages == lost
-    said = f"{lost} of 5 times are missing or damaged; their messages of {topic} skipped"
+    said = f"{lost} of 5 times are missing or damaged; their messages on {topic} skipped"
     expected = [f"velodyne_points/timestamps_{what}.txt: {said}"] if lost else []
     assert recording.loss.notes == expected
 

@@ -93,7 +93,7 @@ def test_missing_times_are_those_of_the_same_turn(opened, drive_0052):
     for topic in ("/cam00/image_rect", "/cam02/image_rect", "/velodyne_points", "/imu/data"):
         assert stamps[topic].tolist() == expected
     assert len(recording.notes) == 3
-    assert all("as those of oxts with the same number" in note for note in recording.notes)
+    assert all("like the frames of oxts with the same number" in note for note in recording.notes)
 
 
 def test_single_missing_times_are_counted_on(opened, changeable):

@@ -159,7 +159,7 @@ def test_poses_of_the_whole_for_a_part_are_no_loss(opened, sequence, recordings)
     assert len(recording.stamps_ns()["/odom"]) == 271
     assert not recording.loss
     assert recording.notes[0].startswith(
-        "poses: more than the 5 times of times.txt; frames without one"
+        "poses: more than the 5 times of times.txt; frames without a time"
     )
 
 
@@ -173,7 +173,7 @@ def test_poses_that_are_cut_off_are_said(opened, sequence, kept):
     assert len(messages(recording, "/odom")) == kept
     (note,) = recording.loss.notes
     said = f"{5 - kept} of 5 poses are missing or damaged"
-    said += "; as many messages of /odom and /tf skipped"
+    said += "; their messages on /odom and /tf skipped"
     assert note == f"../../poses/04.txt: {said}"
 
 

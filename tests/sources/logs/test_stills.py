@@ -75,7 +75,7 @@ def test_what_is_not_known_is_not_made_up(tmp_path, caplog):
     ):
         sides = write(tmp_path / "sides.jpg", XMP.format(yaw=0), taken=taken)
         assert [one.topic for one in still_series([sides])] == topics
-    assert caplog.text.count("rotated since it was taken") == 2
+    assert caplog.text.count("rotated after it was taken") == 2
     absurd = write(tmp_path / "absurd.jpg", XMP.format(yaw="1e999/0"))
     assert np.isnan(read_still(absurd).angles_deg).all()
 

@@ -172,7 +172,7 @@ def test_a_time_outside_those_of_its_chunk_is_said(made, options):
     recording = open_recording(path)
     assert len(list(recording.read())) == len(MESSAGES)
     [note] = recording.loss.notes
-    assert note.endswith("has messages outside the times of its index")
+    assert note.endswith("has messages outside the time range of its index")
 
 
 def write_extras(path):

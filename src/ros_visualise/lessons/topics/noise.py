@@ -39,8 +39,8 @@ class NoiseParams:
     )
     strength: float = param(
         20.0,
-        "standard deviation in levels (of white, for poisson); salt_and_pepper: per cent of the"
-        " pixels",
+        "standard deviation, levels (for poisson, that of white); for salt_and_pepper, percentage"
+        " of pixels",
         min=0,
         max=100,
     )
@@ -130,7 +130,7 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
     smoothed = median(work.noisy, size)
     text = """
         The {count} levels in the {size} × {size} window around a pixel are sorted, and the middle
-        one is taken. A level that is far off, as from a broken pixel, has no influence at all.
+        one is taken. A level that is far off, such as that of a broken pixel, has no influence.
         Straight edges stay where they are; corners are rounded, and thin lines vanish. {result}
         """
     return show(image, _beside(work, smoothed), text, count=size**2, size=size,
@@ -145,7 +145,7 @@ class BilateralParams:
                       min=3, max=31, slider=(3, 15))  # fmt: skip
     sigma_color: float = param(
         50.0,
-        "largest difference between levels that are still averaged",
+        "standard deviation of the weight over differences in level",
         min=1,
         max=255,
         slider=(1, 150),
@@ -163,7 +163,7 @@ def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
         Manduchi, 1998):
 
             w = exp(−d² / 2σ²) · exp(−l² / 2σ_c²)
-            l: difference of the levels,   σ_c = {sigma:g}
+            l: difference in level,   σ_c = {sigma:g}
 
         Pixels on the other side of an edge are not similar, so edges stay sharp. Salt and pepper
         stays too: nothing near it is similar. {result}
@@ -174,7 +174,7 @@ def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
 
 LESSON = Lesson(
     "noise",
-    "models of noise, and smoothing by Gauss, median and bilateral filters, compared by PSNR",
+    "noise models, and smoothing with Gaussian, median and bilateral filters, compared by PSNR",
     """
     Every measurement has noise. Here your picture of {width} x {height} pixels, in gray, is the
     truth. Noise is added to it, so that we can measure how much of the noise each filter removes.
@@ -183,10 +183,10 @@ LESSON = Lesson(
 )
 
 _MODELS = {
-    NoiseModel.GAUSSIAN: "To each pixel a random number is added, with a standard deviation of"
-    " {strength:g} levels: the noise of the electronics.",
+    NoiseModel.GAUSSIAN: "A random number with a standard deviation of {strength:g} levels is added"
+    " to each pixel, like the noise of the electronics.",
     NoiseModel.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white, as if they were"
-    " broken, or lost in transmission.",
+    " broken or had been lost in transmission.",
     NoiseModel.POISSON: "Light comes in photons, and how many arrive is random: the variance equals"
     " the mean number. So bright pixels have more noise; white has a standard deviation of "
     "{strength:g} levels.",

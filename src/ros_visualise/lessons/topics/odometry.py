@@ -101,12 +101,13 @@ class GridCorners:
                 M = Σ [ Ix²   Ix Iy ]
                       [ Ix Iy  Iy²  ]
 
-            Its eigenvalues are how much the patch changes when it is moved in the worst and in the
-            best direction: both small, flat; one large, an edge; both large, a corner. The best
-            corner here, at ({x}, {y}), has {lesser:.0f} and {greater:.0f}. If we call a value above
+            Its eigenvalues measure how much the patch changes when it is moved in the direction of
+            the least and of the greatest change. If both are small, the patch is flat; if only one
+            is large, it is an edge; if both are large, it is a corner. The best corner here, at
+            ({x}, {y}), has the eigenvalues {lesser:.0f} and {greater:.0f}. If we call a value above
             {least:.2f} large, {flat:.1f} % of the pixels are flat, {edge:.1f} % are edges and
-            {corner:.1f} % are corners. The best corner of each cell of a grid is followed, so that
-            they cover the picture: {count} corners (green).
+            {corner:.1f} % are corners. The picture is divided into a grid, and the best corner of
+            each cell is followed, so the corners cover the picture: {count} corners (green).
             """
         return show(
             image,
@@ -153,19 +154,20 @@ def flow(image: Image, params: object) -> dict[str, Message]:
     most = int(far.argmax())
     step = flow_step(seen.before, seen.gray, found.before_uv[most], PATCH)
     text = """
-        While a patch moves by a little, d, its gray levels change by the slope times d. Each
-        pixel of the patch gives one equation; the corner's matrix M of all its pixels gives the
-        best d:
+        When a patch moves by a small displacement d, its gray levels change by the slope times d.
+        Each pixel of the patch gives one equation; the corner's matrix M, summed over all pixels
+        of the patch, gives the best d:
 
             I_now − I_before = −(Ix, Iy) · d
             M d = −Σ (Ix, Iy) (I_now − I_before)
 
-        This holds for motions of about a pixel. So it is done in small copies of the picture first,
-        and repeated. The fastest corner, at ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels;
-        solving the equations only once gives ({first_u:.1f}, {first_v:.1f}). Each corner is also
-        followed back: one that does not return to where it began is dropped. {count} corners of
-        the previous picture are found in this one (arrows{times}). They moved by a median of
-        {median:.1f} pixels, and at most by {most:.1f}.
+        This holds for motions of about a pixel. So the equations are first solved in small copies
+        of the picture, and the solution is refined in several passes. The fastest corner, at
+        ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels; solving the equations only once
+        gives ({first_u:.1f}, {first_v:.1f}). Each corner is also followed back, and dropped if it
+        does not return to where it began. {count} corners of the previous picture were found in
+        this one (arrows{times}). They moved by a median of {median:.1f} pixels, and by at most
+        {most:.1f}.
         """
     times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
     return show(
@@ -233,19 +235,21 @@ class Epipolar:
         way = -R.T @ t
         text = """
             A corner of the first view lies somewhere on a ray. From another place this ray is seen
-            as a line, and wherever the corner is on its ray, it must be on that line. E is what all
-            these lines have in common; x are directions (x, y, 1) in both views:
+            as a line, and wherever the corner is on its ray, it must be on that line. The essential
+            matrix E gives all these lines; x_first and x_second are the directions (x, y, 1) of a
+            corner in the two views:
 
                 x_second' E x_first = 0,  E = [t]× R
 
             {matrix}
 
             Eight corners are drawn with their lines; the lines meet where the second camera sees
-            the first one. {good} of {count} corners agree with one motion, their median distance to
-            their lines is {median:.2f} pixels; the others are wrong, or belong to things that move.
-            At {time:.2f} s the motion since the first view is a rotation R by {angle:.1f}°, and a
-            step in the direction ({x:+.2f}, {y:+.2f}, {z:+.2f}): to the right, down, ahead. Its
-            length is always 1: see the next step. The focal length is {focal:.0f} pixels.
+            the first one. {good} of {count} corners agree with one motion, at a median distance of
+            {median:.2f} pixels from their lines; the others are wrong, or belong to objects that
+            move. At {time:.2f} s the motion since the first view is a rotation R by {angle:.1f}°
+            and a step in the direction ({x:+.2f}, {y:+.2f}, {z:+.2f}), where x points to the right,
+            y down and z ahead. The length of the step is always 1; the next lesson step explains
+            why. The focal length is {focal:.0f} pixels.
             """
         return show(
             image,
@@ -294,16 +298,16 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
         for k in (1.0, params.factor)
     ]
     text = """
-        The point is where the rays of both views meet, so the motion gives a depth to each corner,
-        but only in units of the camera's own step. Eight of ten points are {near:.1f} to
+        A corner's point is where the rays of both views meet, so the motion gives each corner a
+        depth, but only in units of the camera's own step. Eight out of ten points are {near:.1f} to
         {far:.1f} steps away. If the step and all distances are {factor:g} times as long (orange),
-        both pictures stay the same: the points are seen {error:.3f} pixels from their corners on
-        average before, {other:.3f} after.
+        both pictures stay the same: on average, the points are seen {error:.3f} pixels from their
+        corners before, and {other:.3f} after.
 
-        So one camera alone gives no metres. They come from the height over the ground, wheels, GPS,
-        an IMU, or a second camera at a known distance. A depth also needs parallax: for the nearer
-        half of these points one pixel changes the depth by a median of {sure:.1f} %, for the other
-        half by {unsure:.1f} %.
+        So a single camera cannot measure metres. The scale has to come from the height above the
+        ground, wheels, GPS, an IMU, or a second camera at a known distance. A depth also needs
+        parallax: an error of one pixel changes the depth by a median of {sure:.1f} % for the nearer
+        half of these points, and by {unsure:.1f} % for the other half.
         """
     is_near = z[used] <= np.median(z[used])
     return show(
@@ -361,7 +365,7 @@ class WayDrift:
             covariance with it. Lengths are in units of the first step.
 
             After {images} pictures with {keyframes} keyframes the trajectory is {length:.2f} long.
-            The standard deviation of its end is {end:.2f} ({share:.1f} % of its length) and
+            The standard deviation of the last pose is {end:.2f} ({share:.1f} % of the length) and
             {angle:.2f}°; half-way it was {half:.2f} and {half_angle:.2f}°. Tracking was lost
             {losses} times. The figure shows the trajectory in the first camera's axes, with
             ellipses of two standard deviations.
@@ -389,9 +393,9 @@ LESSON = Lesson(
     "odometry",
     "how a camera estimates its motion: corners, optical flow, epipolar lines, scale, drift",
     """
-    A camera that moves sees near things pass quickly and far things slowly. From this alone its
-    trajectory can be computed: visual odometry. The steps show how, on a film of {width} × {height}
-    pixels.
+    A moving camera sees near things pass quickly and far things slowly. Its trajectory can be
+    computed from this alone; this is called visual odometry. The steps show how, on a video of
+    {width} × {height} pixels.
     """,
     [
         Step(GridCorners),
@@ -404,12 +408,12 @@ LESSON = Lesson(
     export_s=10.0,
 )
 
-_ONE = "One picture shows no motion: give a film, or let it play."
-_LOST = "The view has changed too much: hardly any corner of the previous pictures is left."
-_NOTHING = "No motion: see the step before."
+_ONE = "One picture shows no motion. Give a video, or let it play."
+_LOST = "The view has changed too much: hardly any corners of the previous pictures are left."
+_NOTHING = "No motion; see the previous step."
 _REASONS = {
-    "waiting for motion": "The camera is at rest, or only turns: its trajectory and all "
-    "depths stay unknown.",
+    "waiting for motion": "The camera is at rest or only turns, so its trajectory and all "
+    "depths are unknown.",
     "too few corners": "Too few corners were found again to compute a motion.",
     "things move in most of the image": "Things move in most of the picture, each in its own way, "
     "so it is not the camera that moves.",

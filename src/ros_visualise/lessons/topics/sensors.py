@@ -37,9 +37,9 @@ class Car:
             return None
         self._is_shown = True
         text = """
-            A robot knows about the world only what its sensors measure. A passive sensor only
-            receives signals; an active one sends something out and measures what comes back. These
-            sensors are on the car of KITTI, a data set with which many methods are compared:
+            A robot knows only what its sensors measure. A passive sensor only receives signals; an
+            active one sends something out and measures what comes back. The car of KITTI, a data
+            set that is used to compare many methods, has these sensors:
 
                 camera     passive  light, 10 Hz
                 Velodyne   active   laser echoes, 10 Hz
@@ -168,8 +168,8 @@ class ImuReadings:
 
             For a sensor at rest the angular velocity should be zero, and the acceleration 9.81 m/s²
             upwards: an accelerometer feels the ground push against its weight. If the means differ
-            from that, the difference is the bias. The deviation is noise, and the robot's own
-            motion.
+            from these values, the difference is the bias. The deviation (dev.) comes from noise and
+            from the robot's own motion.
             """
         mean, spread = values[recent].mean(axis=0), values[recent].std(axis=0)
         return show_at(

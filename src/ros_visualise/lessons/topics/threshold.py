@@ -58,7 +58,8 @@ def types(image: Image, params: TypesParams) -> dict[str, Message]:
     """Five types of threshold, each with its tone curve."""
     gray = work_of(image, np.ndarray)
     text = """
-        OpenCV has five types of threshold. This is what each makes of a level v, with T = {level}:
+        OpenCV has five types of threshold. With T = {level}, each of them changes a level v as
+        follows:
 
             binary             255 if v > T, else 0
             binary inverted    0 if v > T, else 255
@@ -88,8 +89,8 @@ def by_otsu(image: Image, params: object) -> dict[str, Message]:
             σ²(t) = ω₀ ω₁ (μ₀ − μ₁)²
 
         Here t = {level} (cv2.threshold finds {theirs:.0f}). {share:.1f} % of the pixels are below,
-        with a mean of {below:.1f}; the mean of those above is {above:.1f}. σ² is {variance:.0f}, of
-        a variance of {whole:.0f} in all.
+        with a mean of {below:.1f}; the mean of those above is {above:.1f}. σ² is {variance:.0f},
+        out of a total variance of {whole:.0f}.
         """
     return show(
         image,

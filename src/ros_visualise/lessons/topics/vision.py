@@ -69,8 +69,8 @@ class Kernels:
                 cos(w, s) = Σ w s / (|w| |s|)
 
             There are three kinds: edge (a mix of Gx and Gy), spot (a centre against its
-            surroundings) and colour (no answer on gray). {edges} kernels are mostly edge, {spots}
-            spot, {colors} colour. Nobody taught the network Sobel's kernels, and still it found
+            surroundings) and colour (no response to gray). {edges} kernels are mostly edge, {spots}
+            spot and {colors} colour. Nobody taught the network Sobel's kernels, yet it found
             similar ones:
 
                 no    Gx    Gy edge spot colour
@@ -96,9 +96,9 @@ def activations(image: Image, params: object) -> dict[str, Message]:
 
             y = max(0, b + Σ w (x − ½))
 
-        White is the maximum of each map. Kernel {most} answers at {share:.0f} % of the places,
-        more than any other; kernel {least} at {rare:.1f} %, fewer than any other; {silent} of
-        {count} kernels answer nowhere.
+        White is the maximum of each map. Kernel {most} responds at {share:.0f} % of the places,
+        more than any other; kernel {least} responds at {rare:.1f} %, fewer than any other; {silent}
+        of {count} kernels respond nowhere.
         """
     shown = [
         (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
@@ -130,14 +130,14 @@ def filters(image: Image, params: object) -> dict[str, Message]:
             )
     text = """
         Sobel's derivative has a sign: white means brighter to the right (Gy: downwards), black
-        means darker. A map of the network has no negative values. So the network needs two kernels,
-        one for each sign, and it has learned both:
+        means darker. A feature map of the network has no negative values. So the network needs two
+        kernels, one for each sign, and it has learned both:
 
             like  kernel  cosine  correlation
         {rows}
 
-        The correlation compares the kernel's answers, before negative ones become zero, with
-        Sobel's derivative at all places of this picture. 1 would mean that they differ only in
+        The correlation compares the kernel's responses, before negative ones become zero, with
+        Sobel's derivative at all places in this picture. 1 would mean that they differ only in
         scale and bias.
         """
     return show(image, picture_grid(shown, 3), text, rows="\n".join(rows))
@@ -166,12 +166,13 @@ def things(image: Image, params: ThingsParams) -> dict[str, Message]:
         know what a landmark is.
 
         The network's later layers work in the same way: their kernels slide over the maps of the
-        layer before, and each sees a larger part of it. The last layers detect the objects:
+        previous layer, and each sees a larger part of the picture. The last layers detect the
+        objects:
 
         {found}
 
-        The score is the network's confidence. It can be wrong. The only objects that it knows are:
-        {names}.
+        The score is the network's confidence, which can be wrong. The network knows only these
+        objects: {names}.
         """
     names = seen.network.names
     return show(image, _draw_things(seen.bgr, found, names), text, threshold=params.threshold,

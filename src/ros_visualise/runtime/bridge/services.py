@@ -110,5 +110,5 @@ class CalibrationWriter:
         finally:
             subscription.close()
         if image is None:
-            raise UsageError("no image yet, so their size is unknown: try again")
+            raise UsageError("no image yet, so the image size is unknown; try again")
         return image.width, image.height

@@ -41,7 +41,7 @@ _SAY = {
 class Ros1Host(Host):
     """A node of the ROS graph of the master that ``ROS_MASTER_URI`` names."""
 
-    flag = "{0}:={1} (of an executable: _{0}:={1})"
+    flag = "{0}:={1} (for an executable: _{0}:={1})"
 
     def __init__(self) -> None:
         self._stop_request = StopRequest()

@@ -13,7 +13,7 @@ from ros_visualise.core.errors import OpenError, RosVisualiseError, Unreachable,
 
 @contextmanager
 def translated(
-    asked: str, other: type[RosVisualiseError] = Unreachable, prefix: str = "cannot ask {}: "
+    asked: str, other: type[RosVisualiseError] = Unreachable, prefix: str = "cannot query {}: "
 ) -> Iterator[None]:
     """Call rclpy within this, or decorate a function with it.
 

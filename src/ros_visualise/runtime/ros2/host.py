@@ -27,7 +27,7 @@ _PACKAGE = "package://"
 class Ros2Host(Host):
     """A node of the ROS 2 graph of ``ROS_DOMAIN_ID``."""
 
-    flag = "{0}:={1} (of an executable: --ros-args -p {0}:={1})"
+    flag = "{0}:={1} (for an executable: --ros-args -p {0}:={1})"
 
     def __init__(self) -> None:
         self._stop_request = StopRequest()

@@ -36,8 +36,8 @@ def _check_rmw() -> None:
     if wanted and there and wanted not in there:
         package = f"ros-$ROS_DISTRO-{wanted.replace('_', '-')}"
         raise UsageError(
-            f"{_RMW}={wanted}: not installed, only {', '.join(there)}; choose one of those,"
-            f" or apt install {package}"
+            f"{_RMW}={wanted}: not installed; choose one that is ({', '.join(there)}), or run:"
+            f" apt install {package}"
         )
 
 

@@ -132,7 +132,7 @@ class ParameterClient:
         if answer is None:
             raise Unreachable("no answer")
         if not answer.result.successful:
-            raise ParameterError(answer.result.reason or "it gives no reason")
+            raise ParameterError(answer.result.reason or "no reason given")
         with self._lock:
             return declaration.decode({**self._values, **sent})
 

@@ -91,7 +91,7 @@ def clash(publisher: Any, subscriber: Any) -> str | None:
     if fits != QoSCompatibility.ERROR:
         return None
     reasons = [
-        f"{full_name(subscriber)} asks for {_word(getattr(asks, policy))}, and"
+        f"{full_name(subscriber)} requests {_word(getattr(asks, policy))}, but"
         f" {full_name(publisher)} offers {_word(getattr(offers, policy))}"
         for policy in ("reliability", "durability", "liveliness")
         if _is_less(getattr(offers, policy), getattr(asks, policy))

@@ -50,23 +50,27 @@ class CameraSensorParams:
     camera_p2: float = _camera(0.0, "tangential distortion p2 of the lens", min=-0.1, max=0.1)
     camera_readout: float = _camera(
         0.0,
-        "time from the first row to the last, 0 for a global shutter, seconds; the stamp is that of"
+        "time from the first row to the last, seconds; 0: global shutter; the stamp is the time of"
         " the middle row",
         min=0,
         max=0.1,
     )
     camera_exposure: float = _camera(
-        0.0, "exposure in daylight, which blurs motion; longer in the dark, seconds", min=0, max=0.1
+        0.0,
+        "exposure time in daylight, seconds; longer in the dark; it causes motion blur",
+        min=0,
+        max=0.1,
     )
     camera_light: float = _camera(
         1.0,
-        "light: 1 at day, 0.01 at night; the camera adapts, and its noise grows",
+        "light: 1 by day, 0.01 at night; the camera adapts, and its noise grows",
         min=1e-4,
         max=1,
     )
     camera_misalignment: float = _camera(
         0.0,
-        "constant error of its attitude on tf about each axis (standard deviation), degrees",
+        "constant error of the camera's attitude on tf, about each axis (standard deviation),"
+        " degrees",
         min=0,
         max=10,
     )

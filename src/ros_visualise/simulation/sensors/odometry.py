@@ -61,7 +61,7 @@ class OdometryParams:
     )
     odom_stall_every: float = _odometry_setting(
         0.0,
-        "mean time between stalls, in which it measures no motion, seconds; 0: never",
+        "mean time between stalls, in which no motion is measured, seconds; 0: no stalls",
         min=0,
         max=1e5,
     )

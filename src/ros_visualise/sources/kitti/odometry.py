@@ -102,7 +102,7 @@ def _read_truth(frames: int, findings: Findings) -> dict[int, Floats]:
     if missing := whole - len(found):
         why = (
             f"{missing} of {whole} poses are missing or damaged;"
-            " as many messages of /odom and /tf skipped"
+            " their messages on /odom and /tf skipped"
         )
         findings.lose(DamagedFile(path, why), missing * _POSE_TOPICS)
     return found

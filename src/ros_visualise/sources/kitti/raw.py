@@ -178,7 +178,7 @@ def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
     found = stamps.read_stamps("velodyne_points", path, numbers)
     times = found.times
     if found.lacking and path.exists():
-        why = f"{found.gaps}; their messages of {topic} skipped"
+        why = f"{found.gaps}; their messages on {topic} skipped"
         drive.lose(DamagedFile(path, why), len(found.lacking))
     elif found.lacking and path.with_name("timestamps.txt").exists():
         drive.notes.append(f"velodyne_points: no {path.name}, so {topic} is missing")

@@ -111,7 +111,7 @@ def complete(
         sources = _borrow(one, known) if synced else []
         if one.lacking:
             sources.append(_count(one, known, synced, start_ns, periods_ns[one.name]))
-        stamped = f"frames without one are stamped {', '.join(sources)}"
+        stamped = f"frames without a time are stamped {', '.join(sources)}"
         if one.path.exists():
             damaged.append(DamagedFile(one.path, f"{gaps}; {stamped}"))
         else:
@@ -126,7 +126,7 @@ def _borrow(one: FrameTimes, known: Mapping[str, Times]) -> list[str]:
         given = {number: times[number] for number in one.lacking if number in times}
         if given:
             one.times.update(given)
-            sources.append(f"as those of {name} with the same number")
+            sources.append(f"like the frames of {name} with the same numbers")
     return sources
 
 
@@ -147,7 +147,7 @@ def _count(
         nearest = int(numbers[np.abs(numbers - number).argmin()])
         one.times[number] = max(0, basis[nearest] + (number - nearest) * period_ns)
     begin = np.datetime64(min(basis.values()), "ns")
-    return f"at {_NS / period_ns:.3g} Hz from {str(begin)[:19].replace('T', ' ')} on"
+    return f"at {_NS / period_ns:.3g} Hz from {str(begin)[:19].replace('T', ' ')} onwards"
 
 
 def _period(times: Times) -> int:

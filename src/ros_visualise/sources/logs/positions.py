@@ -71,14 +71,14 @@ def open_gpx(path: Path) -> SeriesRecording:
     """Open a GPX file: the points of its tracks, else of its routes; raises OpenError."""
     data = _data(path)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise OpenError(f"{path}: GPX with a DOCTYPE is not read")
+        raise OpenError(f"{path}: GPX with a DOCTYPE is not supported")
     loss, points = Loss(), []
     parser: Any = ET.XMLPullParser(("end",))
     try:
         parser.feed(data)
         parser.close()
     except ET.ParseError as error:
-        loss.add(f"read up to a fault: {error}")
+        loss.add(f"read only up to an error: {error}")
     for _, one in parser.read_events():  # what is whole before a fault
         if one.tag.rpartition("}")[2] in ("trkpt", "rtept"):
             points.append(_point(one))

@@ -116,7 +116,7 @@ def read_still(file: Path) -> Still:
         return Still()
     is_turned = exif.get(_ORIENTATION, 1) not in (0, 1) or _is_on_its_side(own, size)
     if is_turned:
-        log.warning("%s: rotated since it was taken: not using its camera's angles", file)
+        log.warning("%s: rotated after it was taken; ignoring its camera angles", file)
     model = str(exif.get(_MODEL, ""))
     focal_mm = _number(own.get(_FOCAL_35MM))
     lens = lens_of_focal(focal_mm, size) if focal_mm > 0 else lens_of_model(model, size)

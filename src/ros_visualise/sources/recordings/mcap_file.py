@@ -177,7 +177,7 @@ class McapFile:
         row = self._rows[piece]
         if span_ns and not all(row["start_ns"] <= one <= row["end_ns"] for one in span_ns):
             where = f"the piece at byte {row['offset']}"
-            self._loss.add(f"{where} has messages outside the times of its index")
+            self._loss.add(f"{where} has messages outside the time range of its index")
         indexed = Counter({n: len(stamps_ns) for n, stamps_ns in self._indexed_stamps(piece)})
         is_known = self._is_indexed and UNKNOWN not in (row["messages"], row["channels"])
         if row["messages"] not in (UNKNOWN, found.total()) or (is_known and indexed != found):
@@ -186,7 +186,7 @@ class McapFile:
         self._found += found
         if self._seen.all() and not self._loss.whole and self._found != +Counter(self.counts):
             missing = max(0, sum(self.counts.values()) - self._found.total())
-            self._loss.add("its statistics give another number of messages", missing)
+            self._loss.add("its statistics give a different number of messages", missing)
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
         row = self._rows[piece]
@@ -274,7 +274,7 @@ def _ros_channel(channel: McapChannel, schema: Schema, schemas: Schemas) -> Chan
         labels=tuple(pair for pair in metadata.items() if pair[0] not in _KNOWN_METADATA),
     )
     if schema.encoding not in _LANGUAGES[encoding]:
-        why = f"{schema.encoding or 'no schema'}: only ROS's own definitions are read"
+        why = f"{schema.encoding or 'no schema'}: only ROS definitions can be read"
         return replace(found, unreadable=why)
     given = metadata.get("topic_type_hash") or metadata.get("md5sum") or ""
     text, is_idl = schema.data.decode("utf-8", "replace"), schema.encoding == "ros2idl"

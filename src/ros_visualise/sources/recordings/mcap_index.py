@@ -140,7 +140,7 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
     try:
         index, statistics, chunks = _parse_summary(summary)
     except struct.error:
-        raise DamagedData("one of its records is too short") from None
+        raise DamagedData("a record of the index is too short") from None
     if statistics is None or not chunks or not index.is_described:
         return None
     index.counts = dict(statistics.channel_message_counts)
@@ -159,16 +159,16 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
     """Check an index against itself and, at its ends, against the file."""
     rows = index.rows
     if statistics.chunk_count != chunks:
-        raise DamagedData(f"it counts {statistics.chunk_count} chunks, but lists {chunks}")
+        raise DamagedData(f"the index counts {statistics.chunk_count} chunks, but lists {chunks}")
     if index.counts and statistics.message_count != sum(index.counts.values()):
-        raise DamagedData("its message counts are inconsistent")
+        raise DamagedData("the message counts are inconsistent")
     is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])
     if not is_within.all() or not index.counts.keys() <= index.channels.keys():
-        raise DamagedData("it points outside the file")
+        raise DamagedData("the index points outside the file")
     if not all(_is_there(file, rows[i]) for i in {0, chunks - 1}):
-        raise DamagedData("its chunks are not where it says")
+        raise DamagedData("chunks are not where the index says")
     if not all(_is_extra(file, min(offset, size), n) for offset, n in index.extras):
-        raise DamagedData("its attachments are not where it says")
+        raise DamagedData("attachments are not where the index says")
 
 
 def _hides(file: BinaryIO, size: int, index: Index) -> bool:
@@ -186,7 +186,7 @@ def _hides(file: BinaryIO, size: int, index: Index) -> bool:
             if kind == Opcode.MESSAGE:
                 return True
             if kind in (0, Opcode.CHUNK, Opcode.MESSAGE_INDEX) or position > (start or position):
-                raise DamagedData("the file contains records that it does not list")
+                raise DamagedData("the file contains records that the index does not list")
             position += HEAD_BYTES + length
         position = end
     return False
@@ -225,7 +225,7 @@ def _read_summary(file: BinaryIO, size: int) -> bytes | None:
         return None
     file.seek(max(0, min(start, end) - _DATA_END.size))
     if start >= end or _DATA_END.unpack(file.read(_DATA_END.size))[:2] != (Opcode.DATA_END, 4):
-        raise DamagedData("it is not where the file says")
+        raise DamagedData("the index is not where the file says")
     summary = file.read(end - start)
     checked = footer[: HEAD_BYTES + 16]  # the checksum covers the footer up to itself
     if crc and zlib.crc32(checked, zlib.crc32(summary)) != crc:
@@ -251,7 +251,7 @@ def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
         elif kind == Opcode.STATISTICS:
             statistics = read_statistics(body)
     if position != len(summary):
-        raise DamagedData("its summary ends within a record")
+        raise DamagedData("the summary ends within a record")
     index.extras.sort()
     return index, statistics, chunks
 

@@ -80,7 +80,9 @@ def decompress(record: bytes, check: bool = True) -> Records:
     """The records in a chunk that may be cut off; raises DamagedData, also by its checksum."""
     head = chunk_head(record)
     if head.compression not in COMPRESSIONS:
-        raise DamagedData(f"its compression is {head.compression}; only lz4 and zstd can be read")
+        raise DamagedData(
+            f"unsupported compression {head.compression}; only lz4 and zstd can be read"
+        )
     packed = memoryview(record)[head.data_offset :]
     is_cut = len(record) < head.end
     data: Records = packed
@@ -146,7 +148,7 @@ def parse(kind: type[R], body: Records) -> R:
     try:
         found: R = kind.read(ReadDataStream(io.BytesIO(body)))  # type: ignore[attr-defined]
     except (McapError, struct.error, UnicodeDecodeError, OverflowError):
-        raise DamagedData("it is inconsistent") from None
+        raise DamagedData("the record is inconsistent") from None
     return found
 
 

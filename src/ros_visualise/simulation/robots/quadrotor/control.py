@@ -41,7 +41,7 @@ _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, the robot is blocked
-_NO_ESTIMATE = "no estimate of its pose"
+_NO_ESTIMATE = "no pose estimate"
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
