@@ -82,7 +82,7 @@ def test_a_quadrotor_without_an_estimate_rises_holds_and_lands_with_the_reason()
     assert places[:, 2].max() == pytest.approx(3.0, abs=0.4)
     assert np.abs(places[:, :2]).max() < 0.5
     assert places[-1, 2] < 0.25  # on the ground
-    assert [t for t in texts if "no estimate" in t] == [
+    assert [t for t in texts if "no pose estimate" in t] == [
         "holding: no pose estimate",
         "landing: no pose estimate",
     ]
@@ -125,4 +125,4 @@ def test_by_the_command_line_the_navigator_steers_the_mission():
     report = json.loads(done.stdout)
     assert done.returncode == 0, done.stderr
     assert report["topics"]["/navigation/pose"]["messages"] > 300
-    assert "no estimate" not in done.stderr
+    assert "no pose estimate" not in done.stderr

@@ -92,7 +92,7 @@ class AutopilotParams:
     )
     goal_x: float = param(
         0.0,
-        "goal in odom, metres east of its origin",
+        "goal: metres east of the origin of odom",
         min=-1e4,
         max=1e4,
         slider=(-50, 50),
@@ -100,7 +100,7 @@ class AutopilotParams:
     )
     goal_y: float = param(
         0.0,
-        "goal in odom, metres north of its origin",
+        "goal: metres north of the origin of odom",
         min=-1e4,
         max=1e4,
         slider=(-50, 50),
@@ -108,7 +108,7 @@ class AutopilotParams:
     )
     goal_z: float = param(
         2.5,
-        "goal in odom, metres above its origin",
+        "goal: metres above the origin of odom",
         min=-1e3,
         max=1e3,
         slider=(0, 50),
