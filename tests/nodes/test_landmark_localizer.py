@@ -257,7 +257,7 @@ def test_without_landmarks_nothing_is_written(tmp_path, caplog):
         ("a: [", "not YAML: "),
         ("- 1", "needs a frame_id and a list of landmarks"),
         ("frame_id: map\nlandmarks: [{}]", "landmark 1 is invalid: missing pose"),
-        ("frame_id: world\nlandmarks: []", "are in the frame world: set fixed_frame=world"),
+        ("frame_id: world\nlandmarks: []", "are in the frame world; set fixed_frame=world"),
     ],
 )
 def test_what_is_no_map_is_said_in_one_line(tmp_path, text, says):
