@@ -46,6 +46,7 @@ class RigCamera:
         sigma_m, sigma_rad: standard deviations of that pose along and about each axis.
         calibration: the uncertainty of its calibration; None if unknown.
         is_estimated: True if its pose is not known by tf but from the views.
+        is_wrong: True if the views contradict its pose by tf.
         is_exact: True if its calibration has no errors, as in a simulation.
     """
 
@@ -55,6 +56,7 @@ class RigCamera:
     sigma_rad: float = 0.0
     calibration: CalibrationUncertainty | None = None
     is_estimated: bool = False
+    is_wrong: bool = False
     is_exact: bool = True
 
 

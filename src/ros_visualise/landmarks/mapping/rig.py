@@ -6,7 +6,7 @@ of the cameras, they follow from a first map, in which each image is a view of i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ CameraImage = tuple[int, Detections]
 GIVEN_M, GIVEN_RAD = 0.02, np.deg2rad(2.0)
 """Standard deviations of the pose of a camera in the rig by tf."""
 _FREE_M, _FREE_RAD = 0.5, 0.3  # of one that is estimated
+_WIDER = np.geomspace(1, _FREE_M / GIVEN_M, 40)
 _TOGETHER_NS = 1_000_000  # images that are as near in time are one view
 _LEAST_PAIRS = 3
 
@@ -89,36 +90,48 @@ def estimated_rig(problem: Problem, cameras: Sequence[RigCamera]) -> dict[int, R
 
 
 def rig_as_found(found: SmoothedMap, prior: SharedPrior) -> SmoothedMap:
-    """The map without the poses of cameras by tf that its views contradict.
+    """The map with poses of cameras by tf that count as much as they are found to deviate.
 
-    A camera is wrong if its pose by the views alone differs from tf by more than chance.
+    A camera is wrong if its pose by the views alone differs from tf by more than chance; tf does
+    not count for it. Few views may not show that: what they differ by then widens its deviations.
     """
     cameras = found.problem.cameras
     known = [n for n, one in enumerate(cameras) if n and one.sigma_m and not one.is_estimated]
-    if not known:
+    free = {n: replace(cameras[n], sigma_m=_FREE_M, sigma_rad=_FREE_RAD) for n in known}
+    by_views = _with_cameras(found, free, prior) if known else None
+    if by_views is None:
         return found
-    free = _freed(found, prior, known)
-    if free is None:
-        return found
-    layout, given = SharedLayout(free.problem.cameras), np.repeat([GIVEN_M, GIVEN_RAD], 3) ** 2
-    wrong = []
+    layout, given = SharedLayout(by_views.problem.cameras), np.repeat([GIVEN_M, GIVEN_RAD], 3) ** 2
+    changed = {}
     for camera in known:
         rows = layout.rig[camera]
-        off, spread = free.shared[rows], free.shared_covariance[rows, rows] + np.diag(given)
-        if off @ np.linalg.solve(spread, off) > GATES[6]:
-            wrong.append(camera)
-    if wrong == known:
-        return free
-    return (_freed(found, prior, wrong) if wrong else None) or found
+        off, own = by_views.shared[rows], by_views.shared_covariance[rows, rows]
+        if off @ np.linalg.solve(own + np.diag(given), off) > GATES[6]:
+            changed[camera] = replace(free[camera], is_wrong=True)
+            continue
+        sigmas = (
+            _deviation(off[:3], own[:3, :3], GIVEN_M),
+            _deviation(off[3:], own[3:, 3:], GIVEN_RAD),
+        )
+        if sigmas != (GIVEN_M, GIVEN_RAD):
+            changed[camera] = replace(cameras[camera], sigma_m=sigmas[0], sigma_rad=sigmas[1])
+    return (_with_cameras(found, changed, prior) if changed else None) or found
 
 
-def _freed(found: SmoothedMap, prior: SharedPrior, wrong: Collection[int]) -> SmoothedMap | None:
-    """The map with these cameras where the views show them."""
-    cameras = [
-        replace(one, sigma_m=_FREE_M, sigma_rad=_FREE_RAD) if n in wrong else one
-        for n, one in enumerate(found.problem.cameras)
-    ]
+def _with_cameras(
+    found: SmoothedMap, changed: Mapping[int, RigCamera], prior: SharedPrior
+) -> SmoothedMap | None:
+    """The map with other cameras of these numbers."""
+    cameras = [changed.get(n, one) for n, one in enumerate(found.problem.cameras)]
     return smooth(replace(found.problem, cameras=cameras), prior=prior)
+
+
+def _deviation(off: Floats, spread: Floats, given: float) -> float:
+    """The least standard deviation from the given one on of which a difference (3,) is usual."""
+    variances, axes = np.linalg.eigh(spread)
+    sigmas = given * _WIDER
+    distances2 = ((off @ axes) ** 2 / (variances + sigmas[:, None] ** 2)).sum(axis=1)
+    return float(sigmas[min((distances2 > len(off)).sum(), len(sigmas) - 1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,13 +176,8 @@ class MappedCamera:
         return (
             f"{what}: {where}; rotated by {turned:.2f} +- {self.sigma_deg.max():.2f} degrees and"
             f" shifted by {shifted:.3f} m relative to tf"
-            + (": fix its transform" if self.is_wrong else "")
+            + (": fix its transform" if self.camera.is_wrong else "")
         )
-
-    @property
-    def is_wrong(self) -> bool:
-        """True if the views contradict its pose by tf."""
-        return self.camera.sigma_m == _FREE_M and not self.camera.is_estimated
 
     @property
     def values(self) -> dict[str, Any]:
@@ -179,7 +187,7 @@ class MappedCamera:
             "name": self.camera.name,
             "known": self.is_known,
             "estimated": self.camera.is_estimated,
-            "wrong": self.is_wrong,
+            "wrong": self.camera.is_wrong,
             "position": position.tolist(),
             "orientation": quat.tolist(),
             "shift_m": self.shift_m.tolist(),
