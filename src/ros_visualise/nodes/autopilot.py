@@ -88,7 +88,7 @@ class AutopilotParams:
     )
 
     take_off_height: float = param(
-        2.5, "height to take off to, metres above the ground", min=0.5, max=100, group="control"
+        2.5, "take-off height, metres above the ground", min=0.5, max=100, group="control"
     )
     goal_x: float = param(
         0.0,

@@ -151,7 +151,8 @@ class GeoreferenceParams:
     )
     terrain: str = param(
         "",
-        "terrain model in place of level ground, such as GeoTIFF or .hgt; extra terrain",
+        "file with a terrain model, such as GeoTIFF or .hgt, to use instead of level ground; needs"
+        " the extra terrain",
         group="ground",
         file=bool,
     )
@@ -308,7 +309,7 @@ class Georeference:
         if self._camera in known or BODY not in known:
             return frames.lookup(fixed, self._camera, stamp_ns)
         if GIMBAL in known:
-            self._remarks.say(f"no frame {self._camera}: assumed to look where {GIMBAL} does")
+            self._remarks.say(f"no frame {self._camera}: assumed to point where {GIMBAL} does")
             T_gimbal_camera = np.eye(4)
             T_gimbal_camera[:3, :3] = R_body_camera(0.0)
             return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera

@@ -91,7 +91,7 @@ class LandingTargetParams:
     )
     patience: float = param(
         0.5,
-        "time for which sightings must contradict the estimate until they replace it, seconds",
+        "time for which sightings must contradict the estimate before replacing it, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 5),

@@ -61,7 +61,7 @@ class LocalizerParams(MapParams):
     )
     attitude_time: float = param(
         60.0,
-        "time constant of the attitude's error, seconds",
+        "time constant of the attitude error, seconds",
         min=0.01,
         max=1e9,
         slider=(1, 600),
@@ -77,7 +77,7 @@ class LocalizerParams(MapParams):
     )
     position_time: float = param(
         60.0,
-        "time constant of the position's error, seconds",
+        "time constant of the position error, seconds",
         min=0.01,
         max=1e9,
         slider=(1, 600),

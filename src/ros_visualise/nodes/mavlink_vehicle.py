@@ -19,7 +19,8 @@ class MavlinkVehicleParams:
 
     address: str = param(
         "udp://:14550",
-        "addresses that ground stations connect to, separated by spaces, as for the node autopilot",
+        "addresses for ground stations, separated by spaces, in the same form as those of the node"
+        " autopilot",
         restart=True,
     )
     system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)

@@ -113,7 +113,7 @@ class MosaicParams:
     splittable=False,
 )
 class Mosaicking:
-    """Projects images onto level ground, for a map of everything seen, also as a GeoTIFF.
+    """Projects images onto level ground to make a map of everything seen, also as a GeoTIFF.
 
     ``footprint`` is the part of the ground that an image shows, ``picture`` the mosaic, both in
     GeoJSON. The place on the Earth is that of the source's origin, else estimated from fixes.

@@ -28,7 +28,7 @@ _LONG_HOURS = 72  # from here on a gap is printed in days
 
 @source("player", params=NoParams, outputs={}, makes_time=True)
 class Player:
-    """Play a recording; it has an output for each topic."""
+    """Play a recording, with an output for each topic."""
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ class PlayingParams(LiveParams):
 
     paused: bool = param(
         False,
-        "pause; becomes true at the end; set it to false there to play again from the start",
+        "pause; becomes true at the end; set it to false then to play again from the start",
         saved=False,
     )
     rate: float = param(

@@ -74,7 +74,7 @@ class PadParams:
     )
     pad_heading: float = _pad(
         0.0,
-        "heading and first direction of motion of the pad, from east, degrees",
+        "heading of the pad and its initial direction of motion, degrees from east",
         min=-360,
         max=360,
     )

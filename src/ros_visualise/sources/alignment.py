@@ -71,7 +71,7 @@ def read_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
         offsets[number] = found.offset_s
         print_status(
             f"ros-visualise: {joined.paths[number].name}: moved by {found.offset_s:.3f} s"
-            f" +- {found.sigma_s:.3f} s, which explains the motion in the video best"
+            f" +- {found.sigma_s:.3f} s, the offset that explains the motion in the video best"
             f" ({100 * found.explained:.0f} %)"
         )
     return offsets

@@ -200,7 +200,7 @@ def _pose(values: Mapping[str, Any]) -> Floats | None:
         return None
     R = T[:3, :3]
     if not (np.isfinite(T).all() and np.allclose(R @ R.T, np.eye(3), atol=1e-3)):
-        raise ValueError("the pose of the camera is not a rigid motion")
+        raise ValueError("the pose of the camera is not a rigid transform")
     return se3.inverse(T) if "T_cam_imu" in values else T
 
 

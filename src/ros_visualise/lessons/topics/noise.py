@@ -145,7 +145,7 @@ class BilateralParams:
                       min=3, max=31, slider=(3, 15))  # fmt: skip
     sigma_color: float = param(
         50.0,
-        "standard deviation of the weight over differences in level",
+        "standard deviation of the Gaussian that weights neighbours by difference in level",
         min=1,
         max=255,
         slider=(1, 150),

@@ -149,7 +149,7 @@ class ThingsParams:
 
     min_score: float = param(0.4, "lowest accepted score, from 0 to 1",
                              min=0.01, max=1)  # fmt: skip
-    threshold: int = param(100, "an edge is where Sobel's |G| exceeds this",
+    threshold: int = param(100, "value of Sobel's |G| above which a pixel is an edge",
                            min=0, max=2_000, slider=(0, 800))  # fmt: skip
 
 

@@ -41,7 +41,7 @@ class CameraSensorParams:
         0.0, "pitch of the camera: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
     camera_noise: float = _camera(
-        2.0, "noise of each pixel (standard deviation), levels of 255", min=0, max=50
+        2.0, "noise of each pixel (standard deviation), levels out of 255", min=0, max=50
     )
     camera_k1: float = _camera(0.0, "radial distortion k1 of the lens", min=-1, max=1)
     camera_k2: float = _camera(0.0, "radial distortion k2 of the lens", min=-1, max=1)

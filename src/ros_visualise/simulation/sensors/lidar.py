@@ -39,7 +39,7 @@ class LidarParams:
 
     lidar: bool = _lidar(True, "switch the lidar on")
     lidar_rate: float = _lidar(10.0, "scans per second", min=0.1, max=50)
-    lidar_rings: int = _lidar(16, "number of rows of rays, one above another", min=1, max=128)
+    lidar_rings: int = _lidar(16, "number of rows of rays, stacked vertically", min=1, max=128)
     lidar_columns: int = _lidar(900, "number of rays per row, over 360 degrees", min=1, max=4096)
     lidar_low: float = _lidar(-15.0, "elevation of the lowest row, degrees", min=-89, max=89)
     lidar_high: float = _lidar(15.0, "elevation of the highest row, degrees", min=-89, max=89)

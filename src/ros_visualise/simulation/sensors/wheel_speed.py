@@ -23,7 +23,7 @@ class WheelSpeedParams:
     """Parameters of a speed sensor on the wheels."""
 
     wheel_speed: bool = _wheels(
-        False, "switch the wheels' speed sensor on; the odometry uses the same wheels"
+        False, "switch the wheel speed sensor on; the odometry uses the same wheels"
     )
     wheel_rate: float = _wheels(20.0, "measurements per second", min=0.1, max=200)
     wheel_noise: float = _wheels(

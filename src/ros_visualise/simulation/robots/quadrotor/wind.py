@@ -38,7 +38,7 @@ class WindParams:
     wind_direction: float = _wind(
         0.0, "direction that the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
     )
-    gusts: float = _wind(1.0, "strength of gusts; 1: normal for such a wind", min=0, max=5)
+    gusts: float = _wind(1.0, "strength of the gusts; 1: normal for this wind speed", min=0, max=5)
 
 
 def mean_wind(speed: float, height_m: float) -> float:
