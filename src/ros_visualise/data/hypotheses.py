@@ -57,7 +57,7 @@ class _HypothesisFields(dict[str, Any]):
         except ValueError:
             short = reprlib.repr(class_id)
             raise ValueError(
-                f"class {short}: in ROS 1, vision_msgs stores classes as numbers; give a number"
+                f"class {short}: in ROS 1, vision_msgs stores classes as numbers; give its number"
             ) from None
 
 

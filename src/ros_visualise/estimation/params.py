@@ -173,8 +173,8 @@ class CameraErrorParams:
     )
     camera_clock: float = param(
         0.05,
-        "standard deviation of the offset of the camera's clock, seconds; the offset is then"
-        " estimated; 0: off",
+        "standard deviation of the offset of the camera's clock, seconds; unless it is 0, the offset"
+        " is estimated",
         min=0,
         max=1,
         slider=(0, 0.2),
@@ -189,8 +189,8 @@ class CameraErrorParams:
     )
     camera_turn: float = param(
         0.5,
-        "standard deviation of the camera's mounting angles, degrees; their error is then"
-        " estimated; 0: off",
+        "standard deviation of the camera's mounting angles, degrees; unless it is 0, their errors"
+        " are estimated",
         min=0,
         max=20,
         slider=(0, 5),

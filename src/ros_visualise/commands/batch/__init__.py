@@ -53,7 +53,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     export: Sequence[str] = option(
         [],
-        "save the images in which something is detected as JPEG files; repeatable",
+        "save the images that have detections, as JPEG files; repeatable",
         choices=("pictures",),
     )
     workers: int | None = option(
