@@ -173,8 +173,8 @@ class CameraErrorParams:
     )
     camera_clock: float = param(
         0.05,
-        "standard deviation of the offset of the camera's clock, seconds; unless it is 0, the offset"
-        " is estimated",
+        "standard deviation of the offset of the camera's clock, seconds; unless it is 0, the"
+        " offset is estimated",
         min=0,
         max=1,
         slider=(0, 0.2),
