@@ -54,8 +54,8 @@ def run_on_cluster(
         from distributed import Client, LocalCluster, wait
     except ImportError:
         raise UsageError(
-            "--cluster needs Dask; install it: pip install 'ros_visualise[cluster]', in a clone"
-            " '.[cluster]'"
+            "--cluster needs Dask; install it: pip install 'ros_visualise[cluster]' (in a clone:"
+            " pip install '.[cluster]')"
         ) from None
     with ExitStack() as undo:
         if address == LOCAL:

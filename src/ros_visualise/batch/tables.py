@@ -201,8 +201,8 @@ def connect(memory: int = 0, folder: Path | None = None) -> duckdb.DuckDBPyConne
         import duckdb
     except ImportError:
         raise UsageError(
-            "batches need DuckDB; install it: pip install 'ros_visualise[batch]', in a clone"
-            " '.[batch]'"
+            "batches need DuckDB; install it: pip install 'ros_visualise[batch]' (in a clone: pip"
+            " install '.[batch]')"
         ) from None
     config: dict[str, Any] = {"autoinstall_known_extensions": False}  # from a server
     config |= {"threads": 1} if memory else {}

@@ -30,7 +30,7 @@ class DatasetOptions:
     every: int = option(1, "use only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
-        "for lerobot, the topic of the robot's commands, which the batch kept by --fields"
+        "for lerobot, the topic of the robot's commands, which the batch kept with --fields"
         " '/cmd_vel.*' (default:"
         " the velocity of the poses)",
         metavar="TOPIC",

@@ -73,7 +73,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     offset: Sequence[str] = option(
         [],
-        "shift a source given with --beside in time (positive: later); auto aligns it by the motion"
+        "shift in time a source given with --beside (positive: later); auto aligns it by the motion"
         " in the film; repeatable",
         metavar="NAME=SECONDS|auto",
     )

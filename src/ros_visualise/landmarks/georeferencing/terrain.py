@@ -16,7 +16,8 @@ from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.landmarks.georeferencing.ground import curvature
 
 _INSTALL = (
-    "terrain models need rasterio: pip install 'ros_visualise[terrain]', in a clone '.[terrain]'"
+    "terrain models need rasterio; install it: pip install 'ros_visualise[terrain]' (in a clone:"
+    " pip install '.[terrain]')"
 )
 _DRIVERS = {b"II*\0": "GTiff", b"MM\0*": "GTiff", b"II+\0": "GTiff", b"MM\0+": "GTiff"}
 _DRIVERS |= {b"UHL1": "DTED", b"ncol": "AAIGrid", b"NCOL": "AAIGrid"}
