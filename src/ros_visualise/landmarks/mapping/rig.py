@@ -127,7 +127,7 @@ def _with_cameras(
 
 
 def _deviation(off: Floats, spread: Floats, given: float) -> float:
-    """The least standard deviation from the given one on of which a difference (3,) is usual."""
+    """The least standard deviation, at least the given one, at which a difference (3,) is usual."""
     variances, axes = np.linalg.eigh(spread)
     sigmas = given * _WIDER
     distances2 = ((off @ axes) ** 2 / (variances + sigmas[:, None] ** 2)).sum(axis=1)
