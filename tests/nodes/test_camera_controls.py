@@ -79,7 +79,9 @@ def test_a_refused_change_does_not_hold(runtime: LocalRuntime, device: Device) -
     parameters = runtime.parameters["camera"]
     before, told = parameters.current, list[object]()
     parameters.on_change(lambda *args: told.append(args))
-    with pytest.raises(ParameterError, match="exposure_time_absolute=200: Permission denied; sw"):
+    with pytest.raises(
+        ParameterError, match="exposure_time_absolute=200: Permission denied; first switch off"
+    ):
         parameters.update({"exposure_time_absolute": 200, "brightness": 9})
     assert parameters.current == before
     assert told == []
