@@ -77,7 +77,7 @@ def test_a_class_with_a_number_is_that_number_in_ros_1() -> None:
 
 def test_a_class_of_a_megabyte_is_told_of_in_a_few_words() -> None:
     vast = Detections((replace(BOX, hypotheses=(Hypothesis("A" * 10**6, 0.5),)),), HEADER)
-    with pytest.raises(ValueError, match=r"class 'AAA.*\.\.\..*give a number") as refused:
+    with pytest.raises(ValueError, match=r"class 'AAA.*\.\.\..*give its number") as refused:
         through_ros1(vast)
     assert len(str(refused.value)) < 120
 
