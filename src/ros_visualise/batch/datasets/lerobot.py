@@ -165,7 +165,9 @@ def _write_video(one: _Episode, folder: Path, number: int, fps: int) -> _Film:
             while found and found[0] < stamp_ns:
                 found = next(pictures, None)
             if found is None or found[0] != stamp_ns:
-                raise RosVisualiseError(f"{one.recording.path}: has changed since the batch")
+                raise RosVisualiseError(
+                    f"{one.recording.path}: changed since the batch; run the batch again"
+                )
             time_ns = round(at * 1e9 / fps)
             recorder.write(topic, Image(found[1], "bgr8", Header(time_ns)), time_ns)
             shape = found[1].shape[:2]
