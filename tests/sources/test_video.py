@@ -15,6 +15,7 @@ from made_videos import MS, numbered, write_sound, write_video
 from ros_visualise import sources
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Deferred
+from ros_visualise.sources import key_images
 from ros_visualise.sources.video import Video
 
 
@@ -442,6 +443,25 @@ def test_reading_that_is_outdated_ends_and_another_begins(tmp_path: Path) -> Non
     assert not video.faults
     video.is_outdated = lambda: False
     assert next(video.read(800 * MS))[0] == 800 * MS
+
+
+def test_images_on_the_way_to_the_one_that_is_sought_are_previews(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(key_images, "_PASSED_S", 0.0)
+    path = write_video(
+        tmp_path / "v.mp4", numbered(30), codec="libx264", pix_fmt="yuv420p", options={"g": "30"}
+    )
+    video = Video(path)
+    keys = video.key_images
+    assert keys is not None
+    found = keys.at(700 * MS)
+    assert found is not None
+    assert found[0] == 0
+    next(video.read(900 * MS))
+    found = keys.at(700 * MS)
+    assert found is not None
+    assert abs(found[0] - 700 * MS) <= 100 * MS
+    exact = next(video.read(found[0]))[1]
+    assert np.abs(found[1].pixels.astype(int) - exact.pixels).mean() < 3
 
 
 def test_key_images_are_found_by_themselves_and_scaled_for_previews(tmp_path: Path) -> None:

@@ -1,14 +1,17 @@
-"""The key images of a video, which are decoded by themselves: previews while one seeks."""
+"""Images of a video that are found at once, as previews while one seeks: mostly its key images."""
 
 from __future__ import annotations
 
 import itertools
 import threading
+import time
+from collections import deque
 from pathlib import Path
 
 from av.container import InputContainer
 from av.error import FFmpegError
 from av.packet import Packet
+from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from ros_visualise.core.errors import OpenError
@@ -16,13 +19,16 @@ from ros_visualise.data import Image
 from ros_visualise.sources.demux import open_container, video_stream
 from ros_visualise.sources.video_pixels import FrameConverter, Size
 
-_LONGEST = 1280  # pixels
+_LONGEST, _LONGEST_PASSED = 1280, 640  # pixels
 _MOST_PACKETS = 64
-_KEPT = 16  # images, of some 3 MB each
+_KEPT, _KEPT_PASSED = 16, 32  # images, of some 3 and 0.7 MB each
+_PASSED_S = 0.15
 
 
 class KeyImages:
     """Finds key images in a file that is opened once more; safe to call from any thread.
+
+    Some of the images that are decoded on the way to another one are kept, too.
 
     Args:
         origin: stamp of the first frame, in ticks of the stream.
@@ -31,21 +37,35 @@ class KeyImages:
 
     def __init__(self, path: Path, origin: int, size: Size) -> None:
         self._path, self._origin = path, origin
-        shrink = min(1.0, _LONGEST / max(size))
-        self._converter = FrameConverter(
-            (round(size[0] * shrink) or 1, round(size[1] * shrink) or 1)
-        )
+        self._converter = FrameConverter(_fitted(size, _LONGEST))
+        self._passed_converter = FrameConverter(_fitted(size, _LONGEST_PASSED))
+        self._passed: deque[tuple[int, Image]] = deque(maxlen=_KEPT_PASSED)
+        self._next_s = 0.0
         self._opened: tuple[InputContainer, VideoStream] | None = None
         self._kept: dict[int, Image] = {}  # by the stamps of their packets
         self._lock = threading.Lock()
 
     def at(self, time_ns: int) -> tuple[int, Image] | None:
-        """(Time, image) of the key image at or before a time; None where it cannot be decoded."""
+        """(Time, image) of what is nearest of the key image at or before a time and those kept.
+
+        None where it cannot be decoded.
+        """
+        near = list(self._passed)
         with self._lock:
             try:
-                return self._find(time_ns)
+                key = self._find(time_ns)
             except (OpenError, FFmpegError, OSError):
-                return None
+                key = None
+        if key is not None:
+            near.append(key)
+        return min(near, key=lambda one: abs(one[0] - time_ns), default=None)
+
+    def keep(self, time_ns: int, frame: VideoFrame) -> None:
+        """Keep a frame that is decoded on the way to another one; of many, a few a second."""
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _PASSED_S
+            self._passed.append((time_ns, self._passed_converter.image(frame)))
 
     def _find(self, time_ns: int) -> tuple[int, Image] | None:
         container, stream = self._opened = self._opened or self._open()
@@ -72,6 +92,12 @@ class KeyImages:
         stream = video_stream(container, self._path)
         stream.thread_type = "SLICE"  # the threads of frames give the first one late
         return container, stream
+
+
+def _fitted(size: Size, longest: int) -> Size:
+    """The size of a video's previews, no side longer than that."""
+    shrink = min(1.0, longest / max(size))
+    return round(size[0] * shrink) or 1, round(size[1] * shrink) or 1
 
 
 def _key_packet(container: InputContainer, stream: VideoStream) -> Packet[VideoStream] | None:

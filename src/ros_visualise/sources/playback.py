@@ -17,7 +17,8 @@ T_co = TypeVar("T_co", covariant=True)
 
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 _ROUNDING_NS = 1_000
-_PATIENCE_NS = 300_000_000  # after the last message, what is read is shown though it is outdated
+_PATIENCE_NS, _IMPATIENCE_NS = 300_000_000, 1_000_000_000
+"""So long after the last message, what is read is shown though it is outdated: not for longer."""
 
 
 class Playable(Protocol[T_co]):
@@ -168,11 +169,13 @@ class Playback:
     def is_outdated(self) -> bool:
         """True if what is being read is not wanted any more.
 
-        False if nothing has passed for a while, so that a person who drags a slider sees images.
+        False if nothing has passed for a while, so that a person who drags a slider sees images;
+        where reading one takes longer, no seek waits for what an earlier one asked for.
         """
         if not self._requests.lead_away:
             return False
-        return self._clock.monotonic_ns() - self._passed_ns < _PATIENCE_NS
+        since_ns = self._clock.monotonic_ns() - self._passed_ns
+        return not _PATIENCE_NS <= since_ns < _IMPATIENCE_NS
 
     def await_seek(self, after: int, timeout_s: float) -> Sought | None:
         """The newest seek, if it comes after that number of them; None if none comes in time."""

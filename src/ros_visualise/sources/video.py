@@ -33,7 +33,8 @@ from ros_visualise.sources.video_pixels import FrameConverter, Size, upright_siz
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
 _SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
-_AHEAD_NS = 2_000_000_000  # further than this, it is sought even where no key frames are known
+_AHEAD_NS, _AHEAD_OF_KEY_NS = 2_000_000_000, 30_000_000_000
+"""Further than this, it is sought even where no key frames are known, or none lies between."""
 _NEEDED = 2  # frames before the one that is sought, none of which are omitted
 _SILENT = 0.1  # of the packets, at most: some codecs have a few that show nothing
 _MOST_SILENT = 2  # where there are few
@@ -95,6 +96,7 @@ class Video:
             raise OpenError(f"{path}: no video frame can be decoded; convert the file again")
         self._origin = first.pts
         self.info = _info(self._container, self._stream, first, size)
+        self._keys: KeyImages | None = None
 
     @property
     def duration_ns(self) -> int | None:
@@ -109,6 +111,8 @@ class Video:
         shown: tuple[int, VideoFrame] | None = None
         for timed in self._frames_around(start_ns):
             self._last.append(timed)
+            if self._closed or self.is_outdated():
+                return
             if shown is not None and timed[0] > start_ns:
                 yield shown[0], self._converter.image(shown[1])
             shown = timed
@@ -122,10 +126,11 @@ class Video:
 
     @property
     def key_images(self) -> KeyImages | None:
-        """Its key images; None if its frames have no times."""
-        if self._origin is None:
-            return None
-        return KeyImages(self._path, self._origin, (self.info.width, self.info.height))
+        """Its key images, and some on the way to others; None if its frames have no times."""
+        if self._keys is None and self._origin is not None:
+            size = self.info.width, self.info.height
+            self._keys = KeyImages(self._path, self._origin, size)
+        return self._keys
 
     def count(self) -> int:
         """The number of its images, counted without decoding them."""
@@ -164,10 +169,10 @@ class Video:
 
     def _is_ahead(self, start_ns: int) -> bool:
         """True if reading on gets there sooner than from the key frame before it."""
-        if not self._last or not 0 <= start_ns - self._last[0][0] < _AHEAD_NS:
+        key, reached = self._key_before(start_ns), self._last[-1][1].pts if self._last else None
+        if reached is None or (key is not None and key > reached):
             return False
-        key, reached = self._key_before(start_ns), self._last[-1][1].pts
-        return reached is not None and (key is None or key <= reached)
+        return 0 <= start_ns - self._last[0][0] < (_AHEAD_NS if key is None else _AHEAD_OF_KEY_NS)
 
     def _key_before(self, time_ns: int) -> int | None:
         """Stamp of the key frame at or before a time; None if the file does not list them."""
@@ -205,13 +210,15 @@ class Video:
             self._omit_before_target()
         last: int | None = None
         for frame in decoder.frames():
-            if self._closed or self.is_outdated() or (sought and frame.pts is None):
+            if sought and frame.pts is None:
                 self._last.clear()
                 return
             time_ns = times.of(frame)
             if time_ns > self._target_ns and decoder.has_omitted_after(last):
                 break
             last = frame.pts
+            if self._keys is not None and time_ns < self._target_ns:
+                self._keys.keep(time_ns, frame)
             yield time_ns, frame
         if decoder.has_omitted_after(last) and self._seek(self._target_ns):
             yield from self._frames(sought, omits=False)

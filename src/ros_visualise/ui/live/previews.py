@@ -1,4 +1,4 @@
-"""Previews while a person seeks in a film: its key images, until the exact image comes."""
+"""Previews while a person seeks in a film: images that are found at once, until the exact one."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from ros_visualise.sources.playback import Playback, Sought
 
 _GRACE_S = 0.02
 """The exact image has so long to come without a preview."""
+_AGAIN_S, _LATE_S = 0.1, 0.3
+"""Nearer ones are looked for so often; after so long, going back shows even one too far back."""
 _LOOK_S = 0.5
 
 
@@ -29,6 +31,7 @@ class Previews:
     ) -> None:
         self._playback, self._show, self._is_wanted = playback, show, is_wanted
         self._closed = False
+        self._played, self._shown_ns = -1, 0
         supervision.start("previews", self._run)
 
     def close(self) -> None:
@@ -37,23 +40,36 @@ class Previews:
 
     def _run(self) -> None:
         done = 0
-        while not (self._closed or self._playback.closed):
+        while not self._is_over():
             seek = self._playback.await_seek(done, _LOOK_S)
             if seek is not None:
                 done = seek.number
                 time.sleep(_GRACE_S)
                 self._follow(seek)
 
+    def _is_over(self) -> bool:
+        return self._closed or self._playback.closed
+
     def _follow(self, seek: Sought) -> None:
+        """Show what is nearer than what is shown, until the exact image or the next seek comes."""
         find, is_awaited = self._playback.key_image, self._playback.is_awaited
-        if find is None or not (self._is_wanted() and is_awaited(seek)):
-            return
-        found = find(seek.target_ns)
-        if found is None or not is_awaited(seek):
-            return
-        time_ns, image = found
-        if abs(time_ns - seek.target_ns) < abs(seek.before_ns - seek.target_ns):
-            self._show(replace(image, header=Header(time_ns)))
+        if seek.played != self._played:
+            self._played, self._shown_ns = seek.played, seek.before_ns
+        late_s = time.monotonic() + _LATE_S
+        while find is not None and self._is_wanted() and is_awaited(seek) and not self._is_over():
+            found = find(seek.target_ns)
+            is_late = time.monotonic() > late_s
+            if found and is_awaited(seek) and self._leads(found[0], seek.target_ns, is_late):
+                self._shown_ns, image = found
+                self._show(replace(image, header=Header(self._shown_ns)))
+            if self._playback.await_seek(seek.number, _AGAIN_S) is not None:
+                return
+
+    def _leads(self, time_ns: int, target_ns: int, is_late: bool) -> bool:
+        """True for a time nearer than that shown; late, for any on the way back."""
+        if is_late and target_ns < self._shown_ns:
+            return time_ns < self._shown_ns
+        return abs(time_ns - target_ns) < abs(self._shown_ns - target_ns)
 
 
 def shows_source(graph: Graph) -> set[str]:
