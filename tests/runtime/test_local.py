@@ -436,7 +436,7 @@ def test_a_long_step_holds_up_nobody_who_asks_for_figures():
     run.runtime.stop()
 
 
-def test_a_loop_goes_on_in_time_so_that_nothing_is_reset():
+def test_each_lap_resets_what_nodes_remember_while_the_stamps_go_on():
     seen = []
 
     @node("stateful", inputs={"image": Image}, outputs={"image": Image})
@@ -454,8 +454,10 @@ def test_a_loop_goes_on_in_time_so_that_nothing_is_reset():
     run.runtime.start()
     wait_for(lambda: len(seen) > 2 * FRAMES + 5)
     run.runtime.stop()
-    assert [value for value, _ in seen[: 2 * FRAMES]] == [*range(FRAMES)] * 2
-    stamps = [stamp for _, stamp in seen[: 2 * FRAMES]]
+    assert [at for at, one in enumerate(seen) if one == "reset"][:2] == [FRAMES, 2 * FRAMES + 1]
+    passed = [one for one in seen if one != "reset"][: 2 * FRAMES]
+    assert [value for value, _ in passed] == [*range(FRAMES)] * 2
+    stamps = [stamp for _, stamp in passed]
     assert stamps == sorted(set(stamps))
 
 

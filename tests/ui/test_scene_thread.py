@@ -31,7 +31,7 @@ def test_a_trail_begins_anew_after_a_jump_though_time_goes_on(drawing, runtime, 
     look("topics/odom/axes", is_at([1, 0, 0]))
     runtime.say(odom=odometry([2, 0, 0], 2))
     look("topics/odom/trail", lambda node: node["points"].max(initial=0) == 2)
-    runtime.playback.laps += 1
+    runtime.epoch += 1
     runtime.say(odom=odometry([5, 0, 0], 3))
     points = look("topics/odom/trail", lambda node: node["points"].max(initial=0) == 5)["points"]
     assert set(points[:, :, 0].flat) == {5.0}

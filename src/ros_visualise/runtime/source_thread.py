@@ -163,8 +163,8 @@ class SourceThread:
         return True
 
     def _epoch(self, port: str, stamp_ns: int, log_ns: int) -> int:
-        """Number of jumps of time before this message, in the stamps or by seeks."""
-        begun = self._playback.epoch + self._reopened
+        """Number of jumps of time before this message, in the stamps, by seeks or by loops."""
+        begun = self._playback.epoch + self._playback.laps + self._reopened
         if begun != self._begun:
             self._begun = begun
             self._epochs.begin()

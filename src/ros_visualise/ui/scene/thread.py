@@ -56,7 +56,7 @@ class SceneThread(PeriodicThread):
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
-        self._place = (0, 0)
+        self._place = 0
 
     def follow(self, graph: Graph) -> None:
         with self.at_work:
@@ -126,11 +126,9 @@ class SceneThread(PeriodicThread):
         self._scene.show(topic, message)
 
     def _note_place(self, epoch: int) -> None:
-        """After a time jump or at a new lap, clear the scene."""
-        playback = self._runtime.playback
-        place = epoch, 0 if playback is None else playback.laps
-        if place > self._place:
-            self._place = place
+        """After a time jump, clear the scene."""
+        if epoch > self._place:
+            self._place = epoch
             self._scene.forget()
 
     def _rest(self, topic: str) -> None:
