@@ -18,7 +18,7 @@ T_co = TypeVar("T_co", covariant=True)
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 _ROUNDING_NS = 1_000
 _PATIENCE_NS, _IMPATIENCE_NS = 300_000_000, 1_000_000_000
-"""So long after the last message, what is read is shown though it is outdated: not for longer."""
+"""In this span after the last message, what is read is shown though it is outdated."""
 
 
 class Playable(Protocol[T_co]):

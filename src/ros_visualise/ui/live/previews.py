@@ -14,7 +14,7 @@ from ros_visualise.sources.playback import Playback, Sought
 _GRACE_S = 0.02
 """The exact image has so long to come without a preview."""
 _AGAIN_S, _LATE_S = 0.1, 0.3
-"""Nearer ones are looked for so often; after so long, going back shows even one too far back."""
+"""Period of looking for nearer ones; time after which going back shows even one too far back."""
 _LOOK_S = 0.5
 
 
