@@ -22,14 +22,14 @@ from inertial_odometry import ERRORS, is_known, simulated
 from ros_visualise.core.params import update
 from ros_visualise.data import Image
 from ros_visualise.estimation.landmark_map import MapMode
+from ros_visualise.estimation.localization import map_file
+from ros_visualise.estimation.localization.estimate import known
+from ros_visualise.estimation.localization.track import Branch, LandmarkTrack
 from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.trajectory_errors import nees, pose_error
 from ros_visualise.graph.landmarks import tags_of_world
-from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 from ros_visualise.nodes.landmark_navigator import LandmarkNavigator
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.nodes.visual_odometry import CameraMotionParams, VisualOdometryNode

@@ -23,7 +23,7 @@ import gtsam
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.mapping.normal import Factor, NormalEquations, Structure
+from ros_visualise.estimation.mapping.normal import Factor, NormalEquations, Structure
 
 SIZES = (300, 60), (1000, 200), (3000, 500)
 SHARED, SEEN = 9, 6
@@ -54,11 +54,11 @@ def recording(folder: Path) -> tuple[Structure, list[Term]]:
     """Equations of TagSLAM's recording, where its map begins."""
     from tagslam import Recorded, joint_sightings, located
 
-    from ros_visualise.landmarks.mapping.minimising import chi2_of, linearised, robust
-    from ros_visualise.landmarks.mapping.problem import Problem
-    from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
-    from ros_visualise.landmarks.mapping.terms import Terms
-    from ros_visualise.landmarks.mapping.unknowns import Unknowns
+    from ros_visualise.estimation.mapping.minimising import chi2_of, linearised, robust
+    from ros_visualise.estimation.mapping.problem import Problem
+    from ros_visualise.estimation.mapping.starting import anchor_of, begin, poses
+    from ros_visualise.estimation.mapping.terms import Terms
+    from ros_visualise.estimation.mapping.unknowns import Unknowns
 
     recorded = Recorded(folder, 0.0)
     several, names, sightings = joint_sightings(recorded, located(recorded))

@@ -34,14 +34,14 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
+from ros_visualise.estimation.localization.seen import sighting_of
+from ros_visualise.estimation.localization.track import LandmarkTrack, begin
+from ros_visualise.estimation.mapping.intrinsics import assumed
+from ros_visualise.estimation.mapping.outward import outward_steps
+from ros_visualise.estimation.mapping.problem import Problem, RigCamera, TagPrior, TagSighting
+from ros_visualise.estimation.mapping.smoothing import smooth
+from ros_visualise.estimation.mapping.unknowns import LARGER, PRINTED, MeasurementNoise, SharedPrior
 from ros_visualise.geometry.se3 import cross, from_pose, inverse
-from ros_visualise.landmarks.localization.seen import sighting_of
-from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
-from ros_visualise.landmarks.mapping.intrinsics import assumed
-from ros_visualise.landmarks.mapping.outward import outward_steps
-from ros_visualise.landmarks.mapping.problem import Problem, RigCamera, TagPrior, TagSighting
-from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, MeasurementNoise, SharedPrior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
 
 WEIGHTS = (0.5, 0.1, 1.0), (0.5, 0.1, None), (0.03, 0.02, None)

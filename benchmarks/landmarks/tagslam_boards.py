@@ -12,10 +12,10 @@ import numpy as np
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Hypothesis
-from ros_visualise.landmarks.mapping.intrinsics import assumed
-from ros_visualise.landmarks.mapping.problem import Problem, RigCamera, TagSighting
-from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, SharedPrior
+from ros_visualise.estimation.mapping.intrinsics import assumed
+from ros_visualise.estimation.mapping.problem import Problem, RigCamera, TagSighting
+from ros_visualise.estimation.mapping.smoothing import SmoothedMap, smooth
+from ros_visualise.estimation.mapping.unknowns import LARGER, SharedPrior
 from ros_visualise.landmarks.pose import squares_poses
 from ros_visualise.sources import open_source
 

@@ -10,9 +10,9 @@ from made_worlds import SIZE, corners_seen, drifting, flight, floor, turn
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from ros_visualise.estimation.mapping.unknowns import MeasurementNoise
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.se3 import from_parts, inverse
-from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
 FOUND = "apriltag_msgs/msg/ApriltagArrayStamped"
 TAG, FRAMES = "apriltag_msgs/msg/Apriltag", "tf2_msgs/msg/TFMessage"

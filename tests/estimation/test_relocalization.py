@@ -57,6 +57,14 @@ def test_a_pose_found_again_is_honest_a_second_later(tmp_path):
     assert 3 < np.mean(nees) < 9, f"NEES {np.mean(nees):.1f} of 6"
 
 
+def test_a_robot_that_sees_no_tag_of_its_map_is_said_to_be_not_localized(tmp_path):
+    tags = tags_on_ground([(60, 0, -5)])
+    world = World(along((0, 0, 0), (12, 0, 0), speed=0.8), tags)
+    run = drive(world.events(12), given(tmp_path, tags, 0.02, 0.01, 0))
+    assert not run.poses
+    assert [line for line in run.lines if "no map tag in view for 10 s; not localized" in line]
+
+
 @pytest.mark.parametrize("there", ["one tag", "two tags"])
 def test_a_robot_that_was_moved_is_not_falsely_certain(there, tmp_path):
     """From 2 s after the first sight that contradicts it."""

@@ -20,12 +20,12 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.estimation.landmark_map import MapMode
+from ros_visualise.estimation.localization import map_file
+from ros_visualise.estimation.localization.estimate import known
+from ros_visualise.estimation.localization.track import Branch, LandmarkTrack
 from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
-from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 from ros_visualise.nodes.landmark_navigator import LandmarkNavigator
 
 S = 1_000_000_000

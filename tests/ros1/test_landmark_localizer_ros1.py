@@ -12,7 +12,7 @@ from ros_graph import wait_for
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from ros_visualise.landmarks.localization import map_file
+from ros_visualise.estimation.localization import map_file
 from ros_visualise.runtime.ros1.messages import message_class
 
 

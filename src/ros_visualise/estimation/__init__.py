@@ -12,6 +12,9 @@ count at their own time (`window`).
 - `landmark`, `points`, `landmark_map`: the map: what joins it, leaves it, or rests.
 - `sensors`: all others, a file each.
 - `gates`, `pose_search`: what to do with what does not fit.
+
+Beside it: `localization`, landmarks from a robot whose pose is given, with errors; `landing`, a
+target that moves; `mapping`, all of a recording at once; `visual` and `inertial`, odometry by eye.
 """
 
 from ros_visualise.estimation import imu, measuring, odometry, updating  # noqa: F401 (own states)

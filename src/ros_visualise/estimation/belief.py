@@ -19,7 +19,7 @@ from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap
 from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.pose_search import PoseSearch
 from ros_visualise.estimation.state import State
-from ros_visualise.landmarks.steadiness import Steadiness
+from ros_visualise.estimation.steadiness import Steadiness
 
 _MOST_NOTES = 20
 _QUIET_NS = 10_000_000_000

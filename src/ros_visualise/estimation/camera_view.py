@@ -10,9 +10,9 @@ import numpy as np
 
 from ros_visualise.core.errors import NoTransform, RosVisualiseError
 from ros_visualise.data import Detection, Detections, Floats, Header, Hypothesis
+from ros_visualise.estimation.localization.seen import UNKNOWN
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 

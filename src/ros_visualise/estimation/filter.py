@@ -31,15 +31,16 @@ from ros_visualise.estimation.pose_search import SearchPrior
 from ros_visualise.estimation.robot import core
 from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
+from ros_visualise.estimation.steadiness import words
 from ros_visualise.estimation.updating import together
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
-from ros_visualise.landmarks.steadiness import words
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
 _WRONG_CLOCK_S = 0.02
 _WRONG_SIZE = 0.02  # as a fraction
+_UNSEEN_NS = 10_000_000_000  # without a map tag in view, after which the user is told
 _SEARCHING = "not localized: needs one map tag in three images"
 
 
@@ -220,7 +221,7 @@ class Filter:
             self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))
-        self._search(belief, view)
+        self._name_missing_tags(belief, bool(self._search(belief, view)))
         self._recover(belief, 2 if belief.has_pose else 1)
         if belief.reason and view.sights:
             belief.outcome.advice["the robot"] = belief.reason
@@ -272,6 +273,15 @@ class Filter:
                 belief.remember(f"size of {name}", True)
                 by = f"{abs(larger):.1%} {'larger' if larger > 0 else 'smaller'}"
                 belief.note(f"{name} is {by} than stated: check the tag size given to the detector")
+
+    @staticmethod
+    def _name_missing_tags(belief: Belief, is_seen: bool) -> None:
+        """Say that the robot is not localized because no tag of the map is in view."""
+        last_ns = belief.memory.get("map tags")
+        if is_seen or last_ns is None:
+            belief.remember("map tags", belief.now_ns)
+        elif belief.now_ns - last_ns > _UNSEEN_NS:
+            belief.note(f"no map tag in view for {_UNSEEN_NS // 10**9} s; {belief.reason}")
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""

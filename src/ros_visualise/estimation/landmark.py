@@ -10,13 +10,13 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.estimation.gates import DECIDED, WORST, Innovation, MisfitTest
+from ros_visualise.estimation.localization.common_error import beside
+from ros_visualise.estimation.localization.track import log_score
 from ros_visualise.estimation.measuring import CAMERAS, FOCAL, camera_of
 from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry.se3 import about_origin, adjoint
-from ros_visualise.landmarks.gates import DECIDED, WORST, Innovation, MisfitTest
-from ros_visualise.landmarks.localization.common_error import beside
-from ros_visualise.landmarks.localization.track import log_score
 
 SIZE = 0.01
 """Standard deviation of a tag's size, as a fraction: of how it was printed and measured."""

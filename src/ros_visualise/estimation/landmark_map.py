@@ -12,6 +12,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, Sighting
+from ros_visualise.estimation.gates import Innovation
 from ros_visualise.estimation.landmark import (
     SIZE,
     KnownLandmark,
@@ -25,7 +26,6 @@ from ros_visualise.estimation.points import begin as begin_point
 from ros_visualise.estimation.robot import core
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, update, update_each
-from ros_visualise.landmarks.gates import Innovation
 
 _SIDES = 0.02  # largest relative difference between two sizes of a tag
 _MOVED = 8  # images in a row that contradict a landmark, while others fit

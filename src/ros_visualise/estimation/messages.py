@@ -25,6 +25,9 @@ from ros_visualise.data.header import read_only
 from ros_visualise.data.markers import Colors, MarkerType
 from ros_visualise.estimation.landmark import Landmark
 from ros_visualise.estimation.landmark_map import ImageOutcome, MapMode
+from ros_visualise.estimation.localization.common_error import split
+from ros_visualise.estimation.localization.messages import ellipsoid
+from ros_visualise.estimation.localization.track import LandmarkTrack
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, FOCAL
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.odometry import AXES, SCALES
@@ -33,9 +36,6 @@ from ros_visualise.estimation.robot import OwnStates
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.se3 import about_itself
-from ros_visualise.landmarks.localization.common_error import split
-from ros_visualise.landmarks.localization.messages import ellipsoid
-from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 Color = tuple[float, float, float]
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)

@@ -17,11 +17,11 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.estimation.gates import GATES
 from ros_visualise.estimation.robot import BEFORE, POSE, VELOCITY, core, own_states
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.rigid import Pose, compose, interpolate, inverse, to_matrix
-from ros_visualise.landmarks.gates import GATES
 
 SCALES = own_states("scales of odometry", 2)
 """Scale errors of distances and rotations, as fractions."""

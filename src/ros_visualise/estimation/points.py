@@ -15,13 +15,13 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, Sighting
+from ros_visualise.estimation.gates import GATES, Innovation
 from ros_visualise.estimation.landmark import Landmark
 from ros_visualise.estimation.measuring import CameraPose, Pair, camera_of
 from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, stand_on
 from ros_visualise.geometry.se3 import cross
-from ros_visualise.landmarks.gates import GATES, Innovation
 
 _FLAT = 0.09  # sine of the smallest angle between a ray and the ground
 _VAGUE = 0.5  # initial standard deviation along the ray, as a fraction of the range

@@ -17,7 +17,9 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.estimation.gates import DECIDED, WORST
 from ros_visualise.estimation.landmark import seen_noise
+from ros_visualise.estimation.localization.track import log_score
 from ros_visualise.estimation.measuring import Pair, turn_of
 from ros_visualise.estimation.odometry import (
     OdometryNoise,
@@ -29,8 +31,6 @@ from ros_visualise.estimation.robot import POSE, core
 from ros_visualise.estimation.state import State
 from ros_visualise.estimation.updating import fits, level, update
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.gates import DECIDED, WORST
-from ros_visualise.landmarks.localization.track import log_score
 
 _MOST = 8  # candidates followed at a time
 _LEAST_VIEWS = 3

@@ -14,6 +14,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, ImuTrust
 from ros_visualise.estimation.camera_view import CameraView
+from ros_visualise.estimation.gates import DECIDED, WORST, Innovation
 from ros_visualise.estimation.landmark_map import ImageOutcome
 from ros_visualise.estimation.measuring import Pair
 from ros_visualise.estimation.odometry import (
@@ -27,7 +28,6 @@ from ros_visualise.estimation.robot import POSE
 from ros_visualise.estimation.sensors import Reading, Sensor
 from ros_visualise.estimation.updating import fits
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.gates import DECIDED, WORST, Innovation
 
 _MEMORY = 0.99  # smoothing of the rate of disagreements
 _TOO_MUCH = 0.2  # of the odometry messages

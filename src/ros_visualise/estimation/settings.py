@@ -16,8 +16,8 @@ from ros_visualise.estimation.odometry import AXES, SCALES, OdometryNoise
 from ros_visualise.estimation.robot import GRAVITY, GRAVITY_MS2, core
 from ros_visualise.estimation.sensors import SENSORS, Prior
 from ros_visualise.estimation.state import State
+from ros_visualise.estimation.steadiness import loosened
 from ros_visualise.estimation.updating import GROUND
-from ros_visualise.landmarks.steadiness import loosened
 
 _CLOCK_WALK = 1e-4  # s per sqrt(s)
 
@@ -39,7 +39,7 @@ class CameraErrors:
     focal: float = 0.0
 
     def at_level(self, level: float) -> CameraErrors:
-        """The same for a camera less steady than stated, see `landmarks.steadiness`."""
+        """The same for a camera less steady than stated, see `estimation.steadiness`."""
         turn_rad, turn_s = loosened(self.turn_rad, self.turn_s, level)
         return replace(self, turn_rad=turn_rad, turn_s=turn_s)
 

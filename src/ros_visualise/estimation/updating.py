@@ -8,11 +8,11 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView
+from ros_visualise.estimation.gates import Innovation
 from ros_visualise.estimation.measuring import CAMERAS, LinearizedPairs, Pair, measure
 from ros_visualise.estimation.resting import PER_LANDMARK, Indices
 from ros_visualise.estimation.robot import POSE, own_states
 from ros_visualise.estimation.state import Mask, State
-from ros_visualise.landmarks.gates import Innovation
 
 GROUND = own_states("height of the ground", 1)
 """Error of the ground's given height, metres: positive if the ground is higher."""

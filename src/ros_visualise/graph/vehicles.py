@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import PoseWithCovarianceStamped
+from ros_visualise.estimation.landing.relative import Autopilot
 from ros_visualise.graph import SOURCE_TOPICS, Graph, Node, place
-from ros_visualise.landmarks.landing.relative import Autopilot
 from ros_visualise.links.wires import parse, split_system
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS

@@ -1,1 +1,1 @@
-"""Landmarks: detection in images, localization, mapping and navigation, with uncertainty."""
+"""Landmarks: detection of tags and objects in images, calibration, tracking, with uncertainty."""

@@ -25,6 +25,7 @@ from ros_visualise.data import (
     NavSatFix,
     Text,
 )
+from ros_visualise.estimation.localization.seen import UNKNOWN
 from ros_visualise.geometry.aircraft import R_body_camera
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.se3 import turn_between
@@ -45,7 +46,6 @@ from ros_visualise.landmarks.georeferencing.origin import (
     map_frame,
 )
 from ros_visualise.landmarks.georeferencing.terrain import TerrainSurface, check_terrain
-from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.pose.rays import rays_of
 from ros_visualise.nodes import node

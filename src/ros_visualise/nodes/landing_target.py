@@ -19,18 +19,18 @@ from ros_visualise.data import (
     PoseStamped,
     PoseWithCovarianceStamped,
 )
-from ros_visualise.geometry import rotations
-from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.landing.relative import Autopilot, relative_to
-from ros_visualise.landmarks.landing.tracking import (
+from ros_visualise.estimation.landing.relative import Autopilot, relative_to
+from ros_visualise.estimation.landing.tracking import (
     STEADY,
     TargetMotion,
     TargetTracker,
 )
-from ros_visualise.landmarks.localization.estimate import POSE, LandmarkEstimate
-from ros_visualise.landmarks.localization.robot_error import ErrorModel
-from ros_visualise.landmarks.localization.seen import Ground, sighting_of
-from ros_visualise.landmarks.steadiness import words
+from ros_visualise.estimation.localization.estimate import POSE, LandmarkEstimate
+from ros_visualise.estimation.localization.robot_error import ErrorModel
+from ros_visualise.estimation.localization.seen import Ground, sighting_of
+from ros_visualise.estimation.steadiness import words
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.nodes import node
 
 log = logging.getLogger(__name__)

@@ -23,13 +23,13 @@ from ros_visualise.data import (
     Odometry,
     Transforms,
 )
+from ros_visualise.estimation.localization import map_file
+from ros_visualise.estimation.localization.localizer import Localizer, LocalizerRules
+from ros_visualise.estimation.localization.messages import LandmarkMessages
+from ros_visualise.estimation.localization.robot_error import ErrorModel, at_camera
+from ros_visualise.estimation.localization.seen import Ground
+from ros_visualise.estimation.localization.track import LandmarkTrack
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
-from ros_visualise.landmarks.localization.messages import LandmarkMessages
-from ros_visualise.landmarks.localization.robot_error import ErrorModel, at_camera
-from ros_visualise.landmarks.localization.seen import Ground
-from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
@@ -207,7 +207,7 @@ class LandmarkLocalizer:
 def save_landmarks(
     file: str, frame_id: str, tracks: Collection[LandmarkTrack], common: Floats | None = None
 ) -> None:
-    """Save landmarks to a map, and log it; see `ros_visualise.landmarks.localization.map_file`."""
+    """Save landmarks to a map, and log it; see `ros_visualise.estimation.localization.map_file`."""
     if not tracks:
         log.warning("no landmarks yet; nothing saved")
         return

@@ -32,6 +32,8 @@ from ros_visualise.estimation.camera_view import turning_of, view_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.landmark_map import MapMode
+from ros_visualise.estimation.localization import map_file
+from ros_visualise.estimation.localization.track import LandmarkTrack
 from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.params import NavigatorParams
@@ -40,8 +42,6 @@ from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
 from ros_visualise.geometry import rigid, rotations, se3
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import save_landmarks
 

@@ -21,14 +21,14 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.data.poses import is_static
+from ros_visualise.estimation.localization.localizer import Localizer
+from ros_visualise.estimation.localization.track import LandmarkTrack
+from ros_visualise.estimation.mapping.mapping import TagMap, map_of
+from ros_visualise.estimation.mapping.mapping_data import MappingData, is_tag
+from ros_visualise.estimation.mapping.problem import RigCamera
+from ros_visualise.estimation.mapping.survey import Survey, read_survey
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import LOCALIZER, RECORDED_TAGS, TAGS, detectors_of
-from ros_visualise.landmarks.localization.localizer import Localizer
-from ros_visualise.landmarks.localization.track import LandmarkTrack
-from ros_visualise.landmarks.mapping.mapping import TagMap, map_of
-from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
-from ros_visualise.landmarks.mapping.problem import RigCamera
-from ros_visualise.landmarks.mapping.survey import Survey, read_survey
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.nodes.landmark_localizer import LocalizerParams, rules_of
 from ros_visualise.sources.calibration import find_uncertainty

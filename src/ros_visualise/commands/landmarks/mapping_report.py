@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.printing import counted, escaped
-from ros_visualise.landmarks.mapping.mapping import TagMap
-from ros_visualise.landmarks.mapping.outliers import UNSTEADY
-from ros_visualise.landmarks.mapping.rig import CalibrationError, calibrations_of, cameras_of
-from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
-from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
+from ros_visualise.estimation.mapping.mapping import TagMap
+from ros_visualise.estimation.mapping.outliers import UNSTEADY
+from ros_visualise.estimation.mapping.rig import CalibrationError, calibrations_of, cameras_of
+from ros_visualise.estimation.mapping.smoothing import SmoothedMap
+from ros_visualise.estimation.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
 
 _LASTING = 1.5  # views that count as one
 _WORST = 3  # views, and tags, that are named

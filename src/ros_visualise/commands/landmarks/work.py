@@ -17,10 +17,10 @@ from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
+from ros_visualise.estimation.localization import map_file
+from ros_visualise.estimation.localization.messages import LandmarkMessages
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import LOCALIZER
-from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime

@@ -17,9 +17,9 @@ import numpy as np
 
 from ros_visualise.core.registry import Registry, holding
 from ros_visualise.data import Floats
+from ros_visualise.estimation.gates import Innovation
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.robot import OwnStates, RobotState, core
-from ros_visualise.landmarks.gates import Innovation
 
 if TYPE_CHECKING:
     from ros_visualise.estimation.belief import Belief
