@@ -137,8 +137,9 @@ class VisualOdometryNode:
     """Publishes the motion of a camera, in metres, with its covariance.
 
     The scale comes from a right camera, an IMU, the height over the ground, an odometry or fixes;
-    while it is unknown, no odometry is published. With an IMU the robot rests at first. While the
-    camera is lost, the pose by the IMU is published, or the last one, with a growing covariance.
+    while it is unknown, no odometry is published. With an IMU it starts at rest, or when the robot
+    speeds up, slows down or turns. While the camera is lost, the pose by the IMU is published, or
+    the last one, with a growing covariance.
     """
 
     def __init__(self, params: CameraMotionParams) -> None:

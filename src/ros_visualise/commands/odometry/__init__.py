@@ -71,8 +71,8 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     imu: str | None = option(
         None,
-        "topic of an IMU, which gives the scale if the camera is at rest for the first half second;"
-        " its transform to the camera is needed",
+        "topic of an IMU, which gives the scale if the camera is at rest for half a second, or"
+        " speeds up, slows down or turns; its transform to the camera is needed",
         metavar="TOPIC",
     )
     fps: float = option(

@@ -1,8 +1,8 @@
 """Visual-inertial odometry: the motion of a robot, in metres, by one camera and an IMU.
 
 Corners are followed from image to image, as in `ros_visualise.estimation.visual`; a filter joins
-them with the IMU. It begins at rest. The frame ``odom`` is level (z up); the robot starts at its
-origin, heading along x.
+them with the IMU. It begins at rest, or in motion that shows the scale. The frame ``odom`` is level
+(z up); the robot starts at its origin, heading along x.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.estimation.imu import ImuBuffer, Mounting
 from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.moving import start_in_motion
 from ros_visualise.estimation.inertial.sliding import MOTION, RATE_BIAS
 from ros_visualise.estimation.inertial.starting import (
     FirstEstimate,
@@ -45,7 +46,8 @@ _FASTEST_MOUNT = 20.0  # rad/s
 _WIDEST = 0.64  # cosine of 50 degrees, the part of a fisheye that is used
 _MOST_WAITING = 15  # images, for the IMU
 _LOST_SPEED, _LOST_TURN = 1.0, 0.3  # m/s and rad/s: what may happen in a gap of the IMU
-_MOVES = "waiting for the robot to rest: keep it still for half a second"
+_MOVES = "waiting for the robot to rest for half a second, or to speed up, slow down or turn"
+_LEAST_MOVING, _MOST_MOVING, _EVERY = 15, 20, 5  # views for a start in motion; those between tries
 _THIN = 1 / 8  # size of images that are compared at rest
 
 
@@ -105,8 +107,10 @@ class InertialOdometry:
         self._tracker = CornerTracker(corners)
         self._queue: deque[_SeenImage] = deque()
         self._rest = _Rest()
+        self._moving: deque[SeenCorners] = deque(maxlen=_MOST_MOVING)
         self._before_ns = self._view_ns = self._held_ns = self._since_ns = self._first_ns = 0
         self._last: InertialPose | None = None
+        self._tries = 0
 
     @property
     def corners(self) -> FollowedCorners:
@@ -161,6 +165,8 @@ class InertialOdometry:
         if self.filter is None:
             self._begin(stamp_ns, is_still)
             own = self.filter
+            if own is None and not is_still:
+                return self._answer(stamp_ns, self._begin_moving(view), self.reason)
             if own is None or is_still:
                 return self._answer(stamp_ns, True, self.reason)
             return self._answer(stamp_ns, own.see(*view), "")
@@ -197,14 +203,37 @@ class InertialOdometry:
 
     def _start(self, first: FirstEstimate, rest_ns: int) -> None:
         """Begin at an estimate, where the last one ended, and rest until a time."""
-        if self._last is not None:
-            first = _continued(first, self._last)
+        last = self._coasted(first.stamp_ns)
+        if last is not None:
+            first = _continued(first, last)
         self.filter = InertialFilter(self.settings, self._imu, *first)
         for stamp_ns in range(first.stamp_ns + _STEP_NS, rest_ns - _STEP_NS // 2, _STEP_NS):
             self.filter.rest(stamp_ns)
-        self.filter.rest(rest_ns)
+        if rest_ns > first.stamp_ns:
+            self.filter.rest(rest_ns)
         self.reason = ""
         self._view_ns = self._held_ns = rest_ns
+
+    def _begin_moving(self, view: SeenCorners) -> bool:
+        """Begin once the last views show the velocity; False if the IMU has a gap then."""
+        views = self._moving
+        if views and view.stamp_ns - views[-1].stamp_ns < _PERIOD_NS:
+            return True
+        views.append(view)
+        self._tries += 1
+        if len(views) < _LEAST_MOVING or self._tries % _EVERY:
+            return True
+        first = start_in_motion(self._imu, views, self.settings)
+        if first is None:
+            return True
+        self._start(first, first.stamp_ns)
+        own, self._view_ns = self.filter, view.stamp_ns
+        is_reached = own is not None and all(own.see(*one) for one in views)
+        if own is not None and (own.contradicted or own.used < _LEAST):
+            self.filter, self.reason = None, _MOVES
+        else:
+            views.clear()
+        return is_reached
 
     # the motion
 
