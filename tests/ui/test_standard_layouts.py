@@ -50,6 +50,22 @@ def test_a_recording_without_images_has_its_topics_3d_and_a_plot_of_the_usual_nu
     ]
 
 
+def test_a_recording_of_unusual_places_has_them_y_over_x(recordings):
+    with closing(open_recording(recordings / "bags/foxglove_example.bag")) as recording:
+        layout = standard_layout(recording_pipeline(recording))
+    assert panels(layout)[-2:] == ["space", "plots"]
+    panes = layout["row"][1]["column"][1]["state"]["panes"]
+    assert panes == [
+        {"kind": "xy", "x": f"/{turtle}/pose:x", "curves": [f"/{turtle}/pose:y"]}
+        for turtle in ("turtle1", "turtle2")
+    ]
+
+
+def test_a_recording_of_frames_alone_has_their_tree_below_3d(recordings):
+    with closing(open_recording(recordings / "bags/evo_tf_example.bag")) as recording:
+        assert panels(standard_layout(recording_pipeline(recording)))[-2:] == ["space", "frames"]
+
+
 def test_nothing_yet_offers_files():
     for graph in (None, Graph(None, ())):
         assert panels(standard_layout(graph))[0] == "files"

@@ -22,6 +22,8 @@ Stamped = Literal["", "first", "inner"]
 """Stamps of messages: none, that of the header that they begin with, or further ones inside."""
 
 _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
+_TIMES = {_HEADER, _TIME, "builtin_interfaces/msg/Duration"}
+_TEXTS = {"string", "wstring"}
 
 _TF = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms"}
 
@@ -217,6 +219,15 @@ class Definitions:
             first: Stamped = "first" if is_headed else ""
             self._stamped[type_name] = "inner" if self._has_stamp(fields[is_headed:]) else first
         return self._stamped[type_name]
+
+    def numbers(self, type_name: str, most_deep: int = 6) -> Iterator[str]:
+        """Paths of the numbers in messages of that type, without arrays, headers and times."""
+        _, fields = self._store.fielddefs.get(type_name, ([], []))
+        for name, (kind, found) in fields:
+            if kind == Nodetype.BASE and found[0] not in _TEXTS:
+                yield name
+            elif isinstance(found, str) and found not in _TIMES and most_deep:
+                yield from (f"{name}.{path}" for path in self.numbers(found, most_deep - 1))
 
     def _has_stamp(self, fields: Sequence[tuple[str, Any]]) -> bool:
         if ("stamp", (Nodetype.NAME, _TIME)) in fields:

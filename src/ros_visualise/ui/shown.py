@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ros_visualise.data import Detections, Image, Text
 from ros_visualise.graph import Graph, Member, Node
+from ros_visualise.messages.recorded import Recorded, TopicType
 
 FIRST_FIELDS: Mapping[str, Sequence[str]] = {
     "Odometry": ("pose.pose.position.x", "pose.pose.position.y"),
     "PoseStamped": ("pose.position.x", "pose.position.y"),
+    "PoseWithCovarianceStamped": ("pose.pose.position.x", "pose.pose.position.y"),
     "Imu": ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z"),
     "NavSatFix": ("altitude",),
     "BatteryState": ("voltage",),
+    "Twist": ("linear.x", "angular.z"),
+    "TwistStamped": ("twist.linear.x", "twist.angular.z"),
 }
 """Numbers that people look at first: last part of a type -> fields, the first types first."""
+Pane = Mapping[str, Any]
+"""A pane of a plot, as it is kept in a page's address."""
 _MOST_PANES, _MOST_TOPICS = 2, 3
+_PLACES = ("", "position.", "pose.position.")
+_ASIDE = ("rosgraph_msgs/", "rcl_interfaces/")
 
 
 def images_of(node: Member) -> list[str]:
@@ -43,17 +52,44 @@ def first_shown(graph: Graph, node: Member) -> str | None:
     return next((topic for topic in images if topic in taken), next(iter(images), None))
 
 
-def first_curves(graph: Graph) -> list[list[str]]:
-    """The curves of the first panes of a plot, one for each type of message; empty without any."""
+def first_panes(graph: Graph) -> list[Pane]:
+    """The first panes of a plot; empty without numbers.
+
+    Each has the usual numbers of one type of message, or a place of an unusual one, y over x; only
+    if there are none of them, the first numbers of other messages are shown.
+    """
     by_type: dict[str, list[str]] = {}
     for topic, spec in graph.topics.items():
         by_type.setdefault(spec.ros.name.rpartition("/")[2], []).append(topic)
-    panes = [
-        [f"{topic}:{field}" for topic in by_type[name][:_MOST_TOPICS] for field in fields]
+    usual: list[Pane] = [
+        {
+            "curves": [
+                f"{topic}:{field}" for topic in by_type[name][:_MOST_TOPICS] for field in fields
+            ]
+        }
         for name, fields in FIRST_FIELDS.items()
         if name in by_type
     ]
-    return panes[:_MOST_PANES]
+    own = [(topic, _own_numbers(spec.ros)) for topic, spec in graph.topics.items()]
+    places: list[Pane] = [
+        {"kind": "xy", "x": f"{topic}:{at}x", "curves": [f"{topic}:{at}y"]}
+        for topic, paths in own
+        for at in _PLACES
+        if {f"{at}x", f"{at}y"} <= {*paths}
+    ]
+    others: list[Pane] = [
+        {"curves": [f"{topic}:{path}" for path in paths[:_MOST_TOPICS]]}
+        for topic, paths in own
+        if paths
+    ]
+    return ([*places, *usual] or others)[:_MOST_PANES]
+
+
+def _own_numbers(ros: TopicType) -> list[str]:
+    """Paths of the numbers of a type that only its recording defines."""
+    if ros.definitions is None or ros.data_class is not Recorded or ros.name.startswith(_ASIDE):
+        return []
+    return list(ros.definitions.numbers(ros.name))
 
 
 def detections_of(graph: Graph, image: str) -> list[str]:

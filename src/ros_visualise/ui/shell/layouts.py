@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from math import ceil, sqrt
 from typing import Any
 
+from ros_visualise.data import Transforms
 from ros_visualise.graph import Graph
 from ros_visualise.lessons.handout import NAME as LESSON
 from ros_visualise.ui.live.robot import velocity_topic
 from ros_visualise.ui.scene.kinds import is_spatial, is_track
 from ros_visualise.ui.scene.thread import topics_of
-from ros_visualise.ui.shown import first_curves, first_shown, robot_status
+from ros_visualise.ui.shown import first_panes, first_shown, robot_status
 
 Place = dict[str, Any]
 """A panel, or a row, column or tabs of them; see `ros_visualise.ui.shell.workspace.read_layout`."""
@@ -87,8 +88,11 @@ def _column(topics: Sequence[str]) -> Place | None:
 
 
 def _plot(graph: Graph) -> Place:
-    """A plot of the numbers that people look at first."""
-    panes = [{"curves": curves} for curves in first_curves(graph)]
+    """A plot of the numbers that people look at first; the frames of a recording of them alone."""
+    panes = first_panes(graph)
+    kinds = {topic.type for topic in graph.topics.values()}
+    if not panes and kinds == {Transforms}:
+        return {"panel": "frames"}
     return {"panel": "plots", "state": {"panes": panes}} if panes else {"panel": "plots"}
 
 
