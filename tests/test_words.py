@@ -71,7 +71,7 @@ def test_listing_has_texts_of_every_kind():
     said = {one.text for one in texts()}
     assert {
         "upper threshold of the hysteresis",  # a parameter
-        "start over at the end",  # an option
+        "start again when the end is reached (loop)",  # an option
         "play a video file",  # a command
         "calibrate from the views so far",  # an action
         "Detects edges (mono8) and, on demand, draws them over the image.",  # a node

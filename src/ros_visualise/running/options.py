@@ -132,7 +132,7 @@ class PaceOptions(PartOptions):
         f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
         type=rate,
     )
-    loop: bool = option(False, "start over at the end")
+    loop: bool = option(False, "start again when the end is reached (loop)")
     paused: bool = False
     """Begin paused; no argument."""
 

@@ -36,7 +36,7 @@ class PlayingParams(LiveParams):
         slider=(0, 4),
         saved=False,
     )
-    loop: bool = param(False, "start over at the end", saved=False)
+    loop: bool = param(False, "start again when the end is reached (loop)", saved=False)
 
 
 def playing_params(source: SourceType) -> type:

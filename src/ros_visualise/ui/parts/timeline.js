@@ -52,7 +52,7 @@ export default {
           <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
-          :aria-pressed="String(!!state.loop)" title="Repeat: start over at the end" @mousedown.prevent @click="act({ loop: !state.loop })" />
+          :aria-pressed="String(!!state.loop)" title="Repeat: start again when the end is reached" @mousedown.prevent @click="act({ loop: !state.loop })" />
         <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
           title="Set a mark, that is, a bookmark in time (M); right-click a mark to rename or remove it" @mousedown.prevent @click="mark" />
         <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
