@@ -88,7 +88,7 @@ class _Window:
         return float(np.sqrt((bent**2).sum(axis=1).mean()))
 
     def _fallen(self, force_bias: Floats, rate_bias: Floats) -> tuple[Floats, ...]:
-        """Of each view: time, attitude, angular velocity, and way and velocity by pushes alone."""
+        """Time, attitude, angular velocity, and way and velocity by pushes alone, of each view."""
         key = np.concatenate([force_bias, rate_bias]).tobytes()
         if key not in self._falls:
             R, v, p, seconds = np.eye(3), np.zeros(3), np.zeros(3), 0.0
