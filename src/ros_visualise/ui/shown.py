@@ -55,8 +55,8 @@ def first_shown(graph: Graph, node: Member) -> str | None:
 def first_panes(graph: Graph) -> list[Pane]:
     """The first panes of a plot; empty without numbers.
 
-    Each has the usual numbers of one type of message, or a place of an unusual one, y over x; only
-    if there are none of them, the first numbers of other messages are shown.
+    Each has the usual numbers of one type of message, or a place of an unusual one, y over x;
+    without any of these, the first numbers of other messages.
     """
     by_type: dict[str, list[str]] = {}
     for topic, spec in graph.topics.items():
