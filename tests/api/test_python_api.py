@@ -252,7 +252,7 @@ def test_trajectories_are_arrays_with_errors(recordings, tmp_path):
         (lambda: rv.trajectory(texts / "KITTI_00_gt.txt", "/odom"), "a text file without topics"),
         (
             lambda: rv.trajectory(texts / "KITTI_00_gt.txt").to_tum(tmp_path / "b.tum"),
-            "has no times, but TUM's format needs them",
+            "has no time stamps, which the TUM format requires",
         ),
     ):
         with pytest.raises(rv.UsageError, match=says):

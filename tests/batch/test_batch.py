@@ -106,7 +106,7 @@ def test_what_hangs_is_a_row(tmp_path, bad_node):
     assert batch(film, "--out", tmp_path / "out", *options).returncode == 1
     query = "SELECT recording, kind, attempts, reason FROM '{}/failures.parquet'"
     assert ask(tmp_path / "out", query) == [
-        ("40.mkv", "timeout", 3, "not done after 0.5 s; raise --timeout")
+        ("40.mkv", "timeout", 3, "not finished after 0.5 s; raise --timeout")
     ]
 
 
@@ -186,7 +186,7 @@ def test_segments_have_the_rows_of_the_whole(tmp_path):
     drive(tmp_path / "drive.mcap", 60)
     kept = batch(tmp_path / "drive.mcap", "--out", parts, "--segment", "1s", "--json")
     assert json.loads(kept.stdout)["tasks"] == 1
-    assert "not split: path needs the whole recording" in kept.stderr
+    assert "not split, because path needs the whole recording" in kept.stderr
 
 
 def test_damaged_films_are_decoded_in_one_thread_so_that_rows_stay_the_same(once):

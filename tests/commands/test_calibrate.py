@@ -51,7 +51,7 @@ def test_a_folder_told_by_its_squares(recordings, run):
     assert status == 0
     assert "chessboard of 7x5 inner corners (instead of 8x6 inner corners), in 17 of 17" in said
     assert "rms:                0.14" in said
-    assert "next:               hold the board nearer to the" in said
+    assert "next:               hold the board closer to the" in said
 
 
 def test_a_board_of_another_dictionary_is_named(run, tmp_path):
@@ -126,7 +126,7 @@ def test_the_board_is_written_once(run, tmp_path):
     out = tmp_path / "board.svg"
     status, _, said = run("--board", out, "--pattern", "aprilgrid", "--size", "6x6")
     assert (status, out.read_bytes()[:4]) == (0, b"<svg")
-    assert "AprilGrid of 6x6 tags, tags of 23 mm, 6.9 mm apart" in said
+    assert "AprilGrid of 6x6 tags, 23 mm tags, 6.9 mm apart" in said
     assert run("--board", out)[0] == 2
     assert run("--board", out, "--overwrite")[0] == 0
 

@@ -139,7 +139,7 @@ def test_a_smoothing_that_takes_long_ends_with_ctrl_c_and_the_map_is_kept(mapped
     assert not ended.is_set(), "it did not wait for the smoothing"
     ended.set()
     assert status == 130
-    assert "contains the landmarks without smoothing" in said
+    assert "contains unsmoothed landmarks" in said
     assert len(places) == 7
 
 

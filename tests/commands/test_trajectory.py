@@ -377,7 +377,7 @@ class TestRefusals:
         assert "can store only one trajectory" in refused(
             source, tmp_path / "out.tum", "--with", truth
         )
-        assert "no times" in refused(source, tmp_path / "out.tum")
+        assert "no time stamps" in refused(source, tmp_path / "out.tum")
         tum = texts / "freiburg1_xyz-rgbdslam.txt"
         assert "would be matched by number" in refused(tum, "--truth", truth)
         times = texts / "KITTI_00_gt_times.txt"

@@ -69,7 +69,7 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda params: None,
             {"inputs": {"params": Image}},
-            "node locator: its step already takes params; rename the input",
+            "node locator: its step function already has a parameter params; rename the input",
         ),
         (
             type("Empty", (), {"__init__": lambda self, params: None}),

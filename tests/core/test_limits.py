@@ -112,7 +112,7 @@ def test_memory_is_given_in_bytes(text, size):
 
 @pytest.mark.parametrize("text", ["", "0", "-4G", "4X", "1M", "nan", "four"])
 def test_what_is_no_memory_is_refused(text):
-    with pytest.raises(UsageError, match="give bytes as 4G or 500M, at least 64M"):
+    with pytest.raises(UsageError, match="give a size such as 4G or 500M, at least 64M"):
         limits.parse_memory(text)
 
 

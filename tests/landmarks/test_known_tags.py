@@ -81,7 +81,7 @@ def test_a_file_without_tags_is_one(tmp_path):
         ("tag_id_remap: [{id: 1}]", "tag_id_remap, entry 1: missing remaps"),
         (
             "tag_id_remap: [{id: 1, remaps: [{remap_id: 2, start_time: a, end_time: 1}]}]",
-            "tag_id_remap, entry 1, remap 1: start_time is 'a'; give seconds",
+            "tag_id_remap, entry 1, remap 1: start_time is 'a'; give a number of seconds",
         ),
     ],
 )

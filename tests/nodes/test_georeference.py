@@ -175,7 +175,7 @@ def test_what_cannot_be_placed_is_counted_and_said_once(caplog):
     no_ground = NavSatFix(47.5, 8.25, 400.0, np.diag([0.0, 0, 1e8]), 2, header=Header(0, "map"))
     for node, frames, reason in (
         (started(), tree(pitch=10), "above the horizon"),
-        (started(), tree(pitch=-3), "too near the horizon"),
+        (started(), tree(pitch=-3), "too close to the horizon"),
         (started(), tree(height=-1), "the camera is not above the ground"),
         (started(lens=None), tree(), "no lens"),
         (started(origin=None), tree(), "no position yet"),

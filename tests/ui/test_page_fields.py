@@ -64,11 +64,13 @@ def test_without_transforms_it_is_said_what_is_drawn_and_what_is_not():
     problems = {"/odom": "no transform from <odom> to laser", "/scan": "of no size"}
     first, second = notes("laser", frames, problems, has_transforms=False)
     assert first == (
-        "No transforms. Shown in laser: /scan, /fix."
+        "No transforms received. Shown in frame laser: /scan, /fix."
         " Not shown (no transform to their frames): /odom (<odom>)"
     )
     assert second == "/scan: of no size"
-    assert notes("laser", {"/scan": "laser"}, {}, False) == ["No transforms. Shown in laser: /scan"]
+    assert notes("laser", {"/scan": "laser"}, {}, False) == [
+        "No transforms received. Shown in frame laser: /scan"
+    ]
 
 
 def test_with_transforms_it_is_said_what_has_none():

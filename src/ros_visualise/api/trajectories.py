@@ -100,7 +100,7 @@ class PoseTrajectory:
             UsageError: the trajectory has no times.
         """
         if not self._read.stamped:
-            raise UsageError(f"{self.name}: has no times, but TUM's format needs them")
+            raise UsageError(f"{self.name}: has no time stamps, which the TUM format requires")
         save({File(path): "".join(FORMATS["tum"](self._read.path)).encode()}, overwrite)
 
     def align(

@@ -88,7 +88,7 @@ def apart(
                     )
                 if time.monotonic() > end_s:
                     return TaskFailure(
-                        "timeout", f"not done after {limits.timeout_s:g} s; raise --timeout"
+                        "timeout", f"not finished after {limits.timeout_s:g} s; raise --timeout"
                     )
             return receiver.recv()
         except EOFError:  # it ended without a word

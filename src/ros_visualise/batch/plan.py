@@ -82,7 +82,7 @@ def split(
         count = max(1, int(length_s / segment_s + 1 - _LEAST_PART))
         if count > 1 and about.unsplittable:
             needs = f"{', '.join(about.unsplittable)} needs the whole recording"
-            say(f"{one.recording}: not split: {needs}")
+            say(f"{one.recording}: not split, because {needs}")
             count = 1
         ends = [segment_s * number for number in range(1, count)]
         parts = list(zip([0.0, *ends], [*ends, length_s + segment_s], strict=True))

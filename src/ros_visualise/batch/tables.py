@@ -84,7 +84,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "first_ns BIGINT ns: stamp of the first message",
         "last_ns BIGINT ns: stamp of the last message",
         "max_gap_s DOUBLE s: longest time between two messages",
-        "gap_ns BIGINT ns: stamp of the message before this longest gap",
+        "gap_ns BIGINT ns: time stamp of the last message before the longest gap",
     ),
     "nodes": declare(
         "node VARCHAR -: node",
@@ -168,8 +168,8 @@ LISTED: Mapping[str, tuple[Column, ...]] = {
         "parts BIGINT -: number of parts",
         "done BIGINT -: number of parts that are done",
         "messages BIGINT -: number of messages from the source",
-        "distance_m DOUBLE m: length of the path on the first topic with poses, or else with"
-        " fixes, sampled at 1 Hz",
+        "distance_m DOUBLE m: path length from the first topic with poses (otherwise with"
+        " fixes), sampled at 1 Hz",
         "lost VARCHAR -: data that could not be read; empty if none was lost",
         "cpu_s DOUBLE s: processor time",
     ),
@@ -178,7 +178,7 @@ LISTED: Mapping[str, tuple[Column, ...]] = {
         "path VARCHAR -: file or folder",
         "key VARCHAR -: key of the task",
         "begin_s DOUBLE s: beginning of the part; NULL: the whole recording",
-        "kind VARCHAR -: open, error, crash, timeout, memory or node (the rows are then kept)",
+        "kind VARCHAR -: open, error, crash, timeout, memory or node (for node, rows are kept)",
         "reason VARCHAR -: reason for the failure, one line",
         "attempts BIGINT -: number of attempts",
     ),

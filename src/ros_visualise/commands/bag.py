@@ -21,8 +21,8 @@ class BagOptions(TopicOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings in time (positive: later); auto aligns a film with a"
-        " gyroscope by the motion in the film; repeatable",
+        "shift one of several recordings in time (positive: later); auto aligns a video with a"
+        " gyroscope by comparing their motion; repeatable",
         metavar="NAME=SECONDS|auto",
     )
 

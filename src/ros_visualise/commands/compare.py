@@ -17,15 +17,17 @@ class CompareOptions:
     after: Path = argument("folder of another batch's results", metavar="AFTER")
     limits: Path | None = option(
         None,
-        "largest allowed changes (default: none, except for times, which are unlimited)",
+        "YAML file with the largest allowed changes (default: only times may change)",
         metavar="FILE.yaml",
     )
     junit: Path | None = option(None, "write the changes as JUnit XML", metavar="FILE.xml")
     html: Path | None = option(
-        None, "write a page with the moments that changed most, side by side", metavar="FILE.html"
+        None,
+        "write an HTML page that shows the moments that changed most, side by side",
+        metavar="FILE.html",
     )
     truth: str = option(
-        "/ground_truth/odom", "topic of true poses (default: %(default)s)", metavar="TOPIC"
+        "/ground_truth/odom", "topic with the true poses (default: %(default)s)", metavar="TOPIC"
     )
     slop: float = option(
         0.02,

@@ -14,7 +14,7 @@ class DatasetOptions:
     """Options of ``dataset``."""
 
     results: Path = argument("folder of a batch's results", metavar="DIR")
-    out: Path = argument("new folder of the data set", metavar="OUT")
+    out: Path = argument("new folder for the data set", metavar="OUT")
     format: str = option(
         "coco",
         "coco (default) or yolo: images and boxes of detections; lerobot: images, poses and actions"
@@ -23,16 +23,15 @@ class DatasetOptions:
     )
     validation: float = option(
         0.2,
-        "share of the recordings for validation, 0 to 1 (default: 0.2)",
+        "fraction of the recordings used for validation, 0 to 1 (default: 0.2)",
         type=not_negative,
         metavar="SHARE",
     )
     every: int = option(1, "use only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
-        "for lerobot, the topic of the robot's commands, which the batch kept with --fields"
-        " '/cmd_vel.*' (default:"
-        " the velocity of the poses)",
+        "for lerobot, the topic of the robot's commands, kept by the batch's --fields '/cmd_vel.*'"
+        " (default: the velocity of the poses)",
         metavar="TOPIC",
     )
 
@@ -48,7 +47,7 @@ def run(options: DatasetOptions) -> int:
     from ros_visualise.core.printing import counted, print_result
 
     if options.validation > 1:
-        raise UsageError(f"--validation {options.validation:g}: give a share from 0 to 1")
+        raise UsageError(f"--validation {options.validation:g}: give a fraction from 0 to 1")
     if os.path.lexists(options.out):
         raise OpenError(f"{options.out}: already exists; give a new folder")
     writer = import_module(f"ros_visualise.batch.datasets.{options.format}")
@@ -66,4 +65,4 @@ def run(options: DatasetOptions) -> int:
     return 0
 
 
-COMMAND = Command("make a data set for training from the results of a batch", DatasetOptions, run)
+COMMAND = Command("make a training data set from batch results", DatasetOptions, run)

@@ -19,7 +19,8 @@ class DemoOptions(SizedOptions):
     """Options of ``demo``."""
 
     scene: str | None = argument(
-        "a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
+        "a simulated robot, or a computer-drawn landscape, which needs no MuJoCo (default:"
+        " quadrotor)",
         default=None,
         nargs="?",
         choices=(*ROBOTS.builtin, "landscape"),

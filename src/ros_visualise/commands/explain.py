@@ -44,7 +44,9 @@ class ExplainOptions(PlayingOptions):
         "write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
         metavar="DIR",
     )
-    pdf: bool = option(False, "also print the export to PDF; needs Chromium, Chrome or Edge")
+    pdf: bool = option(
+        False, "also write the exported pages as PDF; needs Chromium, Chrome or Edge"
+    )
 
 
 def run(options: ExplainOptions) -> int:

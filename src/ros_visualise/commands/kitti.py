@@ -15,7 +15,7 @@ class KittiOptions(BagOptions):
     """Options of ``kitti``."""
 
     input: Sequence[str] = argument(
-        "folder of a drive, or of a date with one drive", metavar="DIR", nargs="+"
+        "folder of a drive, or of a date that contains only one drive", metavar="DIR", nargs="+"
     )
 
 

@@ -52,7 +52,7 @@ def _described(registry: Registry[Any], plugin: Plugin) -> dict[str, str]:
 
 def _lines(found: list[dict[str, str]]) -> Iterator[str]:
     if not found:
-        yield "no plug-ins installed; see the example in examples/plugin in the repository"
+        yield "no plug-ins installed; for an example, see examples/plugin in the repository"
     for one in found:
         whose = f"{one['package']} {one.get('version', '')}".strip()
         state = f": {one['failure']}" if one["failure"] else ""

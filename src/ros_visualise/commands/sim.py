@@ -43,7 +43,7 @@ def run(options: SimOptions) -> int:
 
     def graph(_: object) -> Graph:
         if options.mavlink_vehicle and options.rate == 0:
-            raise UsageError("--mavlink-vehicle flies in real time: --rate 0 is not possible")
+            raise UsageError("--mavlink-vehicle runs in real time, so --rate 0 is not allowed")
         waits = mission == "none" and not options.mavlink_vehicle
         if waits and options.view == "none" and is_endless:
             raise UsageError(

@@ -104,7 +104,9 @@ def check_step(name: str, target: Any, given: Sequence[str]) -> None:
         needs = f"needs a method step({', '.join(['self', *given])})"
         raise UsageError(f"node {name}: the class {target.__name__} {needs}")
     if twice := [one for one in given if given.count(one) > 1]:
-        raise UsageError(f"node {name}: its step already takes {twice[0]}; rename the input")
+        raise UsageError(
+            f"node {name}: its step function already has a parameter {twice[0]}; rename the input"
+        )
     _check_call(f"node {name}: its step", step, [None] if is_class else [], given)
 
 

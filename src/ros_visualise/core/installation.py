@@ -41,7 +41,7 @@ def _advice(error: ImportError) -> str:
 
         return f"this OpenCV was not built for NumPy {__version__}: {_pip_install()} 'numpy<2'"
     reason = error.msg.splitlines()[0]
-    return f"OpenCV does not load ({reason}): apt install libgl1 libglib2.0-0 libsm6 libxext6"
+    return f"OpenCV cannot be loaded ({reason}): apt install libgl1 libglib2.0-0 libsm6 libxext6"
 
 
 def _pip_install() -> str:

@@ -42,7 +42,9 @@ def parse_memory(text: str) -> int:
     found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,6})?) ?([KMGT]?)(?:i?B)?", text, re.IGNORECASE)
     size = int(float(found[1]) * _UNITS[found[2].upper()]) if found else 0
     if size < _LEAST_MEMORY:
-        raise UsageError(f"{text!r}: give bytes as 4G or 500M, at least {_LEAST_MEMORY >> 20}M")
+        raise UsageError(
+            f"{text!r}: give a size such as 4G or 500M, at least {_LEAST_MEMORY >> 20}M"
+        )
     return size
 
 

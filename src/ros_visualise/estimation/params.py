@@ -120,7 +120,9 @@ class ImuErrorParams:
     """Parameters of IMU errors."""
 
     imu: bool = param(
-        True, "use the IMU if available; switch it off if the odometry already uses it", group="imu"
+        True,
+        "use the IMU if available; turn this off if the odometry already uses the IMU",
+        group="imu",
     )
     gyro_density: float = param(
         5e-4, "gyroscope noise density, rad/s/sqrt(Hz)", min=1e-7, max=1, group="imu"
@@ -142,7 +144,7 @@ class ImuErrorParams:
     )
     imu_clock: float = param(
         2e-3,
-        "delay of the IMU's rates relative to the odometry (standard deviation), seconds",
+        "uncertainty of the delay between IMU rates and odometry (standard deviation), seconds",
         min=0,
         max=0.5,
         slider=(0, 0.02),
@@ -198,7 +200,7 @@ class CameraErrorParams:
     )
     camera_turn_time: float = param(
         20.0,
-        "time constant of a varying mounting error, as with a gimbal, seconds; 0: constant error",
+        "time constant in seconds of a varying mounting error (such as a gimbal's); 0: constant",
         min=0,
         max=1e5,
         slider=(0, 100),

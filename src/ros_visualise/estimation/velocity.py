@@ -65,4 +65,4 @@ class VelocitySensor(Sensor):
         """Make the velocity uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(VELOCITY, float(residual @ residual) * np.eye(3))
-        return "the velocity is uncertain now"
+        return "the velocity is now uncertain"

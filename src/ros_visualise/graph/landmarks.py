@@ -145,7 +145,7 @@ def with_landmarks(
         found.append(_georeference(graph, inputs))
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(
-            f"the recording already has {made}: exclude it by --topics, or omit --landmarks"
+            f"the recording already has {made}: exclude it with --topics, or omit --landmarks"
         )
     whole = graph.joined(*found)
     if TAGS in (node.name for node in found) and _is_simulated(graph) and graph.source is not None:

@@ -62,7 +62,7 @@ def as_vehicle(graph: Graph, addresses: Sequence[str]) -> Graph:
             raise UsageError(f"--mavlink-vehicle {address}: given twice")
     robot = graph.source
     if robot is None or "linear.z" not in robot.type.velocity_axes:
-        raise UsageError(f"--mavlink-vehicle {addresses[0]}: needs a flying robot: quadrotor")
+        raise UsageError(f"--mavlink-vehicle {addresses[0]}: needs a flying robot (quadrotor)")
     inputs = {port: robot.outputs[port] for port in _MEASURED if port in robot.outputs}
     node = place(find_node(_SIMULATED), inputs)
     return graph.joined(node).configured({node.name: {"address": " ".join(addresses)}})

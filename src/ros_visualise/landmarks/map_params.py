@@ -14,7 +14,7 @@ class MapParams:
     map: str = param(
         "", "YAML file of the initial landmarks, as written by save_map", group="map", file=bool
     )
-    save_to: str = param("landmarks.yaml", "YAML file for save_map", group="map", file=bool)
+    save_to: str = param("landmarks.yaml", "YAML file that save_map writes", group="map", file=bool)
     class_prefix: str = param(
         "landmark_",
         "prefix for tag classes that are only numbers, as on ROS 1, such as tag36h11_",
@@ -24,7 +24,9 @@ class MapParams:
         "object_", "prefix for classes of other objects that are only numbers", group="map"
     )
     moving: str = param(
-        "", "classes of objects that move, ignored as landmarks, such as pad, person", group="map"
+        "",
+        "classes of moving objects, such as pad, person; they are not used as landmarks",
+        group="map",
     )
     ground: bool = param(
         True, "place objects of unknown distance, such as posts, on the ground", group="ground"

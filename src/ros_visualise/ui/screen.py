@@ -42,7 +42,8 @@ def check_windows() -> None:
     )
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
-            "this build of OpenCV has no windows; run: pip uninstall opencv-python-headless, then "
+            "this build of OpenCV cannot open windows; run: pip uninstall"
+            " opencv-python-headless, then "
             "pip install '.[desktop]'; or use the page (view web)"
         )
     if trial.returncode:

@@ -250,7 +250,7 @@ MAKERS = {
     "YOLOv10/YOLO26": yolo_10,
     "YOLOX": yolox,
     "RT-DETRv2/D-FINE/DEIM": detr,
-    "RT-DETR of Ultralytics": ultralytics_rt_detr,
+    "Ultralytics RT-DETR": ultralytics_rt_detr,
     "RF-DETR": rf_detr,
     "NanoDet-Plus": nanodet,
 }

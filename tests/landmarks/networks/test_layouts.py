@@ -15,7 +15,7 @@ from ros_visualise.landmarks.networks.network import Network  # noqa: E402
 
 NAMES = sorted(made.MAKERS)
 BGR_NETWORKS = ("YOLOX", "NanoDet-Plus")
-STRETCHED = ("RT-DETRv2/D-FINE/DEIM", "RT-DETR of Ultralytics", "RF-DETR", "NanoDet-Plus")
+STRETCHED = ("RT-DETRv2/D-FINE/DEIM", "Ultralytics RT-DETR", "RF-DETR", "NanoDet-Plus")
 
 
 def find(network, pixels, order="BGR", **choice):
@@ -180,8 +180,8 @@ def test_a_free_size_is_that_of_the_file(tmp_path):
     [
         ({}, "YOLOv10/YOLO26"),
         ({"description": "Ultralytics YOLO26n model"}, "YOLOv10/YOLO26"),
-        ({"description": "Ultralytics rtdetr-l model trained on x"}, "RT-DETR of Ultralytics"),
-        ({"head": "RTDETRDecoder"}, "RT-DETR of Ultralytics"),
+        ({"description": "Ultralytics rtdetr-l model trained on x"}, "Ultralytics RT-DETR"),
+        ({"head": "RTDETRDecoder"}, "Ultralytics RT-DETR"),
         ({"head": "Detect", "end2end": "True"}, "YOLOv10/YOLO26"),
     ],
 )

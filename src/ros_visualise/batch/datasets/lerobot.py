@@ -131,7 +131,7 @@ def write(source: DatasetSource, folder: Path) -> int:
         names = episodes[0].names
         if not names or any(one.names != names for one in episodes):
             raise UsageError(
-                f"{source.action}: some recordings lack its fields; add --fields"
+                f"{source.action}: fields missing from some recordings; add --fields"
                 f" '{source.action}.*' to the batch"
             )
         fps = max(1, round(min(one.rate_hz for one in episodes)))

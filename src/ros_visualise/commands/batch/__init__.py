@@ -35,12 +35,12 @@ class BatchOptions(SettingOptions, MemoryOptions):
         "add a node, as `ros-visualise FILE --node` does; repeatable",
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
     )
-    preset: str = option("", "preset of the image nodes, such as seed", metavar="NAME")
+    preset: str = option("", "preset for the image nodes, such as seed", metavar="NAME")
     topics: Sequence[str] = option(
         [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
     image: str | None = option(None, "image topic, or none (default: the first one)")
-    odom: str | None = option(None, "topic of the robot's path, or none (default: the first one)")
+    odom: str | None = option(None, "topic with the robot's path, or none (default: the first one)")
     fields: Sequence[str] = option(
         [],
         "keep numeric fields, such as '/imu/data.angular_velocity.*'; repeatable",
@@ -57,7 +57,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
         choices=("pictures",),
     )
     workers: int | None = option(
-        None, "number of parallel tasks (default: one for each processor)", type=count, metavar="N"
+        None, "number of parallel tasks (default: one per processor)", type=count, metavar="N"
     )
     cluster: str = option(
         "",

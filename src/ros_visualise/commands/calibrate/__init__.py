@@ -44,7 +44,7 @@ class BoardOptions:
     )
     dictionary: str | None = option(
         None,
-        "OpenCV's name for the set of markers (default: 5X5_1000, or APRILTAG_36h11 for an"
+        "marker dictionary, by its OpenCV name (default: 5X5_1000, or APRILTAG_36h11 for an"
         " AprilGrid)",
         metavar="NAME",
     )

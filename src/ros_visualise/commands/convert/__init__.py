@@ -25,8 +25,8 @@ class ConvertOptions(MemoryOptions):
     )
     offset: Sequence[str] = option(
         [],
-        "shift one of several recordings in time (positive: later); auto aligns a film with a"
-        " gyroscope by the motion in the film; repeatable",
+        "shift one of several recordings in time (positive: later); auto aligns a video with a"
+        " gyroscope by comparing their motion; repeatable",
         metavar="NAME=SECONDS|auto",
     )
     topics: Sequence[str] = option(
@@ -49,7 +49,7 @@ class ConvertOptions(MemoryOptions):
     )
     profile: Literal["ros1", "ros2"] | None = option(
         None,
-        "message types of an .mcap: ros2 (default), or ros1, which copies the messages of a .bag"
+        "message types in an .mcap: ros2 (default), or ros1, which copies the messages of a .bag"
         " unchanged",
         choices=("ros1", "ros2"),
     )

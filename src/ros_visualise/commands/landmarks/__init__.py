@@ -29,12 +29,12 @@ class DetectionOptions:
     )
     tags: str = option(
         "",
-        "file with tag sizes and tag bundles in apriltag_ros's format, and optionally TagSLAM's"
-        " ignore_tags and tag_id_remap",
+        "file with tag sizes and bundles (apriltag_ros format), and optionally ignore_tags and"
+        " tag_id_remap (TagSLAM format)",
         metavar="SIZES.yaml",
     )
     ignore_tags: str = option(
-        "", "ids of tags to ignore, such as those on moving things", metavar="ID,..."
+        "", "ids of tags to ignore, such as those on moving objects", metavar="ID,..."
     )
     size: float | None = option(
         None,
@@ -50,7 +50,7 @@ class DetectionOptions:
     )
     calibration: str = option(
         "",
-        "the camera's calibration, in ROS's format; needed for poses; for several cameras, one"
+        "camera calibration in the ROS format, needed for poses; for several cameras, give one"
         " file each",
         metavar="FILE.yaml,...",
     )
@@ -73,8 +73,8 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     offset: Sequence[str] = option(
         [],
-        "shift in time a source given with --beside (positive: later); auto aligns it by the motion"
-        " in the film; repeatable",
+        "shift in time a source given with --beside (positive: later); auto aligns it by"
+        " comparing its motion with that in the video; repeatable",
         metavar="NAME=SECONDS|auto",
     )
     mission: str | None = mission_option("the robot's own")
@@ -94,7 +94,8 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         metavar="OUT.geojson|.kml|.gpx|.csv",
     )
     tracks: bool = option(
-        False, "follow objects over time with the node tracker; --geo then contains their tracks"
+        False,
+        "track objects over time with the node tracker; the --geo file then contains their tracks",
     )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")

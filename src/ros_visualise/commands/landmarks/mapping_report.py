@@ -85,12 +85,12 @@ def _doubtful(made: TagMap) -> Iterator[str]:
     found = made.smoothed
     for name, open_ in zip(found.problem.names, found.undecided, strict=True):
         if open_:
-            yield f"{escaped(name)}: ambiguous, two poses fit its views"
+            yield f"{escaped(name)}: ambiguous pose: two poses fit its views"
     views = [one for one in _views(made) if one["refused"] * 2 > one["sightings"] > 1]
     for one in views[:_WORST]:
         yield (
             f"view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
-            " do not fit"
+            " disagree with the map"
         )
 
 
@@ -125,7 +125,10 @@ def _outliers(made: TagMap) -> list[str]:
         names.setdefault(one.text, []).append(escaped(one.name))
     lines = [f"{', '.join(several)}: {text}" for text, several in names.items()]
     if more := rest[_WORST:]:
-        lines.append(f"{counted(len(more), 'more tag')} with sightings that do not fit; see --json")
+        lines.append(
+            f"{counted(len(more), 'more tag')} with sightings that disagree with the map; see"
+            " --json"
+        )
     return lines
 
 

@@ -132,7 +132,7 @@ def _save_map(
         )
     runtime.act(LOCALIZER, "save_map")
     if stopped:
-        print_status(f"ros-visualise: {options.map}: contains the landmarks without smoothing")
+        print_status(f"ros-visualise: {options.map}: contains unsmoothed landmarks")
 
 
 def _print(

@@ -19,7 +19,7 @@ class OdometryOutputOptions:
 
     out: Sequence[str] = option(
         [],
-        "write the trajectory of the camera: .kitti (a line for each image) or .tum; repeatable",
+        "write the trajectory of the camera: .kitti (one line per image) or .tum; repeatable",
         metavar="FILE",
     )
     covariances: Path | None = option(
@@ -40,7 +40,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     """Options of ``odometry``."""
 
     input: str = argument(
-        "a film, a folder of pictures, a KITTI folder, or a recording with images", metavar="SRC"
+        "a video, a folder of pictures, a KITTI folder, or a recording with images", metavar="SRC"
     )
     topic: str | None = option(
         None, "image topic of a recording (default: the first)", metavar="TOPIC"
@@ -53,7 +53,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     calibration: str = option(
         "",
-        "the camera's calibration, in ROS's format or KITTI's calib.txt (default: the source's, or"
+        "camera calibration in the ROS format, or KITTI's calib.txt (default: the source's, or"
         " a focal length estimated from the images)",
         metavar="FILE",
     )
@@ -66,7 +66,7 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     scale: str | None = option(
         None,
         "topic with odometry, poses or fixes, which gives the scale; without a scale, lengths"
-        " have no unit",
+        " are in arbitrary units",
         metavar="TOPIC",
     )
     imu: str | None = option(

@@ -101,7 +101,10 @@ def _odometry(
 def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, int]) -> str:
     """Why no image has a pose."""
     if odometry.done:
-        return "the scale could not be found; without --height or --scale, lengths have no unit"
+        return (
+            "the scale could not be found; without --height or --scale, lengths are in arbitrary"
+            " units"
+        )
     why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
     if why == TURNING and isinstance(odometry, VisualOdometry) and odometry.settings.is_guessed:
         return f"{why}, or to move over flat ground; give --calibration to distinguish the two"

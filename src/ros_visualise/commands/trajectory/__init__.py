@@ -19,7 +19,7 @@ class ComparisonOptions:
 
     truth: str | None = option(
         None,
-        "the true trajectory; with it, ATE and RPE are reported as evo does",
+        "the true trajectory; with it, ATE and RPE are computed as in evo and reported",
         metavar="TOPIC|FILE[@TOPIC]",
     )
     align: str = option(
@@ -36,7 +36,7 @@ class ComparisonOptions:
     )
     delta: str = option(
         "1f",
-        "distance between the two poses that RPE compares: 1f (from one pose to the next), "
+        "spacing of the two poses that RPE compares: 1f (from one pose to the next), "
         "10m, 5deg, 1s (default: %(default)s)",
         metavar="N",
     )
@@ -96,7 +96,7 @@ class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOption
 
 
 COMMAND = Command(
-    "draw trajectories, compare them with the truth (ATE, RPE), or write them for evo",
+    "draw trajectories, compare them with the ground truth (ATE, RPE), or write them for evo",
     TrajectoryOptions,
     "ros_visualise.commands.trajectory.work:assess",
 )

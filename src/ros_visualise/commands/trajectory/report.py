@@ -64,7 +64,7 @@ def summary(found: Trajectory) -> list[str]:
     for why, count in found.skipped.items():
         lines.append(f"skipped:    {count} {why}")
     if found.unordered:
-        lines.append(f"sorted:     {found.unordered} out of order")
+        lines.append(f"order:      {counted(found.unordered, 'pose')} out of order; sorted by time")
     if found.repeated:
         lines.append(
             f"stamps:     {found.repeated} repeat the previous one; some programs reject such files"

@@ -140,7 +140,8 @@ def _files(
     if options.output is not None:
         if options.format == "tum" and not found.stamped:
             raise UsageError(
-                f"{found.topic}: has no times, but TUM's format needs them; use --format kitti"
+                f"{found.topic}: has no time stamps, which the TUM format requires; use --format"
+                " kitti"
             )
         path = one.trajectory.path if one else found.path
         files[options.output] = "".join(FORMATS[options.format](path)).encode()

@@ -179,7 +179,7 @@ def unconnected(found: SmoothedMap) -> list[Outlier]:
     while len(reached) > before:
         before = len(reached)
         reached = reached.union(*(group for group in groups if group & reached))
-    text = "no consistent sightings connect it with the rest of the map; omitted"
+    text = "no consistent sightings connect it to the rest of the map; omitted"
     return [
         Outlier(problem.names[tag], HANGING, text)
         for tag in kept

@@ -81,7 +81,7 @@ class BarometerModel(Sensor):
         """Make the offset uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(OFFSET.rows, np.multiply.outer(residual, residual))
-        return "its offset is uncertain now"
+        return "its offset is now uncertain"
 
 
 SENSOR = BarometerModel()

@@ -208,7 +208,7 @@ class GpsModel(Sensor):
         belief.state = belief.state.seen_from(robot.datum_R, robot.datum_p)
         belief.map = belief.map.seen_from(robot.datum_R, robot.datum_p)
         belief.locate()
-        belief.note("the map's x axis now points east, by GPS")
+        belief.note("the map's x axis now points east, as measured by GPS")
 
     def expect(self, robot: RobotState, reading: Reading, params: GpsErrorParams) -> Expected:
         """The antenna's position east, north and up."""
@@ -239,11 +239,11 @@ class GpsModel(Sensor):
             if belief.map.rules.mode is not MapMode.BUILD and params.origin:
                 return "the landmarks confirm the estimate; is gps_origin right?"
             belief.state.inflate(DATUM, shifts)
-            return "the map's position on the Earth is uncertain now"
+            return "the map's position on the Earth is now uncertain"
         shifts[3, 3] = _ASTRAY_RAD**2
         change = se3.about_origin(robot.p)[:, YAW]
         belief.state.inflate(POSE, change @ shifts @ change.T)
-        return "the robot's position is uncertain now"
+        return "the robot's position is now uncertain"
 
 
 SENSOR = GpsModel()

@@ -91,7 +91,7 @@ class RangefinderModel(Sensor):
         """Make the height of the ground uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(GROUND.rows, np.multiply.outer(residual, residual))
-        return "the height of the ground is uncertain now"
+        return "the height of the ground is now uncertain"
 
 
 SENSOR = RangefinderModel()

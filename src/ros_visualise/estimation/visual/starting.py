@@ -54,7 +54,7 @@ def first_motions(first: Floats, second: Floats, sigma: float) -> list[FirstMoti
         is_near = away > max(_PARALLAX, 4 * sigma)
         if agree.mean() < _AGREED:
             is_moving = is_near.mean() > _COVERED
-            reason = "things move in most of the image" if is_moving else STILL
+            reason = "moving objects fill most of the image" if is_moving else STILL
         elif _cells(first, agree & is_near) < _COVERED * _cells(first, agree):
             reason = STILL
         else:

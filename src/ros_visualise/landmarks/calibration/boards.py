@@ -120,7 +120,8 @@ def board_of(
     found = _SHARES[kind] if share is None else share
     if kind is not BoardKind.CHESSBOARD and not 0.05 <= found <= 0.95:
         raise UsageError(
-            f"share {found:g}: give a fraction of the side of a square or tag, 0.05 to 0.95"
+            f"share={found:g}: must be between 0.05 and 0.95 (marker size or gap divided by the"
+            " side of the square or tag)"
         )
     words = dictionary or _DICTIONARIES[kind]
     board = Board(kind, sides[0], sides[1], square or 0.025, found, words)

@@ -59,9 +59,9 @@ def lay_out(board: Board, page: str, square: float | None) -> Sheet:
     def caption(side: float) -> str:
         share = f"{side * board.share:g} mm"
         sides = {
-            BoardKind.CHESSBOARD: f"squares of {side:g} mm",
-            BoardKind.CHARUCO: f"squares of {side:g} mm, markers {board.dictionary} of {share}",
-            BoardKind.APRILGRID: f"tags of {side:g} mm, {share} apart",
+            BoardKind.CHESSBOARD: f"{side:g} mm squares",
+            BoardKind.CHARUCO: f"{side:g} mm squares, {share} markers ({board.dictionary})",
+            BoardKind.APRILGRID: f"{side:g} mm tags, {share} apart",
         }
         return f"{board.noun} of {board.counts}, {sides[board.kind]}"
 

@@ -186,10 +186,10 @@ def _advise(bars: list[float], low: Floats, high: Floats, cells: Floats) -> str:
         return "tilt the board: left and right, forward and back"
     if x < 1:
         side = "left" if low[0] > 1 - high[0] else "right"
-        return f"hold the board nearer to the {side} border"
+        return f"hold the board closer to the {side} border"
     if y < 1:
         side = "upper" if low[1] > 1 - high[1] else "lower"
-        return f"hold the board nearer to the {side} border"
+        return f"hold the board closer to the {side} border"
     if size < 1:
         return "hold the board closer, so that it fills the image"
     thirds = [

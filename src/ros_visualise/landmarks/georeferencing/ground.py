@@ -28,7 +28,7 @@ _RAYS, _TURNS, _RISES = 3, 3, 2  # pixel twice and lens; rotation; heights of ca
 
 ABOVE, FLAT, BELOW, NO_RAY = (
     "above the horizon",
-    "too near the horizon",
+    "too close to the horizon",
     "the camera is not above the ground",
     "outside the lens model",
 )

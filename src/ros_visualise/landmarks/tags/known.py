@@ -172,7 +172,7 @@ def _stamp_ns(where: str, values: Mapping[str, Any], name: str) -> int:
     try:
         return round(float(values[name]) * 1e9)
     except (TypeError, ValueError, OverflowError):
-        raise _Invalid(f"{where}: {name} is {values[name]!r}; give seconds") from None
+        raise _Invalid(f"{where}: {name} is {values[name]!r}; give a number of seconds") from None
 
 
 def _refuse_shared(bundles: Sequence[Bundle]) -> None:

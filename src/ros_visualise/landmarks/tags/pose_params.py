@@ -26,8 +26,8 @@ class PoseParams:
     )
     tags: str = param(
         "",
-        "YAML file with tag sizes and tag bundles in apriltag_ros's format, and with ignored and"
-        " renumbered tags in TagSLAM's",
+        "YAML file with tag sizes and bundles (apriltag_ros format), and tags to ignore or"
+        " renumber (TagSLAM format)",
         file=bool,
     )
     ignore: str = param("", "ids of tags to ignore, such as 166,213")
@@ -42,8 +42,9 @@ class PoseParams:
     )
     readout: float = param(
         -1.0,
-        "readout time of the camera's rolling shutter from the first row to the last, seconds; the"
-        " stamp is that of the middle row; 0: global shutter; below 0: unknown, so corners of"
+        "readout time of the camera's rolling shutter from the first row to the last, seconds;"
+        " the time stamp refers to the middle row; 0: global shutter; below 0: unknown, so"
+        " corners of"
         " moving tags are less certain",
         min=-1,
         max=0.2,

@@ -199,8 +199,8 @@ def _about_green(work: _Measured, plain: Pixels, found: Pixels) -> str:
         else ""
     )
     return (
-        f"At {share:.1f} % of the pixels without green, these two differences are more than {_EDGE}"
-        f" levels apart. There the error of green is {edge:.1f} levels (RMS), against"
+        f"At {share:.1f} % of the pixels without a green sample, these two differences are more"
+        f" than {_EDGE} levels apart. There the error in green is {edge:.1f} levels (RMS), against"
         f" {plain_edge:.1f} with the bilinear method. At the other pixels it is {rest:.1f}, against"
         f" {plain_rest:.1f}{why}."
     )

@@ -91,7 +91,7 @@ class LensParams:
                          slider=(0.3, 2))  # fmt: skip
     k1: float = param(-0.3, "radial: below 0 a barrel, above 0 a cushion", min=-1, max=1,
                       slider=(-0.5, 0.5))  # fmt: skip
-    k2: float = param(0.08, "radial, of the fourth power", min=-1, max=1, slider=(-0.3, 0.3))
+    k2: float = param(0.08, "radial, the term in r⁴", min=-1, max=1, slider=(-0.3, 0.3))
     p1: float = param(0.0, "tangential", min=-0.1, max=0.1, slider=(-0.02, 0.02))
     p2: float = param(0.0, "tangential", min=-0.1, max=0.1, slider=(-0.02, 0.02))
 
@@ -161,7 +161,7 @@ class CalibrationParams:
     views: int = param(12, "number of pictures of the board", min=3, max=60, slider=(3, 30))
     noise: float = param(0.2, "standard deviation of each coordinate of a corner, pixels",
                          min=0, max=5, slider=(0, 1))  # fmt: skip
-    seed: int = param(9, "seed of the random poses of the board", min=0, max=1000, slider=(0, 20))
+    seed: int = param(9, "random seed for the poses of the board", min=0, max=1000, slider=(0, 20))
 
 
 @node("calibration", params=CalibrationParams, inputs=TAKES, outputs=GIVES)

@@ -60,7 +60,7 @@ class GradientParams:
 
 @node("gradient", params=GradientParams, inputs=TAKES, outputs=GIVES)
 def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
-    """Step 2: how fast the gray changes, and in which direction."""
+    """Step 2: how fast the gray level changes, and in which direction."""
     found = canny.gradient(work_of(image, np.ndarray), params.aperture.value, params.l2)
     size = _norm(found)
     y, x = np.unravel_index(size.argmax(), size.shape)

@@ -71,7 +71,7 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
 
 @node("hsv", params=PixelParams, inputs=TAKES, outputs=GIVES)
 def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
-    """HSV: the hue, how strong it is, and how bright it is."""
+    """HSV: the hue, its saturation and its brightness."""
     bgr = work_of(image, np.ndarray)
     found = to_hsv(bgr)
     row, column = np.unravel_index(found[..., 1].argmax(), bgr.shape[:2])

@@ -30,7 +30,7 @@ _BAND, _CURVE, _GAP = 120, 84, 40
 
 @node("profile", params=PixelParams, inputs=TAKES, outputs=GIVES)
 def profile(image: Image, params: PixelParams) -> dict[str, Message]:
-    """The gray along a row, and its derivative."""
+    """The gray level along a row, and its derivative."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     height, width = gray.shape
     row = height // 2 if params.y < 0 else min(params.y, height - 1)
@@ -80,7 +80,7 @@ class _Gradient:
 
 @node("derivatives", params=DerivativesParams, inputs=TAKES, outputs=GIVES)
 def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
-    """Gx and Gy: how fast the gray changes to the right, and down."""
+    """Gx and Gy: how fast the gray level changes to the right and downwards."""
     dx, dy = sobel(work_of(image, np.ndarray), params.aperture.value)
     smoothing, deriving = sobel_kernels(params.aperture.value)
     top = float(max(np.abs(dx).max(), np.abs(dy).max(), 1))
@@ -116,7 +116,7 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
 
 @node("magnitude", inputs=TAKES, outputs=GIVES)
 def size(image: Image, params: object) -> dict[str, Message]:
-    """|G|: how fast the gray changes in its steepest direction."""
+    """|G|: how fast the gray level changes in the direction of steepest change."""
     found = work_of(image, _Gradient)
     length = magnitude(found.dx, found.dy)
     y, x = np.unravel_index(length.argmax(), length.shape)

@@ -79,7 +79,7 @@ the order blue, green, red; most other programs begin with red.
 class LevelsParams:
     """Number of levels."""
 
-    bits: int = param(3, "number of bits k of a gray level", min=1, max=8)
+    bits: int = param(3, "number of bits k per gray level", min=1, max=8)
 
 
 @node("gray_levels", params=LevelsParams, inputs=TAKES, outputs=GIVES)

@@ -55,7 +55,7 @@ def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
     if seen is None:
         text = """
             There is no tag in your picture, and the drawn one is too small, too slanted, or outside
-            of it. Move the sliders of this step.
+            the picture. Move the sliders of this step.
             """
         return show(image, bgr, text, TagSeen(bgr, info, params.size, None))
     figure = Figure(width, height)

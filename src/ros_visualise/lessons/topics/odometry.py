@@ -415,7 +415,8 @@ _REASONS = {
     "waiting for motion": "The camera is at rest or only turns, so its trajectory and all "
     "depths are unknown.",
     "too few corners": "Too few corners were found again to compute a motion.",
-    "things move in most of the image": "Things move in most of the picture, each in its own way, "
+    "moving objects fill most of the image": "Things move in most of the picture, each in its"
+    " own way, "
     "so it is not the camera that moves.",
 }
 

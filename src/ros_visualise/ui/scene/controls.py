@@ -203,7 +203,7 @@ def notes(
     there = [topic for topic, frame in frames.items() if frame in ("", fixed)]
     apart = [f"{topic} ({frame})" for topic, frame in frames.items() if topic not in there]
     wrong = {topic: why for topic, why in problems.items() if topic in there}
-    line = f"No transforms. Shown in {fixed}: {', '.join(there) or 'nothing'}"
+    line = f"No transforms received. Shown in frame {fixed}: {', '.join(there) or 'nothing'}"
     if apart:
         line += f". Not shown (no transform to their frames): {', '.join(apart)}"
     return [line, *(f"{topic}: {why}" for topic, why in wrong.items())]

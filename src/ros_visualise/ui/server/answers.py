@@ -80,7 +80,7 @@ class BrowserQuery:
         except ValueError:
             value = -1.0
         if not 0 <= value <= 1e9:
-            raise Refusal(f"{name}: give seconds, 0 or more")
+            raise Refusal(f"{name}: give a number of seconds, 0 or more")
         return value
 
 

@@ -87,7 +87,7 @@ RF_DETR = OutputLayout(
 """Centre and size from 0 to 1; logits of the classes; COCO classes are numbered from 1."""
 
 ULTRALYTICS_RT_DETR = OutputLayout(
-    "RT-DETR of Ultralytics",
+    "Ultralytics RT-DETR",
     "[1, 300, 4 + classes]",
     Preparation(Resizing.STRETCH),
     _is_ultralytics,

@@ -9,4 +9,4 @@ class NoticeList(Panel, component="notices.js"):
     """A list with the newest first."""
 
     title, icon = "Notices", "notifications"
-    help = "Warnings and rejected input of this page"
+    help = "Warnings and rejected input on this page"
