@@ -32,8 +32,8 @@ def graph_picture(graph: Graph) -> str:
         for (kind, name), place in sorted(layout.places.items())
     )
     return (
-        f'<svg class="rv-graph" viewBox="0 0 {layout.width:g} {layout.height:g}" role="img">'
-        f"{_ARROW}{lines}{names}</svg>"
+        f'<svg class="rv-graph" viewBox="0 0 {layout.width:g} {layout.height:g}" role="img"'
+        f' aria-label="Nodes and topics">{_ARROW}{lines}{names}</svg>'
     )
 
 

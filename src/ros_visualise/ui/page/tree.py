@@ -39,6 +39,7 @@ def tree_picture(links: Sequence[Link]) -> str:
     frames = "".join(_frame(number, *pair) for number, pair in enumerate(pairs))
     return (
         f'<svg class="rv-graph rv-tree" viewBox="0 0 {width:g} {_ROW * len(rows):g}" role="img" '
+        'aria-label="Tree of frames" '
         f'style="min-width:{_SMALLEST * width:.0f}px; max-width:{width:.0f}px; margin-left:0">'
         f"{lines}{frames}</svg>"
     )

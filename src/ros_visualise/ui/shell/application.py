@@ -32,6 +32,7 @@ def application() -> App:
     ui.run_with(
         site,
         dark=None,
+        language="en-US",
         reconnect_timeout=_RECONNECT_S,
         binding_refresh_interval=None,
         show_welcome_message=False,

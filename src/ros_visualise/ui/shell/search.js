@@ -56,7 +56,7 @@ function ranked(all, words) {
 
 export default {
   template: `
-    <q-dialog v-model="isOpen" position="top" @hide="hidden">
+    <q-dialog v-model="isOpen" position="top" aria-label="Search" @hide="hidden">
       <q-card class="rv-search" role="search">
         <input autofocus v-model="words" type="search" placeholder="Panel, button, topic, parameter, file, time or text" aria-label="Search the page"
           aria-controls="rv-found" @keydown.down.prevent="move(1)" @keydown.up.prevent="move(-1)" @keydown.enter.prevent="choose(found[at])">
@@ -186,7 +186,7 @@ export default {
     // The dialog has given the focus back by now.
     hidden() {
       if (this.sought) rv.nodes.reveal(...this.sought);
-      (this.pressing ?? document.querySelector(`[data-tab="${this.opened}"]`))?.focus();
+      (this.pressing ?? document.querySelector(`#rv-tab-${this.opened}`))?.focus();
       if (this.pressing?.matches("button")) this.pressing.click();
       this.sought = this.pressing = this.opened = null;
     },

@@ -61,10 +61,10 @@ export default {
       <div class="rv-room" ref="room" :class="{ 'rv-stacked': isNarrow }" @rv-keep="keep">
         <div class="rv-height" :style="{ height: total + 'px' }"></div>
         <slot></slot>
-        <div v-for="one in heads" :key="one.place.key" class="rv-tabs" role="tablist" :style="one.style"
-          @dblclick="maximise(one.place)">
+        <div v-for="one in heads" :key="one.place.key" class="rv-tabs" :style="one.style" @dblclick="maximise(one.place)">
+          <i role="tablist" aria-label="Panels" :aria-owns="one.place.panels.map(({ id }) => 'rv-tab-' + id).join(' ')"></i>
           <span v-for="(panel, i) in one.place.panels" :key="panel.id" class="rv-tab" :class="{ 'rv-shown': i === one.place.shown }">
-            <button role="tab" :data-tab="panel.id" :aria-selected="String(i === one.place.shown)" @pointerdown="grab($event, one.place, panel)"
+            <button :id="'rv-tab-' + panel.id" role="tab" :aria-selected="String(i === one.place.shown)" @pointerdown="grab($event, one.place, panel)"
               @click="one.place.shown = i; changed()" @keydown.delete.stop="close(panel, true)">{{ title(panel) }}</button>
             <button class="rv-close" :aria-label="'Close ' + kinds[panel.kind].title" title="Close (Delete)" @click="close(panel, !$event.detail)">×</button>
           </span>
@@ -78,7 +78,7 @@ export default {
           </button>
         </div>
         <div v-for="edge in edges" :key="edge.key" class="rv-edge" :class="'rv-' + edge.way" role="separator" tabindex="0"
-          :aria-orientation="edge.way === 'row' ? 'vertical' : 'horizontal'" aria-label="Panel size" :style="edge.style"
+          :aria-orientation="edge.way === 'row' ? 'vertical' : 'horizontal'" aria-label="Panel size" :aria-valuenow="edge.share" :style="edge.style"
           @pointerdown="drag($event, edge)" @keydown="nudge($event, edge)"></div>
         <div v-if="target" class="rv-target" :style="target.style"></div>
         <div v-if="!root" class="rv-empty">Open a panel with the buttons at the edge, or
@@ -161,7 +161,7 @@ export default {
     },
     edges() {
       return this.rects.filter(({ edge }) => edge).map(({ edge, i, isRow, x, y, w, h, room }) => ({
-        key: `${edge.key} ${i}`, place: edge, i, room, way: isRow ? "row" : "column",
+        key: `${edge.key} ${i}`, place: edge, i, room, way: isRow ? "row" : "column", share: Math.round(100 * edge.at[i]),
         style: { left: `${x}px`, top: `${y}px`, width: `${w}px`, height: `${h}px` },
       }));
     },
@@ -338,7 +338,7 @@ export default {
       this.remove(panel);
       this.changed();
       await this.$nextTick();
-      const next = place.panels.length ? `[data-tab="${place.panels[place.shown].id}"]` : "[role=tab]";
+      const next = place.panels.length ? `#rv-tab-${place.panels[place.shown].id}` : "[role=tab]";
       if (isByKey) this.$refs.room.querySelector(next)?.focus();
     },
     remove(panel) {
@@ -372,7 +372,7 @@ export default {
       this.put(moved, null, side);
       this.changed();
       await this.$nextTick();
-      this.$refs.room.querySelector(`[data-tab="${moved.panels[moved.shown].id}"]`)?.focus();
+      this.$refs.room.querySelector(`#rv-tab-${moved.panels[moved.shown].id}`)?.focus();
     },
     maximise(place) {
       this.maximal = this.maximal === place.key ? null : place.key;

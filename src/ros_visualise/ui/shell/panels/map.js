@@ -21,7 +21,7 @@ export default {
       <div ref="map" class="rv-map-canvas" role="application" aria-label="Map"></div>
       <div class="rv-tools">
         <q-btn flat dense icon="fit_screen" aria-label="Fit" title="Show the whole track" @click="fit" />
-        <span v-for="(topic, i) in [...topics, ...placed]" :key="topic" :style="{ color: color(i) }">● {{ topic }}</span>
+        <span v-for="(topic, i) in [...topics, ...placed]" :key="topic"><b :style="{ color: color(i) }">●</b> {{ topic }}</span>
         <input v-model.lazy="tiles" type="url" aria-label="Address of map tiles" title="Address with {z}, {x} and {y}, from which map tiles are fetched"
           placeholder="Tiles: https://…/{z}/{x}/{y}.png" @change="lay">
       </div>

@@ -74,7 +74,7 @@ export default {
         <q-circular-progress v-if="share < 1" :value="100 * share" size="18px" :title="'Reading the recording: ' + Math.round(100 * share) + ' %'" />
         <span class="rv-fault" role="status">{{ fault }}</span>
       </div>
-      <q-dialog v-model="isEditing"><q-card class="rv-expression"><q-card-section>
+      <q-dialog v-model="isEditing" aria-label="Expression"><q-card class="rv-expression"><q-card-section>
         <q-input v-model="text" autofocus autogrow label="Expression" :placeholder="'derivative(&quot;/odom:pose.pose.position.x&quot;)'" @keydown.enter.prevent="apply" />
         <small>Curves in quotes: "/topic:field". {{ functions.join(", ") }}, + - * / ** %</small></q-card-section>
         <q-card-actions align="right"><q-btn flat v-close-popup label="Cancel" /><q-btn flat color="primary" label="Plot" @click="apply" /></q-card-actions>
