@@ -15,7 +15,7 @@ class BagOptions(TopicOptions):
     """Options of ``bag`` and ``kitti``."""
 
     input: Sequence[str] = argument(
-        "the recording; several recordings and films share one timeline",
+        "the recording; several recordings and videos share one timeline",
         metavar="PATH",
         nargs="+",
     )

@@ -38,7 +38,7 @@ LANDING_INPUT = "landing_target_odom"
 _ORIGIN, LENS = "/map_origin", "/lens"
 _NO_POSES = (
     "--geo: needs {}, which this source lacks: positions and attitudes, as in pictures of drones, a"
-    " film with KLV, or a log beside it"
+    " video with KLV, or a log beside it"
 )
 
 _OBJECTS = {

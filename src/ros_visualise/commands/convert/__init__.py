@@ -16,7 +16,7 @@ class ConvertOptions(MemoryOptions):
     """Options of ``convert``."""
 
     input: Sequence[str] = argument(
-        "the recording or film; several are merged", metavar="SRC", nargs="+"
+        "the recording or video; several are merged", metavar="SRC", nargs="+"
     )
     output: str = argument(
         "the new file: .bag or .mcap, .mp4 for one image topic, .csv for numbers, .txt for"

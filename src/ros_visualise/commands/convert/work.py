@@ -65,7 +65,7 @@ def convert(options: ConvertOptions) -> int:
 def _opened(options: ConvertOptions) -> Recording:
     if len(options.input) == 1:
         if options.offset:
-            raise UsageError(f"--offset {options.offset[0]}: needs several recordings or films")
+            raise UsageError(f"--offset {options.offset[0]}: needs several recordings or videos")
         return open_source(options.input[0])
     joined = open_joined([Path(path) for path in options.input])
     joined.move(read_offsets(options.offset, joined))
