@@ -245,13 +245,16 @@ def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
 def _demo_source() -> str:
     if find_spec("mujoco") is None:
         log.info(
-            "showing a drawn landscape; for the quadrotor, run: pip install 'ros_visualise[sim]'"
+            "showing a computer-drawn landscape; for the quadrotor, run:"
+            " pip install 'ros_visualise[sim]'"
         )
         return "landscape"
     try:
         choose_backend()
     except OpenError as error:
-        log.warning("showing a drawn landscape; the quadrotor cannot be simulated: %s", error)
+        log.warning(
+            "showing a computer-drawn landscape; the quadrotor cannot be simulated: %s", error
+        )
         return "landscape"
     return "quadrotor"
 

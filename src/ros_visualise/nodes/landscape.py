@@ -1,4 +1,4 @@
-"""The node that shows a flight over a drawn landscape."""
+"""The node that shows a flight over a computer-drawn landscape."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LandscapeParams:
 
 @source("landscape", params=LandscapeParams, outputs={"image": Image}, seamless=True)
 class Landscape:
-    """Fly over a drawn landscape; needs no files."""
+    """Fly over a computer-drawn landscape; needs no files."""
 
     def __init__(self, params: LandscapeParams, playback: Playback) -> None:
         self._params, self._playback = params, playback

@@ -40,7 +40,7 @@ _CORRECTED = (
     " have covariances"
 )
 _LONGEST_MS = 200  # of a readout
-_WITHOUT_UNIT = "scale unknown: lengths have no unit; give --height, --scale or --imu"
+_WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, --scale or --imu"
 
 
 def find_trajectory(options: OdometryOptions) -> int:
