@@ -19,6 +19,7 @@ from ros_visualise.core.printing import counted, print_json, print_result, print
 from ros_visualise.core.signals import STOPPED, noticed
 from ros_visualise.data import Header, Imu
 from ros_visualise.data import Path as PosePath
+from ros_visualise.estimation.visual.background import MOVING_THINGS
 from ros_visualise.estimation.visual.focal import find_focal_length, pinhole
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.estimation.visual.stretch import VisualPose
@@ -41,6 +42,12 @@ _CORRECTED = (
 )
 _LONGEST_MS = 200  # of a readout
 _WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, --scale or --imu"
+
+
+_PIECES = (
+    "tracking was lost: what happened meanwhile is unknown, so the parts of the trajectory may be"
+    " far from each other"
+)
 
 
 def find_trajectory(options: OdometryOptions) -> int:
@@ -82,6 +89,7 @@ def find_trajectory(options: OdometryOptions) -> int:
         print_json({"path": options.input, **report, "notes": notes})
     else:
         print_result([*_lines(report), *again.lines(_unit(report["in_metres"]))])
+    notes += [_PIECES] * bool(odometry.counts["losses"])
     for note in [*notes, *found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]:
         print_status(f"ros-visualise: {options.input}: {note}")
     if request.asked:
@@ -106,6 +114,7 @@ def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, in
             " units"
         )
     why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
+    why = MOVING_THINGS if MOVING_THINGS in reasons else why
     if why == TURNING and isinstance(odometry, VisualOdometry) and odometry.settings.is_guessed:
         return f"{why}, or to move over flat ground; give --calibration to distinguish the two"
     return why

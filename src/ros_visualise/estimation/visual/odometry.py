@@ -18,6 +18,7 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
 from ros_visualise.estimation.resting import Indices
+from ros_visualise.estimation.visual.background import MOVING_THINGS, background_rests
 from ros_visualise.estimation.visual.rolling import directions_at_once
 from ros_visualise.estimation.visual.scale import ScaleFinder
 from ros_visualise.estimation.visual.starting import STILL, FirstMotion, first_motions
@@ -43,6 +44,11 @@ _EXACT, _WEAK = 1e-3, 0.3  # fractions: of a baseline that defines the unit, or 
 _FLAT, _ALONG = 0.04, 0.85  # thickness of a plane, by its depth; cosine of a way along its normal
 _AS_GOOD = 1.15  # residuals of two first motions that cannot be told apart
 _BELIEVED = 6  # keyframes of a stretch; a shorter one was a mistake
+_PROVEN = 18  # the same, of one whose first part is kept though its end is wrong
+_PASSED = 4  # keyframes after which the background must have moved
+_CUT = "the whole view changes at once, as at a cut"
+_LEFT = 0.1  # of the corners, at a cut
+_ANYWHERE = 3  # extents of the path: where the camera may be after a cut
 _MOST_WAITING = 600  # images between the first two keyframes
 _PATIENCE = 3  # images in a row that do not fit
 _LONGEST_S = 1.0  # without a usable image
@@ -124,14 +130,13 @@ class VisualOdometry:
         self._first: _Image | None = None
         self._waiting: deque[_Image] = deque(maxlen=_MOST_WAITING)
         self._last = VisualPose(0, np.eye(3), np.zeros(3), np.eye(6) * _SURELY, False)
-        self._is_begun = False
+        self._is_begun = self._is_doubted = False
         self._here, self._step = _NOWHERE, _NOWHERE
         self.motion_covariance = np.eye(6)
         self._residuals: deque[float] = deque(maxlen=1000)
-        self._speed = 0.0
-        self._key = self._followed = self._failures = self._before_ns = self._seen_ns = (
-            self.start_ns
-        ) = 0
+        self._speed = self._extent = 0.0
+        self._key = self._followed = self._failures = 0
+        self._before_ns = self._seen_ns = self._opened_ns = self.start_ns = 0
 
     def measured(self, stamp_ns: int, position: Floats, sigma: float) -> None:
         """Note a position (3,) of something that moves with the camera, in any frame."""
@@ -144,16 +149,19 @@ class VisualOdometry:
         fault = self._judge.fault(gray)
         if fault:
             return self._coast(stamp_ns, fault)
+        known = len(self._tracker.corners.ids)
         corners = self._tracker.follow(gray)
         rays = self._rays(corners, (stamp_ns - before_ns) / 1e9)
         image = _Image(stamp_ns, gray, right, corners, rays)
         if self._stretch is not None:
+            if len(corners.ids) < _LEFT * known:
+                return self._cut(self._stretch, image)
             return self._go_on(self._stretch, image)
         return self._begin(image, before_ns) if right is None else self._begin_by_two(image)
 
     def finish(self) -> list[VisualPose]:
         """All poses that are not taken yet, at the end."""
-        if self._stretch is not None:
+        if self._stretch is not None and not (self._is_doubted and self._is_short(self._stretch)):
             self.done += self._stretch.taken(all_of_it=True)
         self._stretch = None
         return self.done
@@ -240,6 +248,8 @@ class VisualOdometry:
         if _is_ambiguous(window):
             self._waiting.append(image._replace(gray=_NO_PIXELS))
             return self._coast(image.stamp_ns, "waiting for sideways motion")
+        if background_rests(first.gray, image.gray, at_first=True):
+            return self._wait(image, MOVING_THINGS)
         stretch = self._open(window, first.stamp_ns)
         for one in window.frames[:-1]:
             stretch.covariances[one.key] = np.zeros((6, 6))
@@ -315,6 +325,7 @@ class VisualOdometry:
         self._stretch = Stretch(window, start, len(self._cameras) > 1)
         self._stretch.scale_sigma = self.settings.height_sigma * bool(self.settings.height)
         self._scales.restart()
+        self._opened_ns = stamp_ns
         self._step = _NOWHERE
         self._is_begun = True
         return self._stretch
@@ -334,6 +345,8 @@ class VisualOdometry:
         if self._is_new_view(stretch, image, found):
             window.add(self._keyframe(image, found.R, found.p))
             window.adjust()
+            if len(window.frames) >= _PASSED and _is_before_background(window):
+                return self._disbelieve(stretch, image)
             return self._settle(stretch, image)
         newest = window.newest
         R, p = _product(_inverse((newest.R, newest.p)), self._here)
@@ -366,9 +379,10 @@ class VisualOdometry:
         window = stretch.window
         self._tracker.drop(window.lost)
         self.counts["keyframes"] += 1
+        self._is_doubted &= self._is_short(stretch)
         self._residuals.append(window.residual())
         self._here = window.newest.R, window.newest.p
-        if not self._scales.is_needed or stretch.in_metres:
+        if not self._is_doubted and (not self._scales.is_needed or stretch.in_metres):
             self.done += stretch.taken()
         corners = self._tracker.refill()
         corners = corners.chosen(~np.isin(corners.ids, window.newest.ids))
@@ -385,6 +399,7 @@ class VisualOdometry:
             self._speed = float(np.linalg.norm(pose.p - self._last.p)) / seconds
         self._failures, self.reason, self._seen_ns = 0, "", pose.stamp_ns
         self._last = pose
+        self._extent = max(self._extent, float(np.linalg.norm(pose.p)))
         return pose
 
     # losses
@@ -402,8 +417,32 @@ class VisualOdometry:
             return self._wait(image, reason)
         return self._coast(image.stamp_ns, reason)
 
+    def _disbelieve(self, stretch: Stretch, image: _Image) -> VisualPose | None:
+        """Give up a map whose last keyframes are of things that move."""
+        self._is_doubted = True
+        stretch.window.frames.clear()
+        if len(stretch.covariances) < _PROVEN:
+            stretch.left.clear()
+            stretch.covariances.clear()
+            self.done = [one for one in self.done if one.stamp_ns < self._opened_ns]
+        self._lose(stretch)
+        return self._wait(image, MOVING_THINGS)
+
+    def _cut(self, stretch: Stretch, image: _Image) -> VisualPose | None:
+        """Give up a map: this image is of another place, or of the same one from elsewhere."""
+        self._lose(stretch)
+        last = self._last
+        own = np.diag(np.repeat([(_ANYWHERE * self._extent) ** 2, np.pi**2], 3))
+        change = se3.about_origin(last.p)
+        self._last = last._replace(covariance=last.covariance + change @ own @ change.T)
+        return self._wait(image, _CUT)
+
+    def _is_short(self, stretch: Stretch) -> bool:
+        """True if a stretch would be a mistake, if it ended; sooner so after one."""
+        return len(stretch.covariances) < _BELIEVED * (1 + self._is_doubted)
+
     def _lose(self, stretch: Stretch) -> None:
-        if len(stretch.covariances) >= _BELIEVED:
+        if not self._is_short(stretch):
             self.done += stretch.taken(all_of_it=True)
         else:
             self._last = stretch.start
@@ -427,6 +466,16 @@ class VisualOdometry:
         change = se3.about_origin(self._last.p)
         covariance = self._last.covariance + change @ own @ change.T
         return self._last._replace(stamp_ns=stamp_ns, covariance=covariance, is_lost=True)
+
+
+def _is_before_background(window: KeyframeWindow) -> bool:
+    """True if near points have passed, and the background has not moved at all."""
+    newest = window.newest
+    far = max(window.frames, key=lambda one: float(np.linalg.norm(one.p - newest.p)))
+    away = np.linalg.norm(window.positions() - newest.p, axis=1)
+    way = float(np.linalg.norm(far.p - newest.p))
+    has_passed = way * np.quantile(1 / away, _NEAR) > 2 * _NEW_VIEW
+    return bool(has_passed) and background_rests(far.gray, newest.gray)
 
 
 def _is_ambiguous(window: KeyframeWindow) -> bool:
