@@ -30,6 +30,7 @@ _BEGUN_WITH = 12  # views used for the initial guess
 _HOPELESS = 1e12
 _FLAT_PX = 20.0  # weight of the bend: 0.2 px for 1 % of half the board's diagonal
 _BENDS = 3
+_RAYS = np.eye(3)  # the camera of points given as rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +71,15 @@ def begin(views: Sequence[BoardView], model: LensModel) -> Floats:
     """Initial numbers of the camera: no distortion, and the best focal length."""
     width, height = views[0].size
     middle = [(width - 1) / 2, (height - 1) / 2]
-    some = views[:: max(1, len(views) // _BEGUN_WITH)]
+    some = views[:: -(-len(views) // _BEGUN_WITH)]
 
     def misfit(focal: float) -> float:
         numbers = np.array([focal, focal, *middle, *[0.0] * len(model.coefficients)])
         return float(np.median([_misfit(view, numbers, model) for view in some]))
 
-    focal_lengths = _FOCAL_LENGTHS * max(width, height)
-    best = min(focal_lengths, key=misfit)
+    focal_lengths = (_FOCAL_LENGTHS * max(width, height)).tolist()
+    near = min(range(1, len(focal_lengths), 3), key=lambda number: misfit(focal_lengths[number]))
+    best = min(focal_lengths[max(near - 2, 0) : near + 3], key=misfit)
     return np.array([best, best, *middle, *[0.0] * len(model.coefficients)])
 
 
@@ -179,13 +181,14 @@ def _pose(view: BoardView, numbers: Floats, model: LensModel) -> Floats:
     near = np.abs(rays).max(axis=1) < _FAR_RAY
     if near.sum() < 4:
         near[:] = True
-    flat = points[near] - points.mean(axis=0) * [1, 1, 0]
+    middle = points.mean(axis=0)  # its height is 0
+    flat = points[near] - middle
     ok, turn, move = cv2.solvePnP(
-        flat[:, None], rays[near][:, None], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        flat[:, None], rays[near][:, None], _RAYS, None, flags=cv2.SOLVEPNP_IPPE
     )
     if not ok:
         return np.array([0.0, 0, 0, 0, 0, 1])
-    offset = cv2.Rodrigues(turn)[0] @ (points.mean(axis=0) * [1, 1, 0])
+    offset = cv2.Rodrigues(turn)[0] @ middle
     return np.concatenate([turn.ravel(), move.ravel() - offset])
 
 

@@ -44,7 +44,7 @@ class BoardView:
     points: BoardPoints
     size: Size
 
-    @property
+    @cached_property
     def points_xyz(self) -> Floats:
         """(N, 3), metres, in the board's frame."""
         flat = points_xy(self.board)[self.points.numbers]
