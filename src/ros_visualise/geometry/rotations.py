@@ -6,6 +6,8 @@ quaternion and its negative are the same rotation. ``a`` after ``b`` is ``multip
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,7 +23,7 @@ def normalise(quat_xyzw: npt.ArrayLike) -> Floats:
         ValueError: one is zero, or no number.
     """
     quat = np.asarray(quat_xyzw, np.float64)
-    norm = np.linalg.norm(quat, axis=-1, keepdims=True)
+    norm = np.sqrt((quat * quat).sum(axis=-1, keepdims=True))
     if not (np.isfinite(norm) & (norm > 1e-9)).all():
         raise ValueError(
             "a quaternion of zeros, or with a value that is not a number, is not a rotation"
@@ -52,12 +54,11 @@ def inverse(quat_xyzw: npt.ArrayLike) -> Floats:
 def to_matrix(quat_xyzw: npt.ArrayLike) -> Floats:
     """Rotation matrices (..., 3, 3)."""
     x, y, z, w = _columns(normalise(quat_xyzw))
-    rows = (
+    return _filled(
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
         (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
         (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def from_matrix(matrix: npt.ArrayLike) -> Floats:
@@ -77,13 +78,12 @@ def from_matrix(matrix: npt.ArrayLike) -> Floats:
         m[..., 0, 2] - m[..., 2, 0],
         m[..., 1, 0] - m[..., 0, 1],
     )
-    rows = (  # 4 q q^T: each row is the quaternion times a factor, the largest is the exactest
+    products = _filled(  # 4 q q^T: each row is the quaternion times a factor, the largest is best
         (1 + xx - yy - zz, xy, xz, xw),
         (xy, 1 - xx + yy - zz, yz, yw),
         (xz, yz, 1 - xx - yy + zz, zw),
         (xw, yw, zw, 1 + xx + yy + zz),
     )
-    products = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     best = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
     quat = normalise(np.take_along_axis(products, best[..., None, None], axis=-2)[..., 0, :])
     return np.where(quat[..., 3:] < 0, -quat, quat)
@@ -145,4 +145,14 @@ def slerp(a: npt.ArrayLike, b: npt.ArrayLike, fraction: npt.ArrayLike) -> Floats
 
 
 def _columns(quat_xyzw: npt.ArrayLike) -> Floats:
-    return np.moveaxis(np.asarray(quat_xyzw, np.float64), -1, 0)
+    quat = np.asarray(quat_xyzw, np.float64)
+    return quat if quat.ndim == 1 else np.moveaxis(quat, -1, 0)
+
+
+def _filled(*rows: Sequence[Floats]) -> Floats:
+    """Square matrices (..., n, n) of elements (...); many times faster than `np.stack`."""
+    matrix = np.empty((*np.shape(rows[0][0]), len(rows), len(rows)))
+    for number, row in enumerate(rows):
+        for column, elements in enumerate(row):
+            matrix[..., number, column] = elements
+    return matrix
