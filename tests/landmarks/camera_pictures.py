@@ -7,6 +7,7 @@ OpenCV gives the cells of the tag and the JPEG codec.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -188,47 +189,68 @@ def _cast(
     """The light of the pixels from ``first`` to ``last``: rays to the plane, blurred, averaged."""
     width, height = last - first
     u, v = np.meshgrid(np.arange(first[0], last[0]), np.arange(first[1], last[1]))
-    (ray_x, ray_y, ray_z), v = _rays_in(camera, pose, u, v, rng)
-    late = camera.readout_s * (v - HEIGHT / 2) / HEIGHT
+    rays = _rays_in(camera, pose, u, v)
+    offsets = rng.random((2, height, width, _SUB, _SUB)).swapaxes(2, 3)
+    code, light = _code(id), np.empty((height, _SUB, width, _SUB))
+    for row, at in enumerate(range(first[1], last[1])):
+        light[row] = _meet(
+            camera, pose, rays[..., row, None, :, None], offsets[:, row], at, code, tones
+        )
+    light = _soft(light.reshape(height * _SUB, -1), _SUB * rng.uniform(*camera.blur))
+    return light.reshape(height, _SUB, width, _SUB).mean(axis=(1, 3))
+
+
+def _meet(
+    camera: Camera,
+    pose: Pose,
+    rays: np.ndarray,
+    offsets: np.ndarray,
+    row: int,
+    code: np.ndarray,
+    tones: tuple[float, float, float],
+) -> np.ndarray:
+    """What the rays of one row of pixels meet, (_SUB, width, _SUB): one in each square of all."""
+    steps = np.arange(_SUB)
+    a, b = offsets
+    a, b = (a + steps) / _SUB - 0.5, (b + steps[:, None, None]) / _SUB - 0.5
+    ray_x, ray_y, ray_z = _horner([_horner(one, 2 * b) for one in rays], 2 * a)
+    late = camera.readout_s * (row + b - HEIGHT / 2) / HEIGHT
     t, velocity = pose.t @ pose.R, pose.velocity @ pose.R
     along = (t[2] + late * velocity[2]) / ray_z
     x, y = ray_x * along - t[0] - late * velocity[0], ray_y * along - t[1] - late * velocity[1]
     cell = SIZE_M / CELLS
-    column = np.floor(x / cell + CELLS / 2).astype(int)
-    row = np.floor(CELLS / 2 - y / cell).astype(int)
+    across = np.floor(x / cell + CELLS / 2).astype(int)
+    down = np.floor(CELLS / 2 - y / cell).astype(int)
     dark, bright, behind = tones
-    code = _code(id)
-    inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
-    paper = (column >= -1) & (column <= CELLS) & (row >= -1) & (row <= CELLS)
+    inside = (across >= 0) & (across < CELLS) & (down >= 0) & (down < CELLS)
+    paper = (across >= -1) & (across <= CELLS) & (down >= -1) & (down <= CELLS)
     light = np.where(paper, bright, behind)
-    light[inside] = np.where(code[row[inside], column[inside]], bright, dark)
-    light = _soft(light, _SUB * rng.uniform(*camera.blur))
-    return light.reshape(height, _SUB, width, _SUB).mean(axis=(1, 3))
+    light[inside] = np.where(code[down[inside], across[inside]], bright, dark)
+    return light
 
 
-def _rays_in(
-    camera: Camera, pose: Pose, u: np.ndarray, v: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """One ray at random in each of the squares of all pixels, in the tag's axes; and their rows."""
-    a, b = rng.random((2, *u.shape, _SUB, _SUB))
-    steps = np.arange(_SUB)
-    a, b = (a + steps) / _SUB - 0.5, (b + steps[:, None]) / _SUB - 0.5
-    nodes = (-1, 0, 1)
-    across, down = ([_lagrange(i, 2 * part) for i in nodes] for part in (a, b))
-    split = np.zeros((3, *a.shape))
-    for i, weight in zip(nodes, across, strict=True):
-        near = [np.moveaxis(camera.rays(u + i / 2, v + j / 2) @ pose.R, -1, 0) for j in nodes]
-        for axis in range(3):
-            column = (one[axis, ..., None, None] * of for one, of in zip(near, down, strict=True))
-            split[axis] += weight * sum(column)
-    shape = (u.shape[0] * _SUB, u.shape[1] * _SUB)
-    rays = split.swapaxes(2, 3).reshape(3, *shape)
-    return rays, (v[..., None, None] + b).swapaxes(1, 2).reshape(shape)
+def _horner(coefficients: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Values of a polynomial of the second degree."""
+    c, b, a = coefficients
+    value = a * x
+    value += b
+    value *= x
+    value += c
+    return value
 
 
-def _lagrange(node: int, x: np.ndarray) -> np.ndarray:
-    """Lagrange's polynomials of -1, 0 and 1."""
-    return (1 - x * x) if node == 0 else x * (x + node) / 2
+_POWERS = np.array([[0, 1, 0], [-0.5, 0, 0.5], [0.5, -1, 0.5]])
+"""Coefficients of 1, x, x^2 of the parabola through values at -1, 0 and 1."""
+
+
+def _rays_in(camera: Camera, pose: Pose, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Rays of all pixels in the tag's axes, as polynomials of the place in the pixel.
+
+    The place is from -1 to 1. (3, 3, 3, height, width): power of x, power of y, axis of the ray.
+    """
+    nodes = (-0.5, 0, 0.5)
+    near = np.array([[camera.rays(u + i, v + j) @ pose.R for j in nodes] for i in nodes])
+    return np.einsum("ki,lj,ijhwa->klahw", _POWERS, _POWERS, near, optimize=True)
 
 
 def _code(id: int) -> np.ndarray:
