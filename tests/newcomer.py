@@ -35,7 +35,7 @@ class Newcomer:
             **environment,
             "HOME": str(home),
             "PATH": f"{home}/bin:/usr/bin:/bin",
-            "PIP_NO_COMPILE": "1",  # Python compiles what is imported, a small part of it
+            "PIP_NO_COMPILE": "0",  # says "no" (!): Python compiles what is imported, a small part
         }
         sudo = home / "bin" / "sudo"
         sudo.parent.mkdir()
