@@ -1,6 +1,7 @@
 """Dirt, leaves, copies and clutter, by what a detector of tags finds in the images."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ GROUND_TAGS = {10, 11, 12, 13, 14, 15}
 ABOVE = [(x, y) for x in (-6.0, -2.0, 2.0, 6.0) for y in (-4.0, 0.0, 4.0)]
 
 
+@cache
 def seen(seed=1, **changes):
     """Tag -> number of its views from above the middle of the field, in 12 images."""
     simulation = Simulation("quadrotor", "field", seed, settings=replace(CLEAN, **changes))
@@ -43,7 +45,8 @@ def test_a_new_world_shows_its_tags_and_no_others():
 
 @pytest.mark.usefixtures("opengl")
 def test_dirt_hides_tags():
-    views = [sum(map(len, seen(tag_dirt=dirt).values())) for dirt in (0.0, 0.2, 0.5)]
+    worlds = seen(), seen(tag_dirt=0.2), seen(tag_dirt=0.5)
+    views = [sum(map(len, found.values())) for found in worlds]
     assert views[0] > views[1] > views[2]
     assert views[2] < 0.5 * views[0]
 
@@ -71,8 +74,7 @@ def test_copies_are_the_same_tags_elsewhere():
 def test_clutter_gives_false_detections_that_grow_with_it():
     """Of tags that no map has; a landmark of the world is never removed for it."""
     counts = []
-    for clutter in (0, 10, 60):
-        found = seen(clutter=clutter)
+    for found in (seen(), seen(clutter=10), seen(clutter=60)):
         counts.append(len([number for number in found if number >= 500]))
         assert set(found) >= GROUND_TAGS
     assert counts[0] == 0 < counts[1] < counts[2]
