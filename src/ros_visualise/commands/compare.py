@@ -17,7 +17,7 @@ class CompareOptions:
     after: Path = argument("folder of another batch's results", metavar="AFTER")
     limits: Path | None = option(
         None,
-        "YAML file with the largest allowed changes (default: only times may change)",
+        "YAML file with the largest allowed changes (default: no changes, except in times)",
         metavar="FILE.yaml",
     )
     junit: Path | None = option(None, "write the changes as JUnit XML", metavar="FILE.xml")

@@ -28,7 +28,7 @@ class ExplainOptions(PlayingOptions):
     """Options of ``explain``."""
 
     topic: str | None = argument(
-        "lesson to show; if omitted, the lessons are listed (or, with --export, all exported)",
+        "lesson to show; if omitted, all lessons are listed (with --export: exported)",
         default=None,
         nargs="?",
         metavar="TOPIC",

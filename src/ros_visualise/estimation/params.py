@@ -39,7 +39,7 @@ class OdometryErrorParams:
     )
     odom_scale_walk: float = param(
         0.001,
-        "change of both scale errors, growing with the distance (standard deviation), 1/sqrt(m)",
+        "growth of both scale errors with distance (standard deviation), 1/sqrt(m)",
         min=0,
         max=0.1,
         slider=(0, 0.01),
@@ -47,7 +47,7 @@ class OdometryErrorParams:
     )
     odom_noise: float = param(
         0.02,
-        "position error, growing with the distance (standard deviation), m/sqrt(m)",
+        "growth of the position error with distance (standard deviation), m/sqrt(m)",
         min=1e-5,
         max=10,
         slider=(0, 0.2),
@@ -55,7 +55,7 @@ class OdometryErrorParams:
     )
     odom_heading_noise: float = param(
         0.2,
-        "heading error, growing with the distance (standard deviation), deg/sqrt(m)",
+        "growth of the heading error with distance (standard deviation), deg/sqrt(m)",
         min=1e-5,
         max=90,
         slider=(0, 5),
@@ -63,7 +63,7 @@ class OdometryErrorParams:
     )
     odom_turn_noise: float = param(
         3.0,
-        "heading error, growing with rotation because wheels slip (standard deviation),"
+        "growth of the heading error with rotation, from wheel slip (standard deviation),"
         " deg/sqrt(rad)",
         min=0,
         max=90,
@@ -72,7 +72,7 @@ class OdometryErrorParams:
     )
     odom_tilt_noise: float = param(
         0.02,
-        "roll and pitch error, growing with the distance (standard deviation), deg/sqrt(m)",
+        "growth of the roll and pitch error with distance (standard deviation), deg/sqrt(m)",
         min=0,
         max=90,
         slider=(0, 5),
@@ -80,7 +80,7 @@ class OdometryErrorParams:
     )
     odom_still_noise: float = param(
         0.001,
-        "position error, growing with time even at standstill (standard deviation), m/sqrt(s)",
+        "growth of the position error with time, even at rest (standard deviation), m/sqrt(s)",
         min=0,
         max=10,
         slider=(0, 0.1),

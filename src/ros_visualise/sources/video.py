@@ -254,8 +254,8 @@ class Video:
             faults.append(f"the video ends at {end_ns / 1e9:.2f} s, {what}")
         elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(
-                f"the video ends at {end_ns / 1e9:.2f} s, before its declared end; it may be cut"
-                " off"
+                f"the video ends at {end_ns / 1e9:.2f} s, before its declared end; the file may"
+                " be cut off"
             )
         if end_ns and not self.faults:
             self.faults = faults

@@ -61,8 +61,8 @@ class BatchOptions(SettingOptions, MemoryOptions):
     )
     cluster: str = option(
         "",
-        "run the tasks on a Dask cluster: the address of its scheduler, such as"
-        " tcp://192.168.1.10:8786, or local, which starts a scheduler on this machine; inputs"
+        "run the tasks on a Dask cluster; give the address of its scheduler, such as"
+        " tcp://192.168.1.10:8786, or local to start one on this machine; inputs"
         " and DIR must be on a disk that all machines of the cluster share",
         metavar="ADDRESS|local",
     )

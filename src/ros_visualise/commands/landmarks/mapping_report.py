@@ -85,7 +85,7 @@ def _doubtful(made: TagMap) -> Iterator[str]:
     found = made.smoothed
     for name, open_ in zip(found.problem.names, found.undecided, strict=True):
         if open_:
-            yield f"{escaped(name)}: ambiguous pose: two poses fit its views"
+            yield f"{escaped(name)}: pose ambiguous, since two poses fit its views"
     views = [one for one in _views(made) if one["refused"] * 2 > one["sightings"] > 1]
     for one in views[:_WORST]:
         yield (

@@ -59,13 +59,14 @@ class OdometryOptions(OdometryOutputOptions, PartOptions, MemoryOptions):
     )
     height: float | None = option(
         None,
-        "height of the camera above the ground in metres, which gives the scale",
+        "height of the camera above the ground in metres, from which the scale is computed",
         type=positive,
         metavar="METRES",
     )
     scale: str | None = option(
         None,
-        "topic with odometry, poses or fixes, which gives the scale; without a scale, lengths"
+        "topic with odometry, poses or fixes, from which the scale is computed; without a scale,"
+        " lengths"
         " are in arbitrary units",
         metavar="TOPIC",
     )

@@ -87,7 +87,7 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
     if not compared.turns:
-        lines.append("(no rotation error and no RPE, because one of the two has no attitudes)")
+        lines.append("(no rotation error and no RPE, because one of the two lacks attitudes)")
     elif compared.rpe is None:
         lines.append(f"(no RPE, because no two poses are {compared.delta.words} apart)")
     return lines

@@ -97,7 +97,8 @@ def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     if len(views) < FEWEST_VIEWS:
         raise UsageError(
             f"too few distinct views of the board: {len(views)}; take at least {FEWEST_VIEWS},"
-            " better 15, with the board tilted, near, and in all corners of the image"
+            " preferably 15, with the board tilted, close to the camera, and in all corners of"
+            " the image"
         )
     model = MODELS[lens]
     kept, outliers = list(views), []

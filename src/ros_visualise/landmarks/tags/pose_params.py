@@ -18,7 +18,7 @@ class PoseParams:
 
     size: float = param(
         0.0,
-        "side of the black square in metres, for tags that are not in the file of sizes;"
+        "side of the black square in metres, for tags that are not in the tags file;"
         " 0: unknown, so no poses are estimated",
         min=0,
         max=MAX_TAG_M,

@@ -67,9 +67,9 @@ class Tree:
 
             {answer}
 
-            By the convention REP 105, base_link is the robot. In odom the robot moves smoothly, but
-            its pose drifts. In map it does not drift, but may jump when it is corrected. The
-            transform from map to odom is this correction.
+            In the convention REP 105, base_link is the robot's own frame. In odom the robot moves
+            smoothly, but its pose drifts. In map it does not drift, but may jump when it is
+            corrected. The transform from map to odom is this correction.
             """
         try:
             answer = _answer(frames.lookup(target, source), target, source)

@@ -33,7 +33,7 @@ def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
     zoom.mark(x, y, YELLOW)
     text = """
         A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row 0
-        are at the top left. Each pixel of this one has three numbers of 8 bits: how much blue,
+        are at the top left. Each pixel here has three 8-bit numbers: how much blue,
         green and red there is. At ({x}, {y}) these are blue {blue}, green {green}, red {red}. In
         gray they become one number, {gray}; the figure shows this number for each pixel. Click
         another pixel.

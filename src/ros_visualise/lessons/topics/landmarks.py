@@ -115,8 +115,8 @@ def plane(image: Image, params: object) -> dict[str, Message]:
     middle = apply(H, np.zeros((1, 2)))[0]
     text = f"""
 A point x of a plane and its pixel u in the picture are linked by a matrix of nine numbers, the
-homography: u ~ H x (equal up to scale; x in sides of the tag). As the scale is free there are eight
-unknowns. Each corner gives two equations, so four corners are enough:
+homography: u ~ H x (equal up to scale; x in units of the tag's side). As the scale is
+free, there are eight unknowns. Each corner gives two equations, so four corners are enough:
 
 {rows}
 
