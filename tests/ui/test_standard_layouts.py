@@ -66,6 +66,14 @@ def test_a_recording_of_frames_alone_has_their_tree_below_3d(recordings):
         assert panels(standard_layout(recording_pipeline(recording)))[-2:] == ["space", "frames"]
 
 
+def test_a_recording_without_numbers_has_its_messages(recordings):
+    path = recordings / "tagslam/example_13/tag_detections.bag"
+    with closing(open_recording(path)) as recording:
+        layout = standard_layout(recording_pipeline(recording))
+    (topic,) = recording.topics
+    assert {"panel": "messages", "state": {"topic": topic}} in layout["row"]
+
+
 def test_nothing_yet_offers_files():
     for graph in (None, Graph(None, ())):
         assert panels(standard_layout(graph))[0] == "files"

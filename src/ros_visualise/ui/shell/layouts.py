@@ -88,12 +88,15 @@ def _column(topics: Sequence[str]) -> Place | None:
 
 
 def _plot(graph: Graph) -> Place:
-    """A plot of the numbers that people look at first; the frames of a recording of them alone."""
+    """A plot of the numbers that people look at first; without any, the frames or the messages."""
     panes = first_panes(graph)
+    if panes:
+        return {"panel": "plots", "state": {"panes": panes}}
     kinds = {topic.type for topic in graph.topics.values()}
-    if not panes and kinds == {Transforms}:
+    if kinds == {Transforms}:
         return {"panel": "frames"}
-    return {"panel": "plots", "state": {"panes": panes}} if panes else {"panel": "plots"}
+    topics = [] if graph.source is None else [*graph.source.outputs.values()]
+    return {"panel": "messages", "state": {"topic": topics[0]}} if topics else {"panel": "plots"}
 
 
 def _tabs(names: Sequence[str]) -> Place:
