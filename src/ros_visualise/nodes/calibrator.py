@@ -42,7 +42,7 @@ class CalibratorParams:
         min=0,
         max=0.95,
     )
-    dictionary: str = param("", "OpenCV's name for the set of markers; empty: the default set")
+    dictionary: str = param("", "marker dictionary, by its OpenCV name; empty: the default")
     model: Lens = param(Lens.PINHOLE, "lens model")
     file: str = param(
         "camera.yaml",

@@ -185,8 +185,8 @@ LESSON = Lesson(
     "filter or vision: what our own network's first layer has learned, beside Sobel's kernels",
     """
     Sobel's kernels were designed by a person; a network's kernels are learned. Both work on the
-    same {width} x {height} pixels: your picture, or a drawn landscape. How alike are they? And what
-    more is needed to find an object and name it?
+    same {width} x {height} pixels: your picture, or a computer-drawn landscape. How alike are they?
+    And what more is needed to find an object and name it?
     """,
     [
         Step(Kernels),
