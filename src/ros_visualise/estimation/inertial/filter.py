@@ -134,6 +134,10 @@ class InertialFilter:
         """The noise of corners, by how well they fitted lately."""
         return self.settings.noise.scaled(self._level)
 
+    def doubt(self) -> None:
+        """Assume the largest noise of corners, until it is known better."""
+        self._level = _MOST_NOISE
+
     def _learn(self, ratios: Floats) -> None:
         """Raise or lower the noise of corners: blur and noise make them worse."""
         if len(ratios) >= _LEAST:

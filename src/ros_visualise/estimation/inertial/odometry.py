@@ -228,8 +228,11 @@ class InertialOdometry:
             return True
         self._start(first, first.stamp_ns)
         own, self._view_ns = self.filter, view.stamp_ns
-        is_reached = own is not None and all(own.see(*one) for one in views)
-        if own is not None and (own.contradicted or own.used < _LEAST):
+        if own is None:
+            return False
+        own.doubt()  # with much to correct, what is trusted too much is lost for good
+        is_reached = all(own.see(*one) for one in views)
+        if own.contradicted or own.used < _LEAST:
             self.filter, self.reason = None, _MOVES
         else:
             views.clear()
