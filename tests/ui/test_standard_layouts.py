@@ -66,6 +66,17 @@ def test_a_recording_of_frames_alone_has_their_tree_below_3d(recordings):
         assert panels(standard_layout(recording_pipeline(recording)))[-2:] == ["space", "frames"]
 
 
+def test_a_flight_log_has_its_usual_numbers(recordings):
+    path = recordings / "trajectory/px4_ulog/sample_log_small.ulg"
+    with closing(open_recording(path)) as recording:
+        layout = standard_layout(recording_pipeline(recording))
+    panes = layout["row"][1]["column"][1]["state"]["panes"]
+    assert [pane["curves"][0] for pane in panes] == [
+        "/imu/data:angular_velocity.x",
+        "/gps/fix:altitude",
+    ]
+
+
 def test_a_recording_without_numbers_has_its_messages(recordings):
     path = recordings / "tagslam/example_13/tag_detections.bag"
     with closing(open_recording(path)) as recording:

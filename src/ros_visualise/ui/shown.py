@@ -23,7 +23,8 @@ FIRST_FIELDS: Mapping[str, Sequence[str]] = {
 Pane = Mapping[str, Any]
 """A pane of a plot, as it is kept in a page's address."""
 _MOST_PANES, _MOST_TOPICS = 2, 3
-_PLACES = ("", "position.", "pose.position.")
+_COMMANDS = {"Twist", "TwistStamped"}
+_ANGLES = {"theta", "yaw", "heading"}
 _ASIDE = ("rosgraph_msgs/", "rcl_interfaces/")
 
 
@@ -61,28 +62,26 @@ def first_panes(graph: Graph) -> list[Pane]:
     by_type: dict[str, list[str]] = {}
     for topic, spec in graph.topics.items():
         by_type.setdefault(spec.ros.name.rpartition("/")[2], []).append(topic)
-    usual: list[Pane] = [
-        {
-            "curves": [
-                f"{topic}:{field}" for topic in by_type[name][:_MOST_TOPICS] for field in fields
-            ]
-        }
-        for name, fields in FIRST_FIELDS.items()
-        if name in by_type
-    ]
+
+    def pane(name: str) -> Pane:
+        topics, fields = by_type[name][:_MOST_TOPICS], FIRST_FIELDS[name]
+        return {"curves": [f"{topic}:{field}" for topic in topics for field in fields]}
+
+    usual = [name for name in FIRST_FIELDS if name in by_type]
     own = [(topic, _own_numbers(spec.ros)) for topic, spec in graph.topics.items()]
     places: list[Pane] = [
-        {"kind": "xy", "x": f"{topic}:{at}x", "curves": [f"{topic}:{at}y"]}
+        {"kind": "xy", "x": f"{topic}:x", "curves": [f"{topic}:y"]}
         for topic, paths in own
-        for at in _PLACES
-        if {f"{at}x", f"{at}y"} <= {*paths}
+        if {"x", "y"} <= {*paths} and not _ANGLES.isdisjoint(paths)
     ]
     others: list[Pane] = [
         {"curves": [f"{topic}:{path}" for path in paths[:_MOST_TOPICS]]}
         for topic, paths in own
         if paths
     ]
-    return ([*places, *usual] or others)[:_MOST_PANES]
+    measured = [pane(name) for name in usual if name not in _COMMANDS]
+    commanded = [pane(name) for name in usual if name in _COMMANDS]
+    return (measured + places + commanded or others)[:_MOST_PANES]
 
 
 def _own_numbers(ros: TopicType) -> list[str]:
