@@ -64,7 +64,7 @@ export default {
     hasBoxes() { return this.shown.some((one) => this.offers.find(({ topic }) => topic === one)?.boxes); },
     picks() { return !this.readOnly && this.shown.some((one) => this.offers.find(({ topic }) => topic === one)?.picks); },
     note() {
-      if (!this.isKnown) return "";
+      if (!this.isKnown) return this.problem;
       if (!this.topic) return "No image topics";
       if (!this.offer) return `${this.topic} is not in this graph`;
       return this.problem || (this.hasImage ? "" : `No image on ${this.topic} yet`);
@@ -118,6 +118,10 @@ export default {
     const part = (name) => import(`${rv.root}/parts/${name}.js`);
     const [{ images }, { Stage }, values] = await Promise.all([part("images"), part("stage"), part("values")]);
     if (!this.$refs.picture) return;
+    if (!this.$refs.picture.transferControlToOffscreen) {
+      this.problem = "Images need a newer browser: Chrome 97, Firefox 105 or Safari 16.4";
+      return;
+    }
     Object.assign(this, { images, tools: values, facts: "" });
     this.known = new Map();
     this.asking = {};
