@@ -7,6 +7,7 @@ from visual_flight import HEIGHT, Flight
 
 from ros_visualise.estimation.visual.background import MOVING_THINGS, background_rests
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
+from ros_visualise.estimation.visual.window import Keyframe, KeyframeWindow
 
 SIZE = 240, 320
 
@@ -65,3 +66,19 @@ def test_after_a_cut_the_camera_may_be_anywhere():
     assert np.sqrt(np.trace(before.covariance[:3, :3])) < 0.1 * way
     assert np.sqrt(np.trace(after.covariance[:3, :3])) > 3 * way
     assert odometry.counts["losses"] == 1
+
+
+def test_a_keyframe_that_fits_nothing_is_said_not_to_be_held():
+    random = np.random.default_rng(4)
+    points = random.uniform((-1, -1, 3), (1, 1, 6), (30, 3))
+    window = KeyframeWindow(1e-3, np.eye(4)[None])
+    held = []
+    for key in range(4):
+        p = np.array([0.2 * key, 0, 0])
+        rays = (points - p)[:, :2] / points[:, 2:]
+        if key == 3:
+            rays = random.uniform(-1, 1, rays.shape)
+        gray = np.zeros((1, 1), np.uint8)
+        window.add(Keyframe(key, key, np.eye(3), p, np.arange(30), rays[None], gray))
+        held.append(key == 0 or window.adjust())
+    assert held == [True, True, True, False]

@@ -47,6 +47,7 @@ _BELIEVED = 6  # keyframes of a stretch; a shorter one was a mistake
 _PROVEN = 18  # the same, of one whose first part is kept though its end is wrong
 _PASSED = 4  # keyframes after which the background must have moved
 _CUT = "the whole view changes at once, as at a cut"
+_UNFIT = "most of the image does not fit: things move, or the view has changed"
 _LEFT = 0.1  # of the corners, at a cut
 _ANYWHERE = 3  # extents of the path: where the camera may be after a cut
 _MOST_WAITING = 600  # images between the first two keyframes
@@ -344,7 +345,10 @@ class VisualOdometry:
         self._here = found.R, found.p
         if self._is_new_view(stretch, image, found):
             window.add(self._keyframe(image, found.R, found.p))
-            window.adjust()
+            if not window.adjust():
+                window.frames.pop()
+                self._lose(stretch)
+                return self._wait(image, _UNFIT)
             if len(window.frames) >= _PASSED and _is_before_background(window):
                 return self._disbelieve(stretch, image)
             return self._settle(stretch, image)
@@ -407,11 +411,7 @@ class VisualOdometry:
     def _miss(self, stretch: Stretch, image: _Image, found: Located | None) -> VisualPose | None:
         """An image that does not fit; after some of them the map is given up."""
         self._failures += 1
-        reason = (
-            "too few corners"
-            if found is None or found.seen < 2 * _LEAST_USED
-            else ("most of the image does not fit: things move, or the view has changed")
-        )
+        reason = "too few corners" if found is None or found.seen < 2 * _LEAST_USED else _UNFIT
         if self._failures >= _PATIENCE:
             self._lose(stretch)
             return self._wait(image, reason)

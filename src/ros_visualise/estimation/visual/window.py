@@ -40,6 +40,7 @@ _OUTLIER = 3.5  # standard deviations
 _STEPS, _STEPS_AGAIN = 4, 2  # the second time, after outliers were dropped
 _CONVERGED = 1e-2  # of the cost
 _LEAST_POINTS = 8
+_LEAST_HELD = 4  # points of a keyframe, after outliers were dropped
 _LOCATING = (16.0, 4, 1, 1)  # standard deviations beyond which points hardly count, by step
 _START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
 _FAR = 1e-6
@@ -217,13 +218,27 @@ class KeyframeWindow:
             seen[place][:, known] = one.rays[:, at[known]]
         return seen.reshape(-1, len(self.points.ids), 2)
 
-    def adjust(self) -> None:
-        """Fit poses and points to their sightings; drop outliers, whose ids are ``lost`` then."""
+    def adjust(self) -> bool:
+        """Fit poses and points to their sightings; drop outliers, whose ids are ``lost`` then.
+
+        False if a keyframe is left without points, so that nothing can be told of it.
+        """
         self.lost = np.zeros(0, np.int64)
         self._minimise(_STEPS)
-        if self._drop_outliers():
+        if not self._drop_outliers():
+            return True
+        if self._is_held():
             self._minimise(_STEPS_AGAIN)
             self._drop_outliers()
+        return self._is_held()
+
+    def _is_held(self) -> bool:
+        """True if each keyframe sees points, or is known from before."""
+        seen = np.isfinite(self.sightings()[..., 0]).sum(axis=1)
+        each = seen.reshape(len(self.frames), -1).sum(axis=1)
+        known = [] if self.prior is None else self.prior.keys
+        pairs = zip(each, self.frames, strict=True)
+        return all(count >= _LEAST_HELD or one.key in known for count, one in pairs)
 
     def _minimise(self, steps: int) -> None:
         """Levenberg's and Marquardt's method."""
