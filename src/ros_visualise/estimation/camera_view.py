@@ -16,6 +16,9 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
+PLACE = "place_"
+"""First part of the names of places, see `ros_visualise.estimation.visual.place_memory`."""
+
 _CORNERS = 4  # of a tag
 _TURNED_NS = 20_000_000  # over which the turning of a camera on the robot is measured
 _NO_NOISE = np.zeros((8, 8))
@@ -60,6 +63,11 @@ class Sighting:
     def has_corners(self) -> bool:
         """True if its corners can be compared with their expected pixels."""
         return self.rays is not None and self.side_m > 0
+
+    @property
+    def is_place(self) -> bool:
+        """True if it is a view of the camera's own: exact when seen first."""
+        return self.name.startswith(PLACE)
 
     @property
     def has_orientation(self) -> bool:

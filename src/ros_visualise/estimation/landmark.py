@@ -20,6 +20,8 @@ from ros_visualise.geometry.se3 import about_origin, adjoint
 
 SIZE = 0.01
 """Standard deviation of a tag's size, as a fraction: of how it was printed and measured."""
+PLACE_SIZE = 0.03
+"""The same of a place: of its depths, which the odometry gives."""
 
 _SAME = 1.0  # squared distance below which two readings are merged
 
@@ -102,7 +104,7 @@ class Landmark:
     ) -> Landmark:
         """A landmark seen for the first time, from a camera at ``at`` (3,)."""
         number, side_m, stamp_ns = sight.number, sight.side_m, view.stamp_ns
-        new = cls(name, sight.name, number, side_m, keys, evidence, False, stamp_ns)
+        new = cls(name, sight.name, number, side_m, keys, evidence, sight.is_place, stamp_ns)
         new.has_orientation, new._from_p = sight.has_orientation, at
         return new
 
@@ -204,7 +206,8 @@ def begin(state: State, view: CameraView, sight: Sighting) -> Landmark:
     for key, pose in zip(keys, poses, strict=True):
         assert pose.R is not None
         noise, away = seen_noise(pose, camera.R, camera.p), camera.R @ pose.t
-        state.add(key, camera.R @ pose.R, away + camera.p, noise, SIZE)
+        size = PLACE_SIZE if sight.is_place else SIZE
+        state.add(key, camera.R @ pose.R, away + camera.p, noise, size)
         further = np.concatenate([away, np.zeros(3)])[:, None]
         state.share(state.rows(key), further, state.size_of(key))
         state.share(state.rows(key), np.eye(6), POSE)

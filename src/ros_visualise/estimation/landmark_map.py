@@ -322,8 +322,8 @@ class LandmarkMap:
         for sight in sights:
             is_new = sight.name not in self.landmarks and sight.name not in outcome.rejected
             if is_new and any(pose.R is not None for pose in sight.poses):
-                self.landmarks[sight.name] = begin(state, view, sight)
-                outcome.pending.append(sight.name)
+                new = self.landmarks[sight.name] = begin(state, view, sight)
+                (outcome.used if new.is_used else outcome.pending).append(sight.name)
 
     def _begin_points(
         self, state: State, view: CameraView, matches: list[PointMatch], outcome: ImageOutcome

@@ -28,7 +28,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.estimation import messages
-from ros_visualise.estimation.camera_view import turning_of, view_of
+from ros_visualise.estimation.camera_view import PLACE, turning_of, view_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.landmark_map import MapMode
@@ -48,7 +48,6 @@ from ros_visualise.nodes.landmark_localizer import save_landmarks
 log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
-_PLACE = "place_"  # as `place_recognizer` names them
 _TWO_PUBLISH = (
     "another node already publishes {0} -> {1}: starting from its last value; stop it, or play"
     " the recording without its localization"
@@ -168,7 +167,7 @@ class LandmarkNavigator:
         elif objects is not None:
             self._see(self._navigator, objects, params.object_prefix, frames)
         elif places is not None:
-            self._see(self._navigator, places, _PLACE, frames)
+            self._see(self._navigator, places, PLACE, frames)
         for name, message in others.items():
             self._read(name, message, frames)
         is_image = any(one is not None for one in (detections, objects, places))

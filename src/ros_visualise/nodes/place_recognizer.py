@@ -18,6 +18,7 @@ from ros_visualise.data import (
     Image,
     Odometry,
 )
+from ros_visualise.estimation.camera_view import PLACE
 from ros_visualise.estimation.visual.place_memory import PlaceMemory, PlaceSighting
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
@@ -175,5 +176,5 @@ class PlaceRecognizer:
 def _detection(one: PlaceSighting) -> Detection:
     """A sighting as a detection without pixels, whose pose is in the camera's axes."""
     quat = rotations.from_matrix(one.R)
-    hypothesis = Hypothesis(f"place_{one.id}", 1.0, one.t, quat, one.covariance, one.id)
+    hypothesis = Hypothesis(f"{PLACE}{one.id}", 1.0, one.t, quat, one.covariance, one.id)
     return Detection(np.full(2, np.nan), np.full(2, np.nan), 0.0, (hypothesis,), str(one.id))

@@ -5,6 +5,10 @@ is a measurement like that of a tag: it says how far the odometry has drifted si
 robot is after it was carried away. What looks like a place counts only if three views in a row
 agree, if no other place looks nearly as much like it, and if no odometry drifts that far.
 
+The first sighting of a place is the view itself. Its pose there is exact by definition, so the
+place is as uncertain as the robot was, and tells nothing until it is seen again. All its depths err
+by one factor, as a tag does whose size is wrong.
+
 Source: R. Mur-Artal, J. Tardos, ORB-SLAM2, IEEE T-RO 2017 (candidates, geometry, repetition).
 """
 
@@ -35,14 +39,16 @@ _FEWER = 0.5  # of a view's features in the next, below which that is new
 _BESIDE = 8  # views before a place that show its depths
 _LEAST_POINTS = 60  # with depths, of a place
 _KNOWN = 0.4  # of a place's points in view, below which another place begins
-_FIRST = 6  # sightings of a new place, from which its pose is estimated
 _TRIED = 5  # places, by the index
 _OTHER = 0.5  # of the points that agree: another place with more makes a place ambiguous
 _AGREEING, _WITHIN = 2, 4  # earlier views that say the same, of so many
 _SAME = 0.15, 0.08  # of the depth, and rad: sightings that agree
 _DRIFT = 0.1, 0.15  # most of an odometry: of the way, and rad
-_AGAIN = 0.2  # way between sightings of a place, in its depths: those of fewer err alike
-_SCALE = 0.03  # standard deviation of the depths of a place, as a fraction
+_AGAIN = 0.5  # way between sightings of a place, in its depths: those of fewer err alike
+_BESIDE_PLACE = 0.35  # distance of a view from a place, in its depths: farther ones err much more
+_OFF, _TURNED = 0.03, (0.01, 0.03)  # standard deviations by wrong depths: of the place, as a part
+# of that distance; and of the rotation, rad: at the place, and by that distance in depths
+_EXACT = 1e-3, 1e-4  # m and rad: standard deviation of a place in the view that it is
 _TURN = 0.03  # rad: standard deviation of the rotation between views, as on a gimbal
 _WIDEST = 0.3  # cosine of the angle from the axis up to which a lens is used
 
@@ -50,8 +56,7 @@ _WIDEST = 0.3  # cosine of the angle from the axis up to which a lens is used
 class PlaceSighting(NamedTuple):
     """A place in a view: T_camera_place, its covariance, and the points that agree.
 
-    ``id`` is made from what the place looks like, so that no two maps confuse their places. The
-    axes of a place are those of its view, and its origin lies ahead of that by its depth.
+    The axes of a place are those of its view, and its origin lies ahead of that by its depth.
     ``covariance`` (6, 6) is of the position and of a rotation about the camera's axes.
     """
 
@@ -70,7 +75,17 @@ class _KnownPlace:
     part: int  # number of interruptions before
     seen_at: float  # length of the way at its last sighting
     seen_in: int  # the part of that
-    count: int = 0
+    begun_at: float  # length of the way when it was new
+
+    @property
+    def id(self) -> int:
+        """Made from what it looks like, so that no two maps confuse their places."""
+        return zlib.crc32(self.view.features.descriptors.tobytes())
+
+    @property
+    def ahead(self) -> Floats:
+        """(3,) its origin, in its axes from its view."""
+        return np.array([0.0, 0, self.depth])
 
 
 class _Found(NamedTuple):
@@ -123,12 +138,12 @@ class PlaceMemory:
         found = self._candidates(view)
         again = [one for one in found if self._is_confirmed(one, view)]
         self._history.append((view, found))
-        sightings = self._of_newest(view)
-        is_known = bool(sightings) or self._is_followed(view)
+        sightings: list[PlaceSighting] = []
+        is_known = self._is_followed(view)
         for one in again:
             place = self._places[one.number]
             is_known |= len(one.pose.seen) > _KNOWN * (place.inverse > 0).sum()
-            if self._is_due(place):
+            if self._is_due(place, one.pose):
                 sightings.append(self._sighting(one))
                 self.counts["recognized"] += 1
         self._recent.append(view)
@@ -199,13 +214,13 @@ class PlaceMemory:
         return bool(is_near and np.linalg.norm(se3.rotation_vector(off[:3, :3])) < _SAME[1])
 
     def _is_too_far(self, one: _Found, view: SeenPlace) -> bool:
-        """True if the odometry cannot have drifted by so much since the place was seen last."""
+        """True if the odometry cannot have drifted by so much since the place was new."""
         place = self._places[one.number]
         if place.part != self._part:
             return False
         T = _rigid(place.view) @ se3.inverse(se3.from_parts(one.pose.R, one.pose.t))
         off = se3.inverse(_rigid(view)) @ T
-        way = self._way - place.seen_at + float(np.linalg.norm(one.pose.t))
+        way = self._way - place.begun_at + float(np.linalg.norm(one.pose.t))
         far = float(np.linalg.norm(off[:3, 3])) > _DRIFT[0] * way + _SAME[0] * place.depth
         turned = float(np.linalg.norm(se3.rotation_vector(off[:3, :3])))
         return far or turned > _SAME[1] + _DRIFT[1] * np.sqrt(way / max(place.depth, 1e-9) / 10)
@@ -218,32 +233,25 @@ class PlaceMemory:
         )
         return votes >= _AGREEING
 
-    def _is_due(self, place: _KnownPlace) -> bool:
-        """True if a sighting is worth something: the way since the last one is long enough."""
-        return place.seen_in != self._part or self._way - place.seen_at > _AGAIN * place.depth
+    def _is_due(self, place: _KnownPlace, pose: ViewFromPlace) -> bool:
+        """True if a sighting is worth something: near enough, and far from the last one."""
+        if place.seen_in != self._part:
+            return True
+        is_near = float(np.linalg.norm(pose.t)) < _BESIDE_PLACE * place.depth
+        return is_near and self._way - place.seen_at > _AGAIN * place.depth
 
     def _sighting(self, one: _Found) -> PlaceSighting:
         place, pose = self._places[one.number], one.pose
         place.seen_at, place.seen_in = self._way, self._part
-        place.count += 1
-        ahead = np.array([0.0, 0, place.depth])
-        t = pose.R @ ahead + pose.t
+        t = pose.R @ place.ahead + pose.t
         change = se3.about_itself(t)
         covariance = change @ twist_covariance(pose.seen, self._focal) @ change.T
-        covariance[:3, :3] += (_SCALE * np.linalg.norm(pose.t)) ** 2 * np.eye(3)
-        id = zlib.crc32(place.view.features.descriptors.tobytes())
-        return PlaceSighting(id, pose.R, t, covariance, len(pose.seen))
+        away = float(np.linalg.norm(pose.t))
+        sigmas = np.repeat([_OFF * away, _TURNED[0] + _TURNED[1] * away / place.depth], 3)
+        covariance[np.diag_indices(6)] += sigmas**2
+        return PlaceSighting(place.id, pose.R, t, covariance, len(pose.seen))
 
     # new places
-
-    def _of_newest(self, view: SeenPlace) -> list[PlaceSighting]:
-        """The newest place, in the first views after it."""
-        place = self._places.get(self._newest)
-        pose = self._from(self._newest, view) if place else None
-        if place is None or pose is None or place.count >= _FIRST:
-            return []
-        found = _Found(self._newest, pose)
-        return [] if self._is_too_far(found, view) else [self._sighting(found)]
 
     def _is_followed(self, view: SeenPlace) -> bool:
         """True if the newest place still fills much of the view."""
@@ -265,11 +273,11 @@ class PlaceMemory:
             self._forget()
         self._newest = self._index.add(kept)
         self._places[self._newest] = _KnownPlace(
-            of_place, inverse[known], depth, self._part, self._way, self._part
+            of_place, inverse[known], depth, self._part, self._way, self._part, self._way
         )
         self.counts["places"] += 1
-        pose = self._from(self._newest, view)
-        return [] if pose is None else [self._sighting(_Found(self._newest, pose))]
+        own, sigmas = self._places[self._newest], np.repeat(_EXACT, 3)
+        return [PlaceSighting(own.id, np.eye(3), own.ahead, np.diag(sigmas**2), len(own.inverse))]
 
     def _forget(self) -> None:
         """Forget the place that is nearest to another one."""
