@@ -221,7 +221,7 @@ class KeyframeWindow:
     def adjust(self) -> bool:
         """Fit poses and points to their sightings; drop outliers, whose ids are ``lost`` then.
 
-        False if a keyframe is left without points, so that nothing can be told of it.
+        False if a keyframe is left without points, which makes its pose unknown.
         """
         self.lost = np.zeros(0, np.int64)
         self._minimise(_STEPS)
