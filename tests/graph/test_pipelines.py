@@ -213,9 +213,11 @@ def test_its_inputs_may_be_chosen_and_it_then_stands_behind_whoever_publishes_th
 
 def test_an_input_that_nothing_fits_is_named_with_what_there_is():
     landscape, husky = image_pipeline("landscape"), simulation_pipeline("husky")
-    with pytest.raises(UsageError, match="locator: needs a topic of Odometry as odom; none is"):
+    with pytest.raises(
+        UsageError, match="locator: needs a topic of type Odometry for its input odom; none is"
+    ):
         landscape.insert(locator.declared, "filters")
-    with pytest.raises(UsageError, match=r"as odom; add ,odom=TOPIC .* one of /odom, "):
+    with pytest.raises(UsageError, match=r"input odom; add ,odom=TOPIC .* one of /odom, "):
         husky.insert(locator.declared, "filters", {"odom": "/imu/data"})
     with pytest.raises(UsageError, match="locator: no input 'boxes'; choose from image, odom, tf"):
         husky.insert(locator.declared, "filters", {"boxes": "/odom"})

@@ -270,7 +270,7 @@ def test_an_address_that_cannot_be_used_is_an_error_of_ours(net: ZenohNet) -> No
 
 
 def test_a_peer_is_not_waited_for_any_longer_than_asked() -> None:
-    with pytest.raises(Unreachable, match=r"no peer at tcp/127\.0\.0\.1:1 for 0\.1 s"):
+    with pytest.raises(Unreachable, match=r"no peer found at tcp/127\.0\.0\.1:1 within 0\.1 s"):
         ZenohTransport("viewer", Endpoints(connect=["tcp/127.0.0.1:1"], wait_s=0.1))
 
 

@@ -372,7 +372,7 @@ def random_bytes(path: Path) -> None:
         (missing, "no such file"),
         (folder, "a folder"),
         (text, "not a video"),
-        (empty, "an empty file"),
+        (empty, "the file is empty"),
         (half_an_mp4, "its index is missing"),
         (sound, "audio but no video"),
         (random_bytes, "not a video"),

@@ -145,7 +145,10 @@ def test_a_browser_that_goes_or_falls_silent_leaves_nothing(tmp_path, caplog):
                     sender.go()
                 await taken
                 assert (here.names, here.uploads.state) == ([], "")
-        assert "a.mp4: connection closed before the end; partial file removed" in caplog.text
+        assert (
+            "a.mp4: connection closed before the upload was complete; partial file removed"
+            in caplog.text
+        )
         assert "a.mp4: no data for 0.05 s; partial file removed" in caplog.text
 
     run_async(run())

@@ -349,7 +349,7 @@ class Graph:
             if (port in added.stepped or port in found) and found.get(port) not in fitting:
                 hint = f"add ,{port}=TOPIC to its name, with TOPIC one of {', '.join(fitting)}"
                 raise UsageError(
-                    f"{added.name}: needs a topic of {kind.__name__} as {port};"
+                    f"{added.name}: needs a topic of type {kind.__name__} for its input {port};"
                     f" {hint if fitting else 'none is published'}"
                 )
         return found

@@ -22,7 +22,7 @@ _GAP = 8
 class PixelParams:
     """The pixel to look at."""
 
-    x: int = param(-1, "column of the pixel; a click on the picture chooses it; -1: "
+    x: int = param(-1, "column of the pixel (click the picture to choose it); -1: "
         "automatic",
                    min=-1, max=4096, slider=(-1, 640))  # fmt: skip
     y: int = param(-1, "row of the pixel", min=-1, max=4096, slider=(-1, 480))

@@ -89,7 +89,11 @@ class CameraCalibrator:
             self._found = found = calibrate(self._collector.views, self._params.model)
         except RosVisualiseError as error:
             return self._say(str(error))
-        halves = f", halves differ by {found.halves.difference:.2%}" if found.halves else ""
+        halves = (
+            f", the two halves of the views differ by {found.halves.difference:.2%}"
+            if found.halves
+            else ""
+        )
         fx, fy = found.fit.numbers[:2]
         return self._say(f"fx {fx:.1f}, fy {fy:.1f}, rms {found.fit.rms:.2f} px{halves}")
 

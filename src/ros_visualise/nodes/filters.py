@@ -160,7 +160,7 @@ class FiltersParams:
         255, "highest saturation", min=0, max=255, group="hsv", used=_SELECTS
     )
     value_min: int = param(
-        0, "lowest value (brightness), scaled to 8 bits", min=0, max=255, group="hsv", used=_SELECTS
+        0, "lowest brightness (V), 0 to 255", min=0, max=255, group="hsv", used=_SELECTS
     )
     value_max: int = param(
         255, "highest value (brightness)", min=0, max=255, group="hsv", used=_SELECTS

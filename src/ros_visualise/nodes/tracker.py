@@ -1,4 +1,4 @@
-"""The node that gives detections of the same object the same id."""
+"""The node that gives all detections of one object the same id."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class TrackerParams:
 
     high_score: float = param(
         0.5,
-        "minimum score for a detection to start a track, 0 to 1; detections below it, down to the"
-        " mean of this and low_score, can start one too, but carry less weight",
+        "score from which a detection counts fully towards starting a track, 0 to 1; weaker ones,"
+        " down to halfway between this and low_score, count less",
         min=0,
         max=1,
     )

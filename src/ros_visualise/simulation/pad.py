@@ -52,7 +52,7 @@ class PadMotion(Enum):
 class PadParams:
     """Parameters of a landing pad."""
 
-    pad: bool = _pad(False, "add a landing pad; automatic with missions that land on it")
+    pad: bool = _pad(False, "add a landing pad; added automatically for missions that land on it")
     pad_tags: bool = _pad(
         True, "tags on the pad; without them only landmark_detector finds the helipad"
     )

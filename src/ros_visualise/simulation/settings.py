@@ -75,7 +75,7 @@ class ScenarioParams:
         False, "restart the mission a few seconds after its end, while it is being viewed"
     )
     seed: int = setting(
-        0, "seed of all random errors; equal seeds give equal data", min=0, max=2**31 - 1
+        0, "seed of all random errors; the same seed gives the same data", min=0, max=2**31 - 1
     )
     tf_prefix: str = setting(
         "", "prefix of the robot's frames (except map), such as uav1 for uav1/base_link"

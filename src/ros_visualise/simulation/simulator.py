@@ -43,7 +43,7 @@ class Simulation:
     Args:
         robot: one of `ros_visualise.simulation.robots.ROBOTS`.
         world: one of `ros_visualise.simulation.worlds.WORLDS`.
-        seed: of all random errors; equal seeds give equal data.
+        seed: of all random errors; the same seed gives the same data.
         mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None: the robot
             stands and waits.
         settings: of the robot's class; None: the defaults.

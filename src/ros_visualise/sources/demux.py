@@ -166,7 +166,7 @@ def _check_file(path: Path) -> None:
                 f"{path}: not a regular file; for a camera run: ros-visualise camera {path}"
             )
         if path.is_file() and path.stat().st_size == 0:
-            raise OpenError(f"{path}: an empty file; copy or record it again")
+            raise OpenError(f"{path}: the file is empty; copy or record it again")
     except OSError as error:
         raise OpenError.unreadable(path, error) from None
 

@@ -163,7 +163,7 @@ def _open_file(path: Path) -> Recording:
         )
     head = _head(path)
     if not head:
-        raise OpenError(f"{path}: an empty file; copy or record it again")
+        raise OpenError(f"{path}: the file is empty; copy or record it again")
     known = format_of(head)
     if known is not None:
         return known.open(path)

@@ -187,7 +187,7 @@ def test_what_is_not_ros_is_left_out_and_what_is_not_understood_named(tmp_path: 
     assert unreadable == {
         "/proto": "protobuf: only ROS messages are supported",
         "/json": "json: only ROS messages are supported",
-        "/nameless": "cdr: it has no schema",
+        "/nameless": "cdr: no schema",
         "/broken": "my_msgs/msg/Broken: its definition cannot be read",
         "/partial": "my_msgs/msg/Partial: has a field of the unknown type my_msgs/msg/Part",
     }
@@ -307,7 +307,7 @@ def test_closing_from_another_thread_ends_reading(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "an empty file"),
+        (b"", "the file is empty"),
         (b"hello", "not an MCAP file"),
         (b"\x89MCAP1\r\n", "not an MCAP file"),
     ],

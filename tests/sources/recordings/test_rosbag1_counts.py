@@ -59,13 +59,13 @@ def test_a_chunk_that_is_missing_is_counted(made, tmp_path, number):
     found, there = read_through(recording)
     assert found["messages"] == len(there) == len(written) - lost
     assert recording.loss.messages == lost > 0
-    assert f"its index counts {len(written)} messages; found {len(there)}" in recording.loss.notes
+    assert f"its index lists {len(written)} messages; found {len(there)}" in recording.loss.notes
 
 
 def test_an_only_chunk_that_is_missing_is_no_empty_bag(tmp_path):
     drive(tmp_path / "one.bag", steps=2, chunk_size=1 << 20)
     data = (tmp_path / "one.bag").read_bytes()
-    with pytest.raises(OpenError, match=r"no readable messages.* counts 12 messages; found 0"):
+    with pytest.raises(OpenError, match=r"no readable messages.* lists 12 messages; found 0"):
         opened(tmp_path / "a.bag", without(data, chunk_with_index(data, 0)))
 
 
@@ -189,7 +189,7 @@ def test_all_commands_agree(recordings, tmp_path, line):
     command = [sys.executable, "-m", "ros_visualise", line[0], str(path), *options]
     done = forked.run(command, timeout=300)
     assert done.returncode == 1, done.stderr
-    counts = "its index counts 16806 messages; found 15045"
+    counts = "its index lists 16806 messages; found 15045"
     if "--json" in line:
         assert json.loads(done.stdout)["lost"] == {"messages": 1761, "bytes": 0, "notes": [counts]}
     else:

@@ -345,7 +345,7 @@ class TestDamagedIndex:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "an empty file"),
+        (b"", "the file is empty"),
         (b"#ROSBAG V2.0\n" + b"\xff" * 5000, "no readable messages"),
         (b"#ROSBAG V2.0\n" + b"\x01\0\0\0" * 5000, "no readable messages"),
         (b"#ROSBAG V1.2\n" + bytes(100), "rosbag filter"),

@@ -305,7 +305,7 @@ def test_a_journal_that_is_done_with_is_no_loss(tmp_path: Path, mode: str) -> No
     write_bag(tmp_path / "bag", numbered(range(400)))
     recording = open_rosbag2(killed(tmp_path / "bag", tmp_path / "whole", mode, "COMMIT"))
     assert len(written(recording.read())) == 600
-    assert recording.loss.notes == ["metadata.yaml counts 400 messages; found 600"]
+    assert recording.loss.notes == ["metadata.yaml lists 400 messages; found 600"]
     recording.close()
 
 

@@ -264,7 +264,7 @@ def test_a_count_that_differs_is_said(tmp_path: Path, claimed: int) -> None:
     assert found == in_order(messages)
     assert recording.loss.messages == max(0, claimed - len(messages))
     assert recording.loss.notes == [
-        f"metadata.yaml counts {claimed} messages; found {len(messages)}"
+        f"metadata.yaml lists {claimed} messages; found {len(messages)}"
     ]
 
 
@@ -295,7 +295,7 @@ def test_each_count_of_the_metadata_is_compared(
     [file] = about["relative_file_paths"]
     there = 10 if key[:1] == ("topics_with_message_count",) else 30
     told = f"{there - 1} messages{where.format(file=file)}; found {there}"
-    assert recording.loss.notes == [f"metadata.yaml counts {told}"]
+    assert recording.loss.notes == [f"metadata.yaml lists {told}"]
     assert recording.loss.messages == 0
 
 
@@ -315,7 +315,7 @@ def test_rows_that_are_gone_are_said(tmp_path: Path) -> None:
         database.commit()
     _, recording = read(folder)
     assert recording.loss.messages == 3
-    assert recording.loss.notes == ["metadata.yaml counts 30 messages; found 27"]
+    assert recording.loss.notes == ["metadata.yaml lists 30 messages; found 27"]
 
 
 def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
@@ -451,7 +451,7 @@ def test_rows_that_are_gone_from_a_large_file_are_said_at_its_end(
     look(recording)
     look(recording)
     assert recording.loss.messages == 2
-    assert recording.loss.notes == ["metadata.yaml counts 10 messages on /b; found 8"]
+    assert recording.loss.notes == ["metadata.yaml lists 10 messages on /b; found 8"]
 
 
 @pytest.mark.usefixtures("all_large")

@@ -183,5 +183,5 @@ def _describe_empty(options: ConvertOptions) -> str:
     if options.duration is not None:
         words.append(f"from {start_s:g} s to {start_s + options.duration:g} s")
     elif start_s:
-        words.append(f"from {start_s:g} s on")
+        words.append(f"from {start_s:g} s onwards")
     return " ".join(words)

@@ -290,7 +290,7 @@ def _renamed(
     surveyed = [one for one in problem.surveyed if one.tag not in wrong]
     for one in problem.surveyed:
         if one.tag in wrong:
-            text = "its surveyed pose disagrees with the views of other tags; ignored"
+            text = "its surveyed pose disagrees with observations of the other tags; ignored"
             explained.append(Outlier(problem.names[one.tag], SURVEY, text))
     return replace(problem, names=names, sightings=sightings, surveyed=surveyed), explained
 

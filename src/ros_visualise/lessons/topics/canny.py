@@ -54,7 +54,7 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
 class GradientParams:
     """Measurement of the gradient."""
 
-    aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
+    aperture: Aperture = param(Aperture.THREE, "width of the Sobel kernel, pixels")
     l2: bool = param(False, "use √(Gx² + Gy²), which is more exact, instead of |Gx| + |Gy|")
 
 

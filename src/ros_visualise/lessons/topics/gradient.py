@@ -67,7 +67,7 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
 class DerivativesParams:
     """Kernel of the derivatives."""
 
-    aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
+    aperture: Aperture = param(Aperture.THREE, "width of the Sobel kernel, pixels")
 
 
 @dataclass(frozen=True, eq=False)

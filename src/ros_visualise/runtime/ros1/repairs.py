@@ -78,7 +78,7 @@ def _read(connection: socket, size: int, end_s: float) -> bytes:
         except TimeoutError:
             raise ROSHandshakeException("timed out waiting for the header") from None
         if not piece:
-            raise ROSHandshakeException("the peer closed the connection before its header")
+            raise ROSHandshakeException("the peer closed the connection before sending its header")
         found += piece
     return bytes(found)
 

@@ -176,7 +176,9 @@ def _opened(endpoints: Endpoints) -> zenoh.Session:
                 return zenoh.open(config)
         except Unreachable as error:
             if time.monotonic() > end_s:
-                raise Unreachable(f"no peer at {endpoints} for {endpoints.wait_s:g} s") from error
+                raise Unreachable(
+                    f"no peer found at {endpoints} within {endpoints.wait_s:g} s"
+                ) from error
             if not is_reported:
                 log.warning("no peer at %s yet; waiting for it", endpoints)
                 log.debug("%s", error)

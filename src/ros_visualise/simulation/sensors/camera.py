@@ -69,8 +69,8 @@ class CameraSensorParams:
     )
     camera_misalignment: float = _camera(
         0.0,
-        "constant error of the camera's attitude on tf, about each axis (standard deviation),"
-        " degrees",
+        "standard deviation, about each axis, of the fixed error in the camera orientation that"
+        " tf states, degrees",
         min=0,
         max=10,
     )

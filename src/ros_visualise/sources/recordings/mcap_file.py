@@ -47,7 +47,7 @@ from ros_visualise.sources.recordings.unpacking import DamagedData
 
 _ENCODINGS: Mapping[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
 _LANGUAGES = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl")}
-_EMPTY = "an empty file; record or copy it again"
+_EMPTY = "the file is empty; record or copy it again"
 _KNOWN_METADATA = ("callerid", "latching", "md5sum", "offered_qos_profiles", "topic_type_hash")
 
 
@@ -256,7 +256,7 @@ def describe_channel(channel: McapChannel, schema: Schema | None, schemas: Schem
     if encoding not in _LANGUAGES:
         why = f"{encoding or 'no encoding'}: only ROS messages are supported"
     elif schema is None:
-        why = f"{encoding}: it has no schema"
+        why = f"{encoding}: no schema"
     else:
         return _ros_channel(channel, schema, schemas)
     return Channel(channel.topic, schema.name if schema else "", unreadable=why)

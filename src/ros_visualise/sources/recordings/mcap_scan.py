@@ -185,7 +185,7 @@ class _Pieces:
                 counts.append(getattr(statistics, f"{what}_count"))
             for count in counts:
                 if count != seen[kind]:
-                    yield f"its index counts {count} {what} records; found {seen[kind]}"
+                    yield f"its index lists {count} {what} records; found {seen[kind]}"
         if statistics is not None and statistics.message_count != declared.total():
             yield "its statistics contradict each other"
         for start in self._disputed:

@@ -180,7 +180,7 @@ def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: L
     counted += [(f" in {name}", n, files[name]) for name, n in by_file.items() if name in files]
     for where, count, found in counted:
         if count != found and not loss.notes:  # which say why
-            loss.add(f"{METADATA} counts {count} messages{where}; found {found}")
+            loss.add(f"{METADATA} lists {count} messages{where}; found {found}")
 
 
 class CompressedMessages:

@@ -151,7 +151,7 @@ class SqliteFile:
             declared, found = self._declared.pop(number), counts.get(number, 0)
             if found != declared:
                 topic = self.channels[number].topic
-                note = f"{METADATA} counts {declared} messages on {topic}; found {found}"
+                note = f"{METADATA} lists {declared} messages on {topic}; found {found}"
                 self._loss.whole.add(note, max(0, declared - found))
 
     def _survey(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:

@@ -82,7 +82,7 @@ class Uploads:
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"{path.name}: give a file that ends in one of {' '.join(SUFFIXES)}")
         if not 0 < size <= MAX_GIB << 30:
-            raise UsageError(f"{path.name}: give a file of 1 byte to {MAX_GIB} GiB")
+            raise UsageError(f"{path.name}: the file must have between 1 byte and {MAX_GIB} GiB")
         if any(one.path == path for one in self._incoming):
             raise UsageError(f"{path.name}: already being uploaded; choose another name")
         if len(self._incoming) >= _MOST:
@@ -120,7 +120,7 @@ class Uploads:
             return f"no data for {self._idle_s:g} s"
         if isinstance(error, OSError):
             return error.strerror or str(error)
-        return "connection closed before the end"
+        return "connection closed before the upload was complete"
 
 
 class UploadedFile:

@@ -262,14 +262,14 @@ class BagScan:
         self._layout.loss.messages += missing
         if missing:
             there = found.total()
-            notes.append(f"its index counts {there + missing} messages; found {there}")
+            notes.append(f"its index lists {there + missing} messages; found {there}")
         for name, what, there in (
             (b"chunk_count", "chunks", self._seen),
             (b"conn_count", "connections", len(self._layout.connections)),
         ):
             counted = _number(self._header, name)
             if counted > there and not notes:
-                notes.append(f"its header counts {counted} {what}; found {there}")
+                notes.append(f"its header lists {counted} {what}; found {there}")
         if not notes:
             notes.append("its index is damaged; all messages recovered without it")
 

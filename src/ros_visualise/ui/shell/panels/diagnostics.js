@@ -7,7 +7,7 @@ export default {
   template: `
     <div class="rv-diagnostics">
       <div class="rv-tools" role="toolbar" aria-label="Diagnostics">
-        <select v-model="level" aria-label="Level" title="Show this level and worse" @change="keep"><option v-for="one in levels.slice(0, 3)" :key="one">{{ one }}</option></select>
+        <select v-model="level" aria-label="Level" title="Show this level and more severe ones" @change="keep"><option v-for="one in levels.slice(0, 3)" :key="one">{{ one }}</option></select>
         <input v-model="words" type="search" placeholder="Search" aria-label="Search" @change="keep">
         <span>{{ counts }}</span>
       </div>

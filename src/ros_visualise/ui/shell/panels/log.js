@@ -8,7 +8,7 @@ export default {
   template: `
     <div class="rv-log">
       <div class="rv-tools" role="toolbar" aria-label="Log">
-        <select v-model="level" aria-label="Level" title="Show this level and worse" @change="keep"><option v-for="one in levels.slice(0, 4)" :key="one">{{ one }}</option></select>
+        <select v-model="level" aria-label="Level" title="Show this level and more severe ones" @change="keep"><option v-for="one in levels.slice(0, 4)" :key="one">{{ one }}</option></select>
         <select v-model="node" aria-label="Node" title="Show lines from this node" @change="keep"><option value="">All nodes</option><option v-for="one in nodes" :key="one">{{ one }}</option></select>
         <input v-model="words" type="search" placeholder="Search" aria-label="Search" @change="keep">
         <q-btn flat dense size="sm" icon="delete_sweep" aria-label="Clear" title="Clear" @click="lines = []" />

@@ -368,7 +368,7 @@ export default {
       return [
         ["Derivative", also(`derivative(${own})`)],
         ["Integral", also(`integral(${own})`)],
-        ["Moving mean, 1 s", also(`mean(${own}, 1)`)],
+        ["Moving average, 1 s", also(`mean(${own}, 1)`)],
         ["Unwrap angle", also(`unwrap(${own})`)],
         ...angles,
         ["Spectrum", apart("spectrum")],
