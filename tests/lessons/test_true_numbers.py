@@ -355,8 +355,8 @@ def test_bayer(picture):
         for is_edge in (True, False)
     }
     sentence = (
-        "At N % of the pixels without green, these two differences are more than 30 levels apart."
-        " There the error of green is N levels (RMS), against N with the bilinear method. At the"
+        "At N % of the pixels without a green sample, these two differences are more than 30 levels apart."
+        " There the error in green is N levels (RMS), against N with the bilinear method. At the"
         " other pixels it is N, against N"
     )
     expected = [off[name, e] for e in (True, False) for name in ("edge_aware", "bilinear")]

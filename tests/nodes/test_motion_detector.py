@@ -1,4 +1,4 @@
-"""Moving objects in images of a still camera."""
+"""Moving objects in images of a stationary camera."""
 
 import numpy as np
 import pytest

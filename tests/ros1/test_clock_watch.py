@@ -22,7 +22,7 @@ LAUNCH = """<launch>
   </node>
 </launch>"""
 LATE = "sh -c 'sleep 5; exec &quot;$0&quot; &quot;$@&quot;'"
-WORDS = "nobody publishes /clock"
+WORDS = "nothing publishes /clock"
 LONGER_THAN_ITS_PATIENCE_S = 4
 
 

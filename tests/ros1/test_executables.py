@@ -395,7 +395,7 @@ def test_time_that_stands_still_is_said_with_what_mends_it(start, video, ros_mas
             line = node.stdout.readline()
             assert line, "it ended without a word"
             said += line
-        assert "nobody publishes /clock" in said
+        assert "nothing publishes /clock" in said
     finally:
         rospy.delete_param("/use_sim_time")
 

@@ -125,7 +125,7 @@ def test_a_file_arranges_the_page(port, runtime, tmp_path):
 @pytest.mark.parametrize("text", ["[1, 2]", "a: {b: 1}", "1: 2", "a: [1]"])
 def test_files_that_are_no_layout(tmp_path, text):
     (tmp_path / "l.yaml").write_text(text)
-    with pytest.raises(OpenError, match="must contain lines SETTING: VALUE"):
+    with pytest.raises(OpenError, match="must contain lines of the form SETTING: VALUE"):
         read_arrangement(tmp_path / "l.yaml")
     with pytest.raises(OpenError, match=r"none\.yaml: no such file; did you mean l\.yaml"):
         read_arrangement(tmp_path / "none.yaml")

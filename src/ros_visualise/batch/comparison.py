@@ -39,7 +39,7 @@ METRICS: Mapping[str, str] = {
     "nees": "increase in the mean NEES against the truth",
     "images": "mean relative difference in brightness, contrast and sharpness",
     "fields": "largest difference in numeric fields",
-    "cpu": "ratio of processor times",
+    "cpu": "ratio of CPU times",
     "step": "ratio of the median durations of a node's step",
     "p99": "ratio of the 99th percentiles of a node's latency",
 }

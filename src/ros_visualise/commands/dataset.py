@@ -30,8 +30,8 @@ class DatasetOptions:
     every: int = option(1, "use only every N-th image with detections", type=count, metavar="N")
     action: str = option(
         "",
-        "for lerobot, the topic of the robot's commands, kept by the batch's --fields '/cmd_vel.*'"
-        " (default: the velocity of the poses)",
+        "for lerobot, the topic of the robot's commands; the batch must have kept it, with --fields"
+        " '/cmd_vel.*' (default: the velocity computed from the poses)",
         metavar="TOPIC",
     )
 

@@ -125,7 +125,7 @@ class LandmarkNavigator:
         self._messages = messages.RenewedMessages()
 
     def reset(self) -> None:
-        """Start over: time jumped. The map that was built so far is kept."""
+        """Start over: time jumped. The map built so far is kept."""
         if self._navigator is not None and self._navigator.map.used:
             self._navigator.reset()
         else:

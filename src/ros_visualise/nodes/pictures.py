@@ -44,7 +44,7 @@ class PicturesParams:
 
 @source("pictures", params=PicturesParams, outputs={"image": Image})
 class PicturesNode:
-    """Play a picture, or all pictures in a folder, in order of name."""
+    """Play a picture, or all pictures in a folder, sorted by name."""
 
     def __init__(
         self, params: PicturesParams, playback: Playback, series: Sequence[Series] = ()

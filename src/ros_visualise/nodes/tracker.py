@@ -88,8 +88,8 @@ class TrackerParams:
     )
     camera_motion: CameraMotion = param(
         CameraMotion.AUTO,
-        "source of the camera's motion: odometry (tf and calibration), the image, none (a still"
-        " camera), or auto: odometry if available, else the image",
+        "source of the camera's motion: odometry (tf and calibration), the image, none (the camera"
+        " does not move), or auto: odometry if available, else the image",
     )
     lines: str = param(
         "",

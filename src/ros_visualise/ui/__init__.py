@@ -118,7 +118,9 @@ def read_arrangement(path: Path) -> Arrangement:
     found = open_yaml(path, "give a file written by 'Save layout'") or {}
     is_one = isinstance(found, dict) and all(isinstance(name, str) for name in found)
     if not is_one or not all(isinstance(value, Value) for value in found.values()):
-        raise OpenError(f"{path}: must contain lines SETTING: VALUE, such as windows/path: false")
+        raise OpenError(
+            f"{path}: must contain lines of the form SETTING: VALUE, such as windows/path: false"
+        )
     return dict(found)
 
 

@@ -44,12 +44,12 @@ def check_windows() -> None:
         raise OpenError(
             "this build of OpenCV cannot open windows; run: pip uninstall"
             " opencv-python-headless, then "
-            "pip install '.[desktop]'; or use the page (view web)"
+            "pip install '.[desktop]'; or use the page (--view web)"
         )
     if trial.returncode:
         raise OpenError(
-            f"{_what_is_wrong(trial.stderr)}; use the page (view web), or connect with ssh -X from "
-            "another machine"
+            f"{_what_is_wrong(trial.stderr)}; use the page (--view web), or connect with ssh -X"
+            " from another machine"
         )
 
 

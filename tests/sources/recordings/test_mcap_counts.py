@@ -251,4 +251,4 @@ def test_all_commands_agree(made, tmp_path):
         command = [sys.executable, "-m", "ros_visualise", *map(str, line)]
         done = forked.run(command, timeout=200)
         assert done.returncode == 1, done.stderr
-        assert "its statistics count 60 messages" in done.stdout + done.stderr
+        assert "its statistics record lists 60 messages" in done.stdout + done.stderr

@@ -144,9 +144,9 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
     valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
     difference = cv2.absdiff(back, seen.straight).mean(axis=2)
     text = """
-        For each pixel of the straight picture we compute where the lens has moved it, and take the
-        colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} % of
-        the picture is recovered{rest}. The recovered part differs from the truth by
+        For each pixel of the undistorted picture we compute where the lens has moved it, and take
+        the colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} %
+        of the picture is recovered{rest}. The recovered part differs from the truth by
         {difference:.2f} levels on average, because it was interpolated twice.
         """
     rest = "" if valid.all() else "; the black part was outside the view of the lens"

@@ -52,7 +52,7 @@ class FilmParams:
     count: int = param(150, "number of corners to follow", min=50, max=1000, slider=(50, 400))
     threshold: float = param(1.0, "smallest accepted eigenvalue, percent of the best corner's",
                              min=0.01, max=100, slider=(0.1, 20))  # fmt: skip
-    focal: float = param(0.8, "focal length as a fraction of the image's width, without a "
+    focal: float = param(0.8, "focal length as a fraction of the image's width, if there is no "
                          "calibration", min=0.2, max=5, slider=(0.3, 2))  # fmt: skip
 
 

@@ -46,8 +46,9 @@ def watch_clock(is_over: Callable[[], bool]) -> None:
             settled_s = now_s
         elif now_s - settled_s > _PATIENCE_S:
             log.warning(
-                "/use_sim_time is set and nobody publishes /clock: simulated time is not advancing."
-                " If no clock is expected: rosparam delete /use_sim_time, and restart this node"
+                "/use_sim_time is set and nothing publishes /clock: simulated time is not"
+                " advancing. If no clock is expected: rosparam delete /use_sim_time, and restart"
+                " this node"
             )
             return
         time.sleep(_LOOK_S)

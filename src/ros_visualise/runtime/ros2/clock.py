@@ -35,7 +35,7 @@ def watch_clock(node: Node, is_over: Callable[[], bool]) -> None:
     while uses_sim_time(node) and not (is_over() or clock.now().nanoseconds):
         if time.monotonic() > end_s:
             log.warning(
-                "use_sim_time is set and nobody publishes /clock: simulated time is not advancing."
+                "use_sim_time is set and nothing publishes /clock: simulated time is not advancing."
                 " If no clock is expected, restart %s with -p use_sim_time:=false",
                 node.get_fully_qualified_name(),
             )

@@ -178,7 +178,7 @@ class _Pieces:
         if found != declared:
             there, counted = found.total(), declared.total()
             of = f"{counted} messages" if counted != there else f"{there} messages on other topics"
-            yield f"its statistics count {of}; found {there}"
+            yield f"its statistics record lists {of}; found {there}"
         for what, kind, index in _COUNTED:
             counts = [seen[index]] if seen[index] else []
             if statistics is not None:

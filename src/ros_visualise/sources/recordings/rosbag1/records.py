@@ -96,7 +96,7 @@ def time_ns(fields: Fields, name: bytes) -> int:
     """A time as nanoseconds."""
     value = fields.get(name, b"")
     if len(value) != _TIME.size:
-        raise DamagedData(f"{name.decode()} holds no time")
+        raise DamagedData(f"the field {name.decode()} is not a valid time")
     sec, nanosec = _TIME.unpack(value)
     return int(sec) * 1_000_000_000 + int(nanosec)
 
