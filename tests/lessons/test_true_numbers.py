@@ -355,9 +355,9 @@ def test_bayer(picture):
         for is_edge in (True, False)
     }
     sentence = (
-        "At N % of the pixels without a green sample, these two differences are more than 30 levels apart."
-        " There the error in green is N levels (RMS), against N with the bilinear method. At the"
-        " other pixels it is N, against N"
+        "At N % of the pixels without a green sample, these two differences are more than 30 levels"
+        " apart. There the error in green is N levels (RMS), against N with the bilinear method."
+        " At the other pixels it is N, against N"
     )
     expected = [off[name, e] for e in (True, False) for name in ("edge_aware", "bilinear")]
     holds(texts["edge_aware"], sentence, 100 * edge[guessed[inner]].mean(), *expected)
