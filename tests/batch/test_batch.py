@@ -186,7 +186,7 @@ def test_segments_have_the_rows_of_the_whole(tmp_path):
     drive(tmp_path / "drive.mcap", 60)
     kept = batch(tmp_path / "drive.mcap", "--out", parts, "--segment", "1s", "--json")
     assert json.loads(kept.stdout)["tasks"] == 1
-    assert "not split, because path needs the whole recording" in kept.stderr
+    assert "not split, because the whole recording is needed by path" in kept.stderr
 
 
 def test_damaged_films_are_decoded_in_one_thread_so_that_rows_stay_the_same(once):

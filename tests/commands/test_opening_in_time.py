@@ -32,7 +32,7 @@ def test_what_comes_too_late_is_closed(asked: bool):
     if asked:
         assert opened_within(PATH, LONG_S, request, late, Event.set) is None
     else:
-        with pytest.raises(OpenError, match=r"^x.bag: not open after 0 s"):
+        with pytest.raises(OpenError, match=r"^x.bag: not opened within 0 s"):
             opened_within(PATH, 0, request, late, Event.set)
     assert not closed.is_set()
     come.set()

@@ -285,7 +285,7 @@ def test_the_folder_is_removed_while_it_is_recorded(tmp_path: Path, name: str) -
         _, error = process.communicate(timeout=60)
     assert process.returncode == 1
     (line,) = (line for line in error.splitlines() if "moved or removed" in line)
-    assert line.endswith("moved or removed while it was written; nothing was kept")
+    assert line.endswith("moved or removed while it was being written; nothing was kept")
     assert "Traceback" not in error
 
 

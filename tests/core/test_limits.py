@@ -88,7 +88,7 @@ def test_a_picture_is_refused_by_its_head(make):
 @pytest.mark.parametrize("make", [png, pgm])
 def test_nobody_is_advised_to_take_more_memory_than_a_computer_has(make):
     data = np.frombuffer(make(2**31 - 1, 2**31 - 1), np.uint8)
-    with pytest.raises(TooLarge, match="limit: 128 MiB; its declared size is damaged; copy"):
+    with pytest.raises(TooLarge, match="limit: 128 MiB; its declared size must be wrong; copy"):
         decompress(CompressedImage(data, "picture"))
 
 
@@ -162,7 +162,7 @@ def test_a_film_of_large_frames_is_refused_before_one_is_decoded(tmp_path, comma
 
 
 def test_a_disk_keeps_room(tmp_path):
-    with pytest.raises(OpenError, match="are free; make room, or set TMPDIR"):
+    with pytest.raises(OpenError, match="is free; make room, or set TMPDIR"):
         limits.check_disk(tmp_path, 2**60)
     limits.check_disk(tmp_path, 1)
 
@@ -172,5 +172,5 @@ def test_a_disk_keeps_1_gib_or_less(tmp_path, monkeypatch, total, reserve):
     usage = SimpleNamespace(total=total, used=0, free=reserve + 100)
     monkeypatch.setattr(limits.shutil, "disk_usage", lambda _: usage)
     limits.check_disk(tmp_path, 100)
-    with pytest.raises(OpenError, match="are free; make room"):
+    with pytest.raises(OpenError, match="is free; make room"):
         limits.check_disk(tmp_path, 101)

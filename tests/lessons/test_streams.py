@@ -196,7 +196,7 @@ def test_the_graph_counts_messages_and_drops(monkeypatch):
     assert shown(text, "N messages have arrived on this topic. The rate of the last N:") == [20, 20]
     assert shown(text, "by their stamps N a second, every N ± N ms") == [25, 40, 0]
     text = " ".join(taken["text"].text.split())
-    holds(text, "works N ms on each message, so it can process N per second", 100, 10)
+    holds(text, "spends N ms on each message, so it can process N per second", 100, 10)
     holds(text, "Of N messages it processed N; N (N %) were dropped", 17, 5, 12, 100 * 12 / 17)
 
 

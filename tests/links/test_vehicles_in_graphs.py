@@ -86,6 +86,6 @@ def test_one_end_of_a_line_is_no_other_one():
     with pytest.raises(UsageError, match="given twice"):
         as_vehicle(robot, ["udp://:14550", "udp://:14550"])
     with pytest.raises(
-        UsageError, match="--mavlink-vehicle uses the same address; give it udpout://"
+        UsageError, match="--mavlink-vehicle uses the same address; give --mavlink-vehicle udpout"
     ):
         with_vehicles(as_vehicle(robot, ["udp://:14550"]), ["udp://:14550"])

@@ -195,9 +195,9 @@ def test_a_pair_of_colours_for_each_pixel_is_read_as_bgr8() -> None:
 @pytest.mark.parametrize(
     ("encoding", "height", "width", "step", "size", "why"),
     [
-        ("yuv422", 1, 3, 6, 6, "yuv422 of an odd size, 3x1 pixels"),
-        ("nv12", 3, 2, 2, 9, "nv12 of an odd size, 2x3 pixels"),
-        ("nv21", 2, 3, 3, 9, "nv21 of an odd size, 3x2 pixels"),
+        ("yuv422", 1, 3, 6, 6, "yuv422 with an odd number of rows or columns, 3x1 pixels"),
+        ("nv12", 3, 2, 2, 9, "nv12 with an odd number of rows or columns, 2x3 pixels"),
+        ("nv21", 2, 3, 3, 9, "nv21 with an odd number of rows or columns, 3x2 pixels"),
         ("nv12", 2, 2, 2, 8, "nv12 of 2x2 .* needs 6 bytes, but the message holds 8"),
         ("nv21", 2, 2, 1, 3, "needs 2 bytes, but its step is 1"),
         ("nv24", 2, 2, 2, 8, "needs 12 bytes, but the message holds 8"),

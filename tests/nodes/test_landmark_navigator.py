@@ -217,7 +217,7 @@ def test_a_camera_whose_place_is_not_known_is_said(params):
 
 
 def test_without_a_map_only_a_new_one_can_be_built():
-    with pytest.raises(OpenError, match="mode frozen needs a map; set the parameter map to"):
+    with pytest.raises(OpenError, match="mode frozen needs a map; set the parameter 'map' to"):
         LandmarkNavigator(NavigatorParams(mode=MapMode.FROZEN))
 
 

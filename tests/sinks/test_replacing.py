@@ -104,7 +104,7 @@ def test_what_has_the_name_by_now_stays(old: Path, tmp_path: Path) -> None:
     recorder.write("/a", noise(0))
     old.rename(tmp_path / "away")
     other.rename(old)
-    with pytest.raises(RecordingError, match="the old one was replaced meanwhile"):
+    with pytest.raises(RecordingError, match="the old one was replaced in the meantime"):
         recorder.close()
     assert count(old) == 4
     assert count(beside(old)) == 1
@@ -235,7 +235,9 @@ def test_a_folder_that_is_removed_ends_it(tmp_path: Path, name: str, late: bool)
         recorder.close() if late else write_all(recorder, range(0, 9 * 10**9, 10**9))
     recorder.close()
     assert str(error.value).startswith(str(target))
-    assert str(error.value).endswith("moved or removed while it was written; nothing was kept")
+    assert str(error.value).endswith(
+        "moved or removed while it was being written; nothing was kept"
+    )
 
 
 def test_a_kill_at_any_moment_leaves_the_old_or_the_new_one(tmp_path: Path) -> None:

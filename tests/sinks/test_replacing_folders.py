@@ -84,7 +84,7 @@ def test_what_comes_while_it_is_written_stays(tmp_path: Path) -> None:
     recorder = open_recorder(str(folder), TOPICS, overwrite=True)
     recorder.write("/a", noise(0))
     (folder / "notes.txt").write_text("precious")
-    with pytest.raises(RecordingError, match="was changed meanwhile") as error:
+    with pytest.raises(RecordingError, match="was changed in the meantime") as error:
         recorder.close()
     assert f"kept in {folder}.part; {folder} is unchanged" in str(error.value)
     assert sorted(content(folder)) == ["metadata.yaml", "notes.txt", "r_0.mcap"]

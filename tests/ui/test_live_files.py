@@ -91,8 +91,8 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, chooser
         ("virus.py", 4, "give a file that ends in one of"),
         ("folder", 4, "give a file that ends in one of"),
         ("old.mp4", 4, "exists"),
-        ("empty.mp4", 0, "the file must have between 1 byte and 8 GiB"),
-        ("large.mp4", (8 << 30) + 1, "the file must have between 1 byte and 8 GiB"),
+        ("empty.mp4", 0, "the file must be between 1 byte and 8 GiB in size"),
+        ("large.mp4", (8 << 30) + 1, "the file must be between 1 byte and 8 GiB in size"),
         ("short.mp4", 2, "size differs from the declared one"),
     ],
 )

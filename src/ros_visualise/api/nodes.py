@@ -35,7 +35,7 @@ class NodeAnswer(dict[str, Message]):
         if not isinstance(found, kind):
             there = ", ".join(f"{name}: {type(one).__name__}" for name, one in self.items())
             raise UsageError(
-                f"no output {output} of type {kind.__name__}; the answer has {there or 'none'}"
+                f"no output {output} of type {kind.__name__}; the result has {there or 'none'}"
             )
         return found
 

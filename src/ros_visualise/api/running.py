@@ -86,7 +86,7 @@ def run(
     """
     wanted = _wanted(graph, [topics] if isinstance(topics, str) else topics, kind)
     if graph.source is None:
-        raise UsageError("the graph has no source; make it with pipeline(PATH)")
+        raise UsageError("the graph has no source; make the graph with pipeline(PATH)")
     runtime = LocalRuntime(graph, Playback(rate=0))
     order = Ordering(graph, wanted)
     queue = OrderedQueue(order, "run")

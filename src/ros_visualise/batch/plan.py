@@ -81,7 +81,7 @@ def split(
         length_s = (about.end_ns - about.start_ns) * _NS
         count = max(1, int(length_s / segment_s + 1 - _LEAST_PART))
         if count > 1 and about.unsplittable:
-            needs = f"{', '.join(about.unsplittable)} needs the whole recording"
+            needs = f"the whole recording is needed by {', '.join(about.unsplittable)}"
             say(f"{one.recording}: not split, because {needs}")
             count = 1
         ends = [segment_s * number for number in range(1, count)]

@@ -17,8 +17,8 @@ class DatasetOptions:
     out: Path = argument("new folder for the data set", metavar="OUT")
     format: str = option(
         "coco",
-        "coco (default) or yolo: images and boxes of detections; lerobot: images, poses and actions"
-        " of driven robots (version 3)",
+        "coco (default) or yolo: images and boxes of detections; lerobot (format version 3):"
+        " images, poses and actions of robots that are driven",
         choices=("coco", "yolo", "lerobot"),
     )
     validation: float = option(

@@ -34,7 +34,7 @@ def check_sync(name: str, sync: SyncPolicy, inputs: Mapping[str, type]) -> None:
     """Check that a policy can match the messages of these inputs."""
     if not isinstance(sync, SyncPolicy):
         ways = "Each(), Exact(), Approximate(SECONDS) or Latest(INPUT)"
-        raise UsageError(f"node {name}: invalid sync={sync}; use {ways} of ros_visualise.nodes")
+        raise UsageError(f"node {name}: invalid sync={sync}; use {ways} from ros_visualise.nodes")
     if sync != EACH and len(inputs) < 2:
         there = ", ".join(inputs) or "none"
         raise UsageError(f"node {name}: {sync} needs several inputs; this node has {there}")

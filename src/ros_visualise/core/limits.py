@@ -151,7 +151,7 @@ def check_disk(folder: Path, size: int) -> None:
     disk = shutil.disk_usage(folder)
     if disk.free < size + disk_reserve(disk.total)[0]:
         raise OpenError(
-            f"needs {_written(size)} or more in {folder}, where {_written(disk.free)} are free;"
+            f"needs {_written(size)} or more in {folder}, where {_written(disk.free)} is free;"
             " make room, or set TMPDIR to a folder on a larger disk"
         )
 
@@ -160,7 +160,7 @@ def _advice(size: int, share: int) -> str:
     needed = math.ceil(size * share / _GIB)
     limit = f"; limit: {_written(_max_memory // share)}"
     if needed > _MOST_GIB:
-        return f"{limit}; its declared size is damaged; copy or record it again"
+        return f"{limit}; its declared size must be wrong; copy or record it again"
     return f"{limit}; if you trust it, add --max-memory {needed}G"
 
 

@@ -53,7 +53,9 @@ def inside(folder: Path, name: str) -> Path:
         raise UsageError(f"{name!r}: give a plain name, without folders or a leading dot")
     path = folder / name
     if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
-        raise UsageError(f"{name!r}: a symbolic link that leaves the folder; choose another name")
+        raise UsageError(
+            f"{name!r}: a symbolic link to a place outside the folder; choose another name"
+        )
     return path
 
 

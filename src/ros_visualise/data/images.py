@@ -280,7 +280,7 @@ def _planes(message: Any, name: str) -> Deferred:
 def _need_even(message: Any, *sides: int) -> None:
     if any(side % 2 for side in sides):
         size = f"{message.width}x{message.height}"
-        raise ValueError(f"{message.encoding} of an odd size, {size} pixels")
+        raise ValueError(f"{message.encoding} with an odd number of rows or columns, {size} pixels")
 
 
 def yuv422_to_bgr(packed: Pixels, order: str) -> Pixels:

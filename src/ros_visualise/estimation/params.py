@@ -144,7 +144,8 @@ class ImuErrorParams:
     )
     imu_clock: float = param(
         2e-3,
-        "uncertainty of the delay between IMU rates and odometry (standard deviation), seconds",
+        "uncertainty of the delay between the IMU's angular rates and odometry (standard"
+        " deviation), seconds",
         min=0,
         max=0.5,
         slider=(0, 0.02),
@@ -166,8 +167,8 @@ class CameraErrorParams:
     )
     delay: float = param(
         0.5,
-        "maximum delay of a measurement, seconds; each is applied at its own timestamp, and later"
-        " ones are dropped",
+        "maximum delay of a measurement, seconds; a measurement is applied at its own time stamp,"
+        " or dropped if it arrives later than this",
         min=0.01,
         max=60,
         slider=(0.1, 2),
@@ -244,7 +245,7 @@ class NavigatorParams(
     )
     min_sightings: int = param(
         5,
-        "sightings needed before a new landmark corrects the robot",
+        "sightings needed before a new landmark is used to correct the robot's pose",
         min=1,
         max=1000,
         slider=(1, 20),

@@ -99,7 +99,7 @@ class EventWindow:
         return is_past
 
     def _drop_late(self, name: str, stamp_ns: int) -> None:
-        self.dropped[f"{name}: older than the parameter delay allows"] += 1
+        self.dropped[f"{name}: older than the parameter 'delay' allows"] += 1
         newest_ns = self.filter.odometer.newest_ns
         if newest_ns is not None:
             self.late_s = {**self.late_s, name: (newest_ns - stamp_ns) / 1e9}

@@ -39,8 +39,8 @@ def with_vehicles(graph: Graph, addresses: Sequence[str]) -> Graph:
             )
         if line in own:
             raise UsageError(
-                f"--mavlink {line}: --mavlink-vehicle uses the same address; give it"
-                f" udpout://HOST:PORT instead"
+                f"--mavlink {line}: --mavlink-vehicle uses the same address; give"
+                " --mavlink-vehicle udpout://HOST:PORT instead"
             )
         node = _beside(graph, place(find_node(_AUTOPILOT), {}), number)
         settings = {"address": line, "system": system, "simulated": is_simulated}

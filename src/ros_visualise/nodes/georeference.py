@@ -69,8 +69,8 @@ class GeoreferenceParams:
     )
     camera_pitch: float = param(
         90.0,
-        "downward tilt from the horizon, degrees, of a camera fixed to base_link whose frame is not"
-        " on /tf; 90: straight down, with the top of its image forward",
+        "downward tilt from the horizon, degrees, of a camera fixed to base_link, if its frame is"
+        " not on /tf; 90: straight down, with the top of its image forward",
         min=-90,
         max=90,
     )
@@ -152,7 +152,7 @@ class GeoreferenceParams:
     terrain: str = param(
         "",
         "file with a terrain model, such as GeoTIFF or .hgt, to use instead of level ground; needs"
-        " the extra terrain",
+        " the pip extra [terrain]",
         group="ground",
         file=bool,
     )

@@ -116,7 +116,7 @@ class LandingTargetParams:
     )
     ground_height: float = param(
         0.0,
-        "height of the target in the fixed frame until its distance is measured, metres",
+        "height assumed for the target in the fixed frame until its distance is measured, metres",
         min=-1e4,
         max=1e4,
         slider=(-10, 10),
@@ -163,7 +163,7 @@ class LandingTargetParams:
     splittable=False,
 )
 class LandingTarget:
-    """Estimates the pose of the landing target relative to the robot, also between images.
+    """Estimates the pose of the landing target relative to the robot, even between images.
 
     It publishes nothing while the target is lost. ``landing_target_odom`` is the odometry of the
     target, with its velocity, in the fixed frame.

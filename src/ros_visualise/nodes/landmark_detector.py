@@ -73,8 +73,8 @@ class LandmarkParams:
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
-        "point of a box taken as its point on the ground, if the network reports none: the middle"
-        " of the lower side, or the centre (for views from above)",
+        "the point of a box that is used as the object's point on the ground, if the network"
+        " reports none: the middle of the lower side, or the centre (for views from above)",
         group="direction",
     )
     box_sigma: float = param(
@@ -122,7 +122,7 @@ class LandmarkParams:
     calibrated=True,
 )
 class LandmarkDetector:
-    """Detects objects with a neural network (ONNX); a calibration adds their directions."""
+    """Detects objects with a neural network (ONNX); with a calibration, their directions too."""
 
     def __init__(self, params: LandmarkParams) -> None:
         self._remarks = OnceLog("landmark_detector")

@@ -96,7 +96,7 @@ class LocalizerParams(MapParams):
     splittable=False,
 )
 class LandmarkLocalizer:
-    """Maps landmarks in a fixed frame, from detections with poses and the tf tree.
+    """Maps landmarks in a fixed frame, from the tf tree and detections with poses.
 
     A landmark does not move, so its frame is one of ``tf_static``.
     """
@@ -120,7 +120,7 @@ class LandmarkLocalizer:
         self._start_over("time jumped")
         self._odometry: deque[Odometry] = deque(maxlen=_KEPT)
 
-    @action("write the landmarks to the file save_to")
+    @action("write the landmarks to the file that save_to names")
     def save_map(self) -> None:
         """Write the map; replace its former file when it is complete."""
         frame_id = self._frame or self._params.fixed_frame

@@ -106,7 +106,7 @@ class LandmarkNavigator:
             return
         if not params.map:
             raise OpenError(
-                f"mode {params.mode.value} needs a map; set the parameter map to its file"
+                f"mode {params.mode.value} needs a map; set the parameter 'map' to its file"
             )
         self._frame, several, self._common = map_file.load(Path(params.map))
         self._given = _named(several)

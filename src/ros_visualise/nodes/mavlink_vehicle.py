@@ -19,8 +19,8 @@ class MavlinkVehicleParams:
 
     address: str = param(
         "udp://:14550",
-        "addresses for ground stations, separated by spaces, in the same form as those of the node"
-        " autopilot",
+        "addresses for ground stations, separated by spaces, in the same form as those of the"
+        " autopilot node",
         restart=True,
     )
     system: int = param(1, "MAVLink system of the vehicle", min=1, max=255, restart=True)

@@ -113,7 +113,7 @@ class MosaicParams:
     splittable=False,
 )
 class Mosaicking:
-    """Projects images onto level ground to make a map of everything seen, also as a GeoTIFF.
+    """Projects images onto level ground to make a map of everything seen; saves it as GeoTIFF.
 
     ``footprint`` is the part of the ground that an image shows, ``picture`` the mosaic, both in
     GeoJSON. The place on the Earth is that of the source's origin, else estimated from fixes.
@@ -163,7 +163,7 @@ class Mosaicking:
         """Number of images that were laid, and the side of a pixel, metres."""
         return {"laid": self._laid, "resolution": self._mosaic.resolution_m}
 
-    @action("write the mosaic to the file save_to")
+    @action("write the mosaic to the file that save_to names")
     def save_mosaic(self) -> None:
         """Write the mosaic as GeoTIFF; raises ParameterError without a name."""
         path, origin = Path(self._params.save_to), self._finder.origin

@@ -90,7 +90,9 @@ def opened_within(
         if request.asked:
             return None
         if is_late:
-            raise OpenError(f"{name}: not open after {limit_s:g} s; open it on the command line")
+            raise OpenError(
+                f"{name}: not opened within {limit_s:g} s; open it from the command line"
+            )
     return work.result()
 
 

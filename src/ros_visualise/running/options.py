@@ -83,7 +83,7 @@ class ViewingOptions:
         "let anyone who can reach the page use it (default: its address contains a secret token)",
     )
     open: bool | None = option(
-        None, "open the page in a browser (default: from a terminal on a desktop)"
+        None, "open the page in a browser (default: only when started from a terminal on a desktop)"
     )
     layout: Path | None = option(
         None,

@@ -25,7 +25,7 @@ class PlayingParams(LiveParams):
 
     paused: bool = param(
         False,
-        "pause; becomes true at the end; set it to false then to play again from the start",
+        "pause; becomes true at the end; to play again from the start, set it back to false",
         saved=False,
     )
     rate: float = param(

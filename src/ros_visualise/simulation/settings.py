@@ -72,7 +72,7 @@ class ScenarioParams:
         file=lambda mission: mission not in ("", "none", "default", *SHAPES),
     )
     repeat: bool = setting(
-        False, "restart the mission a few seconds after its end, while it is being viewed"
+        False, "while someone views the mission, restart it a few seconds after it ends"
     )
     seed: int = setting(
         0, "seed of all random errors; the same seed gives the same data", min=0, max=2**31 - 1

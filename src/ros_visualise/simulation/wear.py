@@ -37,7 +37,7 @@ class WearParams:
         0.0, "share of tags with a leaf or branch across them, 0 to 1", min=0, max=1
     )
     tag_copies: int = _wear(
-        0, "number of additional tags whose id the world already has", min=0, max=100
+        0, "number of additional tags that repeat an id already in the world", min=0, max=100
     )
     clutter: int = _wear(
         0, "number of objects that only resemble tags, helipads or posts", min=0, max=200

@@ -87,7 +87,7 @@ class BagFolder(Target):
             return
         names = _files_of_bag(old)
         if names is None:
-            raise OSError(f"{old.name} was changed meanwhile")
+            raise OSError(f"{old.name} was changed in the meantime")
         self._take_over(old, names)
         aside = old.with_name(f"{old.name}{_ASIDE}{os.getpid()}")
         os.rename(old, aside)

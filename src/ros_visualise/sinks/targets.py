@@ -85,7 +85,7 @@ class Target(ABC):
             OSError: it was.
         """
         if not self._is_there():
-            raise OSError(errno.ENOENT, "moved or removed while it was written")
+            raise OSError(errno.ENOENT, "moved or removed while it was being written")
 
     def close(self, whole: bool = True) -> None:
         """Finish it; a complete one replaces the old one.
@@ -171,7 +171,7 @@ class Target(ABC):
     def _require_old(self) -> None:
         """Check that the old one is still the same."""
         if self._place.exists() and not os.path.samestat(self._old, self._place.stat()):
-            raise OSError(errno.EEXIST, "the old one was replaced meanwhile")
+            raise OSError(errno.EEXIST, "the old one was replaced in the meantime")
 
     def _is_there(self) -> bool:
         try:

@@ -71,7 +71,7 @@ def read_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
         offsets[number] = found.offset_s
         print_status(
             f"ros-visualise: {joined.paths[number].name}: moved by {found.offset_s:.3f} s"
-            f" +- {found.sigma_s:.3f} s, the offset that explains the motion in the video best"
+            f" +- {found.sigma_s:.3f} s, the offset that best explains the motion in the video"
             f" ({100 * found.explained:.0f} %)"
         )
     return offsets
@@ -85,7 +85,9 @@ def _align(joined: JoinedRecording, number: int, text: str) -> Alignment:
     film = number if is_film else next(iter(films), None)
     gyro = next((one for one in gyros if (one[0] != number) == is_film), None)
     if film is None or gyro is None or gyro[0] == film:
-        raise UsageError(f"--offset {text}: needs a video and the log of a gyroscope (/imu/data)")
+        raise UsageError(
+            f"--offset {text}: needs a video and a log with gyroscope data (/imu/data)"
+        )
     shifts_ns = [
         span[0] - one.start_ns for span, one in zip(joined.spans_ns, joined.recordings, strict=True)
     ]
@@ -187,7 +189,7 @@ def align(pairs_s: Floats, motions: Floats, times_s: Floats, rates: Floats) -> A
         NoAlignment: too little motion, or several offsets that are as good.
     """
     if len(pairs_s) < _LEAST or len(times_s) < _LEAST:
-        raise NoAlignment("too few images or measurements of the gyroscope to align them")
+        raise NoAlignment("too few images or gyroscope measurements to align the two")
     period = float(np.median(np.diff(pairs_s, axis=1)))
     origin = float(times_s[0])
     steps = np.diff(times_s, prepend=times_s[0])

@@ -39,7 +39,7 @@ def test_a_mavic_pro(recordings):
     assert len(fixes) == recording.topics["/gps/fix"].messages == 468
     assert not recording.loss
     assert recording.format == "DJI SRT (camera's clock)"
-    assert recording.notes == ["altitudes are above the point of take-off"]
+    assert recording.notes == ["altitudes are relative to the take-off point"]
     first, last = fixes[0], fixes[-1]
     assert (first.latitude, first.longitude, first.altitude) == (-20.2533, 149.0251, 1.9)
     assert (last.latitude, last.longitude, last.altitude) == (-20.2532, 149.0251, 0.0)

@@ -106,7 +106,7 @@ def test_packed_files_leave_the_disk_room(tmp_path, monkeypatch):
     file.with_name(f"{file.name}.zstd").write_bytes(zstandard.compress(file.read_bytes()))
     file.unlink()
     monkeypatch.setattr(limits, "disk_reserve", lambda total: (total, "all of it"))
-    with pytest.raises(OpenError, match=r"zstd: once unpacked, it needs .* are free; make room"):
+    with pytest.raises(OpenError, match=r"zstd: once unpacked, it needs .* is free; make room"):
         open_recording(tmp_path / "bag")
 
 

@@ -25,8 +25,8 @@ class BoardOptions:
     size: str = option(
         "9x6",
         "number of inner corners of a chessboard, squares of a ChArUco board or tags of an"
-        " AprilGrid (default: %(default)s); if none is found, similar counts are tried, such as"
-        " squares instead of corners",
+        " AprilGrid (default: %(default)s); if no such board is found, similar counts are tried,"
+        " such as squares instead of corners",
         metavar="COLUMNSxROWS",
     )
     square: float | None = option(

@@ -80,7 +80,9 @@ def _between(recording: Recording, part: RecordingPart, options: ConvertOptions)
     at_s = {name: time_s for time_s, name in reversed(marks.names.items())}
     for name in options.between:
         if name not in at_s:
-            there = did_you_mean(name, list(at_s)) if at_s else "; set some on the page, with M"
+            there = (
+                did_you_mean(name, list(at_s)) if at_s else "; set some on the page, with the key M"
+            )
             raise UsageError(f"--between: no mark {name!r} in {marks.path}{there}")
     line = played_time(recording, part.topics)
     lead_ns = 0

@@ -44,8 +44,8 @@ class DetectionOptions:
     )
     model: str = option(
         "",
-        "the detection network (default: our own, for helipads, posts and vehicles, if the extra"
-        " detect is installed); none: detect only tags",
+        "the detection network (default: our own, for helipads, posts and vehicles, if the pip"
+        " extra [detect] is installed); none: detect only tags",
         metavar="FILE.onnx|none",
     )
     calibration: str = option(
@@ -95,7 +95,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     tracks: bool = option(
         False,
-        "track objects over time with the node tracker; the --geo file then contains their tracks",
+        "track objects over time with the tracker node; the --geo file then contains their tracks",
     )
     overwrite: bool = option(False, "replace OUT if it exists")
     json: bool = option(False, "print the result as one JSON object")

@@ -19,7 +19,7 @@ class ComparisonOptions:
 
     truth: str | None = option(
         None,
-        "the true trajectory; with it, ATE and RPE are computed as in evo and reported",
+        "the true trajectory; if given, ATE and RPE are reported, computed as in evo",
         metavar="TOPIC|FILE[@TOPIC]",
     )
     align: str = option(

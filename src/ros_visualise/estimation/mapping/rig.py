@@ -171,7 +171,7 @@ class MappedCamera:
         place = " ".join(f"{value:.4f}" for value in self.T_first_camera[:3, 3])
         where = f"at {place} m +- {self.sigma_m.max():.4f} m from {escaped(self.first)}"
         if self.camera.is_estimated:
-            return f"{what}: {where}, estimated to {self.sigma_deg.max():.2f} degrees"
+            return f"{what}: {where}, orientation to within {self.sigma_deg.max():.2f} degrees"
         turned, shifted = np.linalg.norm(self.turn_deg), np.linalg.norm(self.shift_m)
         return (
             f"{what}: {where}; rotated by {turned:.2f} +- {self.sigma_deg.max():.2f} degrees and"

@@ -60,7 +60,8 @@ class GpsErrorParams:
     )
     gps_slow: float = param(
         0.97,
-        "fraction of a fix's variance that changes slowly; the rest is white noise",
+        "fraction of a fix's variance that is due to slowly changing errors; the rest is white"
+        " noise",
         min=0,
         max=0.999,
         group="gps",

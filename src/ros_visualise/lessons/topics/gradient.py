@@ -181,7 +181,7 @@ def edges(image: Image, params: EdgesParams) -> dict[str, Message]:
     text = """
         The simplest edge detector: a pixel is white where |G| > {threshold}. That is {share:.1f} %
         of the pixels. A low threshold keeps noise, a high one breaks edges, and where the gray
-        changes slowly edges are thick. Canny's method solves all three problems (ros-visualise
+        changes slowly, edges are thick. Canny's method solves all three problems (ros-visualise
         explain canny).
         """
     seen = np.where(is_edge, np.uint8(255), np.uint8(0))

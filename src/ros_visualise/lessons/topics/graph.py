@@ -128,9 +128,10 @@ class Slow:
         sleep(params.busy_ms / 1000)
         came = number - self._first + 1
         text = """
-            This node works {busy} ms on each message, so it can process {most}. While it
-            works, each new message replaces the one that waits, so the node always gets the latest
-            one. Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were dropped.
+            This node spends {busy} ms on each message, so it can process {most}. While it
+            works, each new message replaces the one that is waiting, so the node always gets the
+            latest one. Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were
+            dropped.
 
             That is right for watching and steering, where only the newest message counts. A
             recording must not lose any: there the source waits for the slowest node. Drops are

@@ -156,8 +156,8 @@ should be:
 
 {rows}
 
-For each reading a box is drawn that stands on the tag, half as high as wide: green for the likelier
-one, orange for the other. {_other(found)}
+For each reading, a box half as high as it is wide is drawn standing on the tag: green for the
+likelier one, orange for the other. {_other(found)}
 """
     return show(image, _draw_poses(seen, found), text)
 

@@ -96,7 +96,7 @@ class GridCorners:
             A flat patch of a picture looks the same wherever it is moved to, and a patch of an edge
             looks the same along the edge. Only a corner differs from all its neighbours, so only
             corners can be found again. The derivatives of the gray levels, multiplied and added up
-            over 3 × 3 pixels, show it:
+            over 3 × 3 pixels, show this:
 
                 M = Σ [ Ix²   Ix Iy ]
                       [ Ix Iy  Iy²  ]

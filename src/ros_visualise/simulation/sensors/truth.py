@@ -19,7 +19,7 @@ _EXACT = read_only(np.zeros((6, 6)))
 class TruthParams:
     """Parameters of the ground truth."""
 
-    truth_rate: float = setting(50.0, "messages per second of the ground truth", min=0.1, max=200)
+    truth_rate: float = setting(50.0, "ground-truth messages per second", min=0.1, max=200)
 
 
 def ground_truth(

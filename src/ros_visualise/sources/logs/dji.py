@@ -113,7 +113,9 @@ def open_srt(path: Path) -> SeriesRecording:
     stamps_ns, clock, notes = _stamps_ns(subtitles)
     if all(math.isnan(one.altitude) for one in subtitles):
         has_heights = not all(math.isnan(one.height) for one in subtitles)
-        notes.append("altitudes are above the point of take-off" if has_heights else "no altitudes")
+        notes.append(
+            "altitudes are relative to the take-off point" if has_heights else "no altitudes"
+        )
     series = [_fixes("/gps/fix", subtitles, stamps_ns)]
     size = path.stat().st_size
     loss = _loss(text, subtitles)

@@ -159,7 +159,9 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
     """Check an index against itself and, at its ends, against the file."""
     rows = index.rows
     if statistics.chunk_count != chunks:
-        raise DamagedData(f"the index lists {statistics.chunk_count} chunks, but lists {chunks}")
+        raise DamagedData(
+            f"statistics of {statistics.chunk_count} chunks, but an index of {chunks}"
+        )
     if index.counts and statistics.message_count != sum(index.counts.values()):
         raise DamagedData("the message counts are inconsistent")
     is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])

@@ -82,7 +82,9 @@ class Uploads:
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"{path.name}: give a file that ends in one of {' '.join(SUFFIXES)}")
         if not 0 < size <= MAX_GIB << 30:
-            raise UsageError(f"{path.name}: the file must have between 1 byte and {MAX_GIB} GiB")
+            raise UsageError(
+                f"{path.name}: the file must be between 1 byte and {MAX_GIB} GiB in size"
+            )
         if any(one.path == path for one in self._incoming):
             raise UsageError(f"{path.name}: already being uploaded; choose another name")
         if len(self._incoming) >= _MOST:
