@@ -290,7 +290,7 @@ class TestRefusals:
         assert "640x480" in refused("video", video, *QUICK, "--size", "big")
 
     def test_a_start_after_the_end(self, video):
-        assert "lasts 1.00 s" in refused("video", video, *QUICK, "--start", 5)
+        assert "lasts only 1.00 s" in refused("video", video, *QUICK, "--start", 5)
 
     def test_commands(self):
         assert "demo" in refused("play")

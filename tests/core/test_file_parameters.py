@@ -54,7 +54,7 @@ def test_another_file_is_refused_and_nothing_changes(folder: Path, name: str):
     parameters = Parameters(LocalizerParams())
     for parameter in ("map", "save_to"):
         with pytest.raises(
-            ParameterError, match=rf"^{parameter}: .*(plain name|leaves the folder)"
+            ParameterError, match=rf"^{parameter}: .*(plain name|outside the folder)"
         ):
             parameters.update({"ground": False, parameter: name})
     assert parameters.current == LocalizerParams(save_to=str(folder / "landmarks.yaml"))

@@ -54,7 +54,7 @@ def test_a_map_of_before_is_a_survey(survey):
     ("text", "message"),
     [
         ("- 1\n", "give a list of landmarks, a list of distances, or both"),
-        ("landmarks: [{position: [1, 2, 3]}]\n", "landmarks, entry 1: missing name"),
+        ("landmarks: [{position: [1, 2, 3]}]\n", "landmarks, entry 1: tag name missing"),
         ("landmarks: [{name: a, position: [1, 2]}]\n", "entry 1: position: give 3 numbers"),
         ("landmarks: [{name: a, position: [1, 2, 3], sigma: -1}]\n", "must not be negative"),
         ("distances: [{between: [a, a], metres: 1}]\n", "give the names of two tags"),
