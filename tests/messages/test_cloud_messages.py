@@ -150,7 +150,7 @@ def test_a_cloud_of_no_points_may_say_nothing_of_them(height, width):
         ({"data": np.zeros(0, np.uint8)}, "holds 0"),
         (
             {"point_step": 0, "row_step": 0, "fields": [], "data": np.zeros(0, np.uint8)},
-            "a cloud of 3x2 points of 0 bytes",
+            "a cloud of 3x2 points, each of 0 bytes",
         ),
         ({"height": 0}, "needs 0 bytes, but the message holds 96"),
         ({"point_step": 15}, "the fields of a point need 16 bytes, but its step is 15"),

@@ -76,7 +76,7 @@ def test_without_a_calibration_they_carry_none(path: str) -> None:
 
 def test_a_calibration_of_another_shape_is_refused(path: str, calibration: str) -> None:
     params = StreamerParams(path=path, camera_info_url=calibration, size="8x8")
-    with pytest.raises(OpenError, match="images of 8x8 have another aspect ratio"):
+    with pytest.raises(OpenError, match="images of 8x8 have a different aspect ratio"):
         Streamer(params, Playback())
     with pytest.raises(OpenError, match="Is a directory"):
         Streamer(replace(params, camera_info_url="."), Playback())

@@ -117,7 +117,7 @@ def _write(lesson: Lesson, options: ExplainOptions, folder: Path) -> int:
     except UsageError as error:
         if options.topic != _ALL or options.input is None:
             raise
-        print_status(f"ros-visualise: {lesson.name}: using its sample instead: {error}")
+        print_status(f"ros-visualise: {lesson.name}: {error}; using its sample instead")
         return _write(lesson, replace(options, input=None), folder)
 
 

@@ -80,7 +80,7 @@ class PointCloud(Message):
         height, width = int(message.height), int(message.width)
         dtype = _read_layout(message, is_empty=not height * width)
         if height * width and not dtype.itemsize:
-            raise ValueError(f"a cloud of {width}x{height} points of 0 bytes")
+            raise ValueError(f"a cloud of {width}x{height} points, each of 0 bytes")
         data = np.frombuffer(message.data, np.uint8)
         row_step = int(message.row_step) or dtype.itemsize * width
         if row_step < dtype.itemsize * width or data.size != row_step * height:

@@ -253,7 +253,8 @@ class NavigatorParams(
     )
     min_parallax: float = param(
         0.1,
-        "minimum distance between the sightings of a new landmark, as a fraction of its range",
+        "minimum distance between the camera positions from which a new landmark is seen, as a"
+        " fraction of its range",
         min=0,
         max=10,
         slider=(0, 1),

@@ -132,7 +132,7 @@ class LandmarkNavigator:
             self._navigator = None
         self._forget()
 
-    @action("write the landmarks to the file save_to")
+    @action("write the landmarks to the file that save_to names")
     def save_map(self) -> None:
         """Write the map; replace its former file when it is complete."""
         tracks, common = (

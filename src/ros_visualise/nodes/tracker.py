@@ -93,12 +93,12 @@ class TrackerParams:
     )
     lines: str = param(
         "",
-        "counting lines, in pixels, such as gate: 100,200 400,200; several are separated by ;"
-        " ('in' means to the right, as seen from the first point)",
+        "counting lines, in pixels, such as 'gate: 100,200 400,200', separated by semicolons;"
+        " 'in' means to the right, as seen from the first point",
     )
     zones: str = param(
         "",
-        "counting zones, in pixels, such as yard: 0,0 100,0 100,100; several are separated by ;",
+        "counting zones, in pixels, such as 'yard: 0,0 100,0 100,100', separated by semicolons",
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,

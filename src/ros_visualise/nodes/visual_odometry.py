@@ -310,7 +310,7 @@ class VisualOdometryNode:
             if self._odometry is not None and self._is_placed:
                 raise
             self._is_placed = False
-            self._remarks.say(f"assuming that the camera looks ahead: {error}")
+            self._remarks.say(f"{error}; assuming that the camera faces forward")
             return se3.from_parts(_R_BASE_CAMERA, np.zeros(3))
 
     def _two(self, left: Image, right: Image, frames: FrameTree) -> list[CameraInfo]:

@@ -58,7 +58,7 @@ class Calibration:
         if not _is_scaled(own, size):
             raise OpenError(
                 f"{self._url}: made for images of {own[0]}x{own[1]};"
-                f" images of {size[0]}x{size[1]} have another aspect ratio"
+                f" images of {size[0]}x{size[1]} have a different aspect ratio"
             )
         return self._info if own == size else resized(self._info, own, size)
 

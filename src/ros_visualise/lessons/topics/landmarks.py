@@ -229,7 +229,7 @@ def _tag_of(image: Image) -> TagSeen | None:
 
 def _corner_error(seen: TagSeen) -> str:
     if seen.truth is None:
-        return "Their error is unknown, as this is your picture."
+        return "Their error is unknown, because the truth is not known for your own picture."
     error = np.linalg.norm(seen.corners - seen.truth, axis=1)
     return f"Their error is {error.mean():.3f} pixels on average, {error.max():.3f} at most."
 

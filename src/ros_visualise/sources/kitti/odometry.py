@@ -122,7 +122,7 @@ def _parse_pose(line: str) -> Floats | None:
 def _find_scanner(calib: CalibrationFile, notes: list[str]) -> Floats | None:
     """T_rect0_velodyne, if it is known; not all sequences have it."""
     if not calib.exists:
-        notes.append("no calib.txt: the cameras have no camera_info and no frames")
+        notes.append("no calib.txt: the cameras have no camera_info and no tf frames")
         return None
     if "Tr" not in calib.rows and calib.rows and all(map(len, calib.rows.values())):
         notes.append("calib.txt has no Tr: the scanner's pose is unknown")

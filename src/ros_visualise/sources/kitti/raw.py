@@ -36,7 +36,7 @@ _RAW_SIZE = (1392, 512)
 _FIRST_DAY = "2011_09_26"
 _MS = 1_000_000
 _LACKING = {
-    "cam_to_cam": "the cameras have no camera_info and no frames",
+    "cam_to_cam": "the cameras have no camera_info and no tf frames",
     "velo_to_cam": "the cameras have no frames",
     "imu_to_velo": "the scanner and the cameras are not connected to base_link",
 }

@@ -276,7 +276,7 @@ def _sampled(store: SampleStore, path: str) -> Sampled:
 def _parse(text: str) -> Name:
     topic, colon, path = text.rpartition(":")
     if not topic or not colon:
-        raise BadCurve("give fields as /odom:pose.pose.position.x")
+        raise BadCurve("give fields in the form TOPIC:FIELD, such as /odom:pose.pose.position.x")
     return topic, path
 
 
