@@ -204,7 +204,7 @@ def test_addresses_of_one_of_several_vehicles():
     assert split_system("udp://:14540") == ("udp://:14540", 0)
     assert split_system("udp://:14540?system=2") == ("udp://:14540", 2)
     for wrong in ("0", "256", "-1", "x", "", "2&system=3"):
-        with pytest.raises(UsageError, match="a system from 1 to 255"):
+        with pytest.raises(UsageError, match="must be from 1 to 255"):
             split_system(f"udp://:14540?system={wrong}")
     graph = with_vehicles(
         image_pipeline("camera"), ["udp://:14540?system=1", "udp://:14540?system=2"]

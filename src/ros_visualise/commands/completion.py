@@ -23,4 +23,6 @@ def run(options: CompletionOptions) -> int:
     return 0
 
 
-COMMAND = Command("print shell code that completes commands and options", CompletionOptions, run)
+COMMAND = Command(
+    "print a shell script that completes commands and options", CompletionOptions, run
+)

@@ -67,7 +67,7 @@ def split_system(address: str) -> tuple[str, int]:
     place, mark, number = address.partition(SYSTEM)
     parse(place)
     if mark and not (number.isascii() and number.isdigit() and 1 <= int(number) <= 255):
-        raise UsageError(f"{address}: give a system from 1 to 255")
+        raise UsageError(f"{address}: the system ID must be from 1 to 255")
     return place, int(number or 0)
 
 

@@ -49,8 +49,9 @@ log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
 _TWO_PUBLISH = (
-    "another node already publishes {0} -> {1}: starting from its last value; stop it, or play"
-    " the recording without its localization"
+    "another node already publishes {0} -> {1}; this node starts from the last value published."
+    " Stop the other node or, if the transform comes from a recording, play it without this"
+    " transform"
 )
 _NO_MOUNTING = "no transform to the robot"
 _SHOWN_NS = 200_000_000  # between diagnostics and markers

@@ -109,10 +109,9 @@ class Player:
         lengths = _listed([_length(gap_ns) for gap_ns in gaps_ns])
         is_one = len(gaps_ns) == 1
         log.warning(
-            "%s: skipping %s between its messages; the stamps jump across %s",
+            "%s: skipping %s without messages; the stamps jump by as much",
             self._recording.path,
             f"a gap of {lengths}" if is_one else f"{len(gaps_ns)} gaps ({lengths})",
-            "it" if is_one else "them",
         )
 
 

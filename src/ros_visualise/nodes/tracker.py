@@ -56,8 +56,9 @@ class TrackerParams:
 
     high_score: float = param(
         0.5,
-        "score from which a detection counts fully towards starting a track, 0 to 1; weaker ones,"
-        " down to halfway between this and low_score, count less",
+        "minimum score, 0 to 1, for a detection to count fully when a track is started; detections"
+        " with lower scores count less, and those not above the mean of high_score and low_score"
+        " start no track",
         min=0,
         max=1,
     )

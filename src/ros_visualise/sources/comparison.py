@@ -78,7 +78,9 @@ def compare(
     turns = found.turns and truth.turns
     if how == "origin" and not turns:
         without = found if truth.turns else truth
-        raise UsageError(f"{without.topic}: has no attitudes, which align=origin needs; use se3")
+        raise UsageError(
+            f"{without.topic} has no attitudes, which align=origin needs; use align=se3"
+        )
     of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:

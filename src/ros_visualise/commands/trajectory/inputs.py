@@ -89,7 +89,7 @@ def _read(source: Path | Recording, topic: str | None, but: str | None = None) -
     if not isinstance(source, Path):
         return read_trajectory(source, topic, but)
     if topic is not None:
-        raise UsageError(f"{topic}: no such file, and {source} has no topics")
+        raise UsageError(f"{source} has no topics, and there is no file named {topic}")
     return read_trajectory_file(source)
 
 

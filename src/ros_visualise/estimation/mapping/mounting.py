@@ -82,8 +82,8 @@ class MountingCheck:
         )
         if self.is_wrong:
             return (
-                f"{self.what} is rotated by {self._angle_deg:.1f} degrees relative to tf:"
-                f" fix its transform (degrees about the camera's axes: {each})"
+                f"{self.what} is rotated by {self._angle_deg:.1f} degrees relative to its"
+                f" transform in tf: correct it (degrees about the camera's axes: {each})"
             )
         far = ", as far as this motion shows" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
         return f"{self.what} agrees with tf{far} (degrees about the camera's axes: {each})"

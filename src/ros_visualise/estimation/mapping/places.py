@@ -358,5 +358,7 @@ def _explained(
     )
     begin = times[kept].min() / 1e9
     is_last = all(one.max() < times[kept].min() for k, one in enumerate(times) if k != kept)
-    text += f"the one from {begin:.1f} s; --tags can give the others new ids"
+    text += (
+        f"the place seen from {begin:.1f} s on; use --tags to give the tag new ids at the others"
+    )
     return Outlier(problem.names[tag], MOVED if is_last else TWICE, text, apart)

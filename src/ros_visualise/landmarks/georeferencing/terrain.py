@@ -52,7 +52,8 @@ class TerrainSurface:
         at_origin = self._height(np.zeros((1, 2)))[0]
         if base_m is None and np.isnan(at_origin):
             raise OpenError(
-                f"{path}: no heights at {latitude:.5f}, {longitude:.5f}; give a model of this area"
+                f"{path}: no heights at {latitude:.5f}, {longitude:.5f};"
+                " give a terrain model of this area"
             )
         self.base_m = float(at_origin) if base_m is None else base_m
         steps = int(np.log(_REACH_M / _NEAREST_M) / np.log(_RATIO))

@@ -35,7 +35,7 @@ class Resizing(Enum):
     """Ways to bring an image to the size of a network's input."""
 
     CENTER = "aspect ratio kept, centred on gray"
-    CORNER = "aspect ratio kept, in the upper left corner, the rest gray"
+    CORNER = "aspect ratio kept, image in the upper left corner, the rest gray"
     STRETCH = "stretched"
     WARP = "stretched, with the centres of the first pixels aligned"
 

@@ -78,7 +78,7 @@ def square_poses(
     """
     corners = np.asarray(corners_uv, np.float64)
     if corners.shape != (4, 2):
-        raise ValueError(f"corners of a square must be (4, 2), not {corners.shape}")
+        raise ValueError(f"the corners of a square must have shape (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
     noise = None if noise_px2 is None else np.asarray(noise_px2)[None]
     return squares_poses(corners[None], [size_m], info, sigmas, camera, noise, errors)[0]

@@ -207,7 +207,7 @@ LESSON = Lesson(
     "how a tag tells where it is: corners, homography, its two poses, covariance as an ellipse",
     """
     A robot that sees an object of known size and shape can compute its own pose. The images show
-    how, with a tag: one in your picture of {width} x {height} pixels, or one that is drawn into it.
+    how, using a tag that is in your picture ({width} x {height} pixels) or is drawn into it.
     """,
     [
         Step(tag),

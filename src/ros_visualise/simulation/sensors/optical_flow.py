@@ -37,7 +37,7 @@ class OpticalFlowParams:
         0.1, "shortest distance to the ground at which it works, m", min=0, max=10
     )
     flow_far: float = _flow(
-        10.0, "longest distance to the ground at which it works, m", min=0.1, max=1000
+        10.0, "greatest distance to the ground at which it works, m", min=0.1, max=1000
     )
     flow_noise: float = _flow(
         0.02, "noise of the optical flow (standard deviation), rad/s", min=0, max=10

@@ -88,7 +88,7 @@ class UlogTypes:
     def sizes(self, name: str) -> tuple[int, int]:
         """Bytes of a sample, without and with padding at its end; raises BadFormat."""
         if self._bad.get(name) == len(self._all):
-            raise BadFormat("its type is not described")
+            raise BadFormat("the file does not define its type")
         if name not in self._sizes:
             self._bad[name] = len(self._all)
             whole = self._size(name, 0)
@@ -115,7 +115,7 @@ class UlogTypes:
         if name in _BASIC:
             return np.dtype(_BASIC[name]).itemsize
         if name not in self._all or depth > _DEEPEST:
-            raise BadFormat("its type is not described")
+            raise BadFormat("the file does not define its type")
         size = 0
         for kind, count, _ in self._all[name]:
             one = self._sizes[kind][1] if kind in self._sizes else self._size(kind, depth + 1)
