@@ -379,7 +379,7 @@ class TestRefusals:
         )
         assert "no time stamps" in refused(source, tmp_path / "out.tum")
         tum = texts / "freiburg1_xyz-rgbdslam.txt"
-        assert "would be matched by number" in refused(tum, "--truth", truth)
+        assert "would be matched by index" in refused(tum, "--truth", truth)
         times = texts / "KITTI_00_gt_times.txt"
         assert "neither TUM's 8 numbers" in refused(times)
         assert "neither TUM's 8 numbers" in refused(source, "--truth", times)

@@ -49,7 +49,7 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda image, params: None,
             {"inputs": {"image": Image}, "sync": Approximate(0.1)},
-            r"node locator: Approximate\(slop_s=0.1\) needs several inputs; this node has image",
+            r"Approximate\(slop_s=0.1\) needs several inputs; this node has only: image",
         ),
         (
             lambda image, boxes, params: None,

@@ -458,7 +458,7 @@ class TestLandmarks:
         x, y, w = np.cross(np.cross(a, c), np.cross(b, d))  # its diagonals meet in its centre
         text = texts["homography"]
         assert shown(text, "tag is at (N, N)") == pytest.approx([x / w, y / w], abs=0.02)
-        sentence = "not the mean of its corners, which perspective moves, (N, N)"
+        sentence = "the mean of its corners differs from it: (N, N)"
         assert shown(text, sentence) == pytest.approx(corners.mean(axis=0), abs=0.006)
         holds(texts["poses"], "the size of the tag (N m)", 0.16)
         assert shown(texts["poses"], "It is N m away") == pytest.approx([1.5], rel=0.02)

@@ -104,7 +104,9 @@ def test_what_has_the_name_by_now_stays(old: Path, tmp_path: Path) -> None:
     recorder.write("/a", noise(0))
     old.rename(tmp_path / "away")
     other.rename(old)
-    with pytest.raises(RecordingError, match="the old one was replaced in the meantime"):
+    with pytest.raises(
+        RecordingError, match="the existing file or folder was replaced in the meantime"
+    ):
         recorder.close()
     assert count(old) == 4
     assert count(beside(old)) == 1

@@ -300,8 +300,9 @@ def _readme(rows: Mapping[str, int]) -> str:
         "# Results of `ros-visualise batch`",
         "",
         "These Parquet files are built from `tasks/`. If you delete that folder, the next run"
-        ' starts from scratch. Query them with `ros-visualise query FOLDER "SELECT ..."`, or open'
-        " them with DuckDB, pandas or polars. Their metadata also holds the units, as `units`.",
+        ' starts from scratch. Query the files with `ros-visualise query FOLDER "SELECT ..."`, or'
+        " open them with DuckDB, pandas or polars. Their metadata also holds the units, as"
+        " `units`.",
     ]
     for table in (*LISTED, *TABLES):
         lines += ["", f"## {table}: {rows[table]} rows", "", "| column | type | unit | |"]

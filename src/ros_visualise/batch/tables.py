@@ -168,8 +168,8 @@ LISTED: Mapping[str, tuple[Column, ...]] = {
         "parts BIGINT -: number of parts",
         "done BIGINT -: number of parts that are done",
         "messages BIGINT -: number of messages from the source",
-        "distance_m DOUBLE m: path length from the first topic with poses (otherwise with"
-        " fixes), sampled at 1 Hz",
+        "distance_m DOUBLE m: path length from the topic with the most poses (or fixes, if no"
+        " topic has poses), sampled at 1 Hz",
         "lost VARCHAR -: data that could not be read; empty if none was lost",
         "cpu_s DOUBLE s: processor time",
     ),

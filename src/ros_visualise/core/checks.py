@@ -37,7 +37,7 @@ def check_sync(name: str, sync: SyncPolicy, inputs: Mapping[str, type]) -> None:
         raise UsageError(f"node {name}: invalid sync={sync}; use {ways} from ros_visualise.nodes")
     if sync != EACH and len(inputs) < 2:
         there = ", ".join(inputs) or "none"
-        raise UsageError(f"node {name}: {sync} needs several inputs; this node has {there}")
+        raise UsageError(f"node {name}: {sync} needs several inputs; this node has only: {there}")
     if isinstance(sync, Latest) and sync.trigger not in inputs:
         raise UsageError(f"node {name}: no input {sync.trigger!r}; choose from {', '.join(inputs)}")
 

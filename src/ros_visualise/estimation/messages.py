@@ -44,12 +44,12 @@ _IN_TURN = 12  # landmarks out of view, in each message
 _SHOWN_NS = 1_000_000_000  # how long a landmark keeps the colour of its outcome
 
 _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
-    ("odometry too short by (%)", SCALES, 0, 100),
+    ("odometry distances too short by (%)", SCALES, 0, 100),
     *(
         (f"odometry rotated about {axis} (deg)", AXES, place, float(np.degrees(1)))
         for place, axis in enumerate("xyz")
     ),
-    ("odometry turns too little by (%)", SCALES, 1, 100),
+    ("odometry rotations too small by (%)", SCALES, 1, 100),
     *(
         (f"camera {number} {what}", states, place, factor)
         for number, states in enumerate(CAMERAS, 1)

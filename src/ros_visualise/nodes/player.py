@@ -109,7 +109,7 @@ class Player:
         lengths = _listed([_length(gap_ns) for gap_ns in gaps_ns])
         is_one = len(gaps_ns) == 1
         log.warning(
-            "%s: skipping %s without messages; the stamps jump by as much",
+            "%s: skipping %s without messages; the stamps jump accordingly",
             self._recording.path,
             f"a gap of {lengths}" if is_one else f"{len(gaps_ns)} gaps ({lengths})",
         )

@@ -103,7 +103,7 @@ class CameraMotionParams:
     readout: float = param(
         -1.0,
         "time from the first to the last row of a rolling shutter, seconds; 0: global shutter;"
-        " below 0: unknown, so it is estimated with an IMU, and otherwise taken as 0",
+        " below 0: unknown, so it is estimated if there is an IMU, and assumed to be 0 if not",
         min=-1,
         max=0.2,
         restart=True,

@@ -171,7 +171,7 @@ class Target(ABC):
     def _require_old(self) -> None:
         """Check that the old one is still the same."""
         if self._place.exists() and not os.path.samestat(self._old, self._place.stat()):
-            raise OSError(errno.EEXIST, "the old one was replaced in the meantime")
+            raise OSError(errno.EEXIST, "the existing file or folder was replaced in the meantime")
 
     def _is_there(self) -> bool:
         try:

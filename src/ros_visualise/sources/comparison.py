@@ -118,8 +118,8 @@ def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices,
     if count != other:
         without = truth if found.stamped else found
         raise UsageError(
-            f"{without.topic} has no times, so poses would be matched by number, but {found.topic} "
-            f"has {count} and {truth.topic} has {other}; give both with times (TUM)"
+            f"{without.topic} has no times, so poses would be matched by index, but {found.topic} "
+            f"has {count} poses and {truth.topic} has {other}; give both with times (TUM)"
         )
     return np.arange(count), np.arange(count)
 

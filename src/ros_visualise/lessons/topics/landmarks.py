@@ -121,8 +121,8 @@ free, there are eight unknowns. Each corner gives two equations, so four corners
 {rows}
 
 With H the tag is drawn as if seen straight from the front, and its cells are read. The centre of
-the tag is at ({middle[0]:.2f}, {middle[1]:.2f}): not the mean of its corners, which perspective
-moves, ({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
+the tag is at ({middle[0]:.2f}, {middle[1]:.2f}). Because of the perspective, the mean of its
+corners differs from it: ({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
 """
     return show(image, flat, text)
 

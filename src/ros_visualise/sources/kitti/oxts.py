@@ -63,7 +63,7 @@ def _parse(path: Path, data: bytes) -> Floats:
     except TooLarge as error:
         raise DamagedFile(path, str(error)) from None
     except ValueError:
-        raise DamagedFile(path, "holds more than numbers") from None
+        raise DamagedFile(path, "contains text that is not a number") from None
     if len(numbers) != len(_AT):
         raise DamagedFile(path, f"{len(numbers)} of {len(_AT)} numbers")
     if not np.isfinite(numbers).all() or abs(numbers[_AT["lat"]]) >= 90:

@@ -100,7 +100,7 @@ def _read_scan(path: Path, data: bytes) -> npt.NDArray[np.float32]:
         try:
             numbers = np.array(data.split(), np.float32)
         except ValueError:
-            raise DamagedFile(path, "holds more than numbers") from None
+            raise DamagedFile(path, "contains text that is not a number") from None
         if numbers.size % 4:
             raise DamagedFile(path, "cut off")
         return numbers.reshape(-1, 4)

@@ -78,7 +78,7 @@ def open_gpx(path: Path) -> SeriesRecording:
         parser.feed(data)
         parser.close()
     except ET.ParseError as error:
-        loss.add(f"read only up to an error: {error}")
+        loss.add(f"not read beyond the first error: {error}")
     for _, one in parser.read_events():  # what is whole before a fault
         if one.tag.rpartition("}")[2] in ("trkpt", "rtept"):
             points.append(_point(one))

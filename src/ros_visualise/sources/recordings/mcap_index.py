@@ -160,7 +160,7 @@ def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chun
     rows = index.rows
     if statistics.chunk_count != chunks:
         raise DamagedData(
-            f"statistics of {statistics.chunk_count} chunks, but an index of {chunks}"
+            f"the statistics count {statistics.chunk_count} chunks, but the index lists {chunks}"
         )
     if index.counts and statistics.message_count != sum(index.counts.values()):
         raise DamagedData("the message counts are inconsistent")

@@ -245,7 +245,7 @@ def _define(schemas: Schemas, type_name: str, digest: str, text: str) -> tuple[D
         text = _EMPTY_TEXT
     try:
         found = schemas.define("ros1", type_name, text)
-        problem = f"{type_name}: not defined in the bag, and not the type of that name in ROS"
+        problem = f"{type_name}: not defined in the bag, and no built-in ROS type matches it"
     except DamagedMessage as error:
         found = Definitions("ros1")
         problem = str(error)
