@@ -50,7 +50,7 @@ def figure() -> Figure:
     length, width, height = _SIZE * scale
     left = middle - length / 2
     for name, top, tall in (
-        ("from the side, and heights above the road", 210 - height, height),
+        ("from the side, with heights above the road", 210 - height, height),
         ("from above", 270.0, width),
     ):
         drawn.text(left + 8, top + 24, name, 17)

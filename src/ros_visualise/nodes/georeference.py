@@ -77,7 +77,7 @@ class GeoreferenceParams:
     course: bool = param(
         False,
         "where /tf has no attitude, assume that the camera looks along the course of the GPS fixes,"
-        " camera_pitch below the horizon",
+        " camera_pitch degrees below the horizon",
     )
     lens: str = param(
         "",

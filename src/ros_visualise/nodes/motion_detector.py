@@ -48,7 +48,7 @@ class MotionParams:
     on_demand=("debug_image",),
 )
 class MotionDetector:
-    """Detects moving objects in images from a stationary camera, without a network.
+    """Detects moving objects in images from a stationary camera, without a neural network.
 
     Source: Zivkovic and van der Heijden, Efficient adaptive density estimation per image pixel for
     the task of background subtraction, 2006.

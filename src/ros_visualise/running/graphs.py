@@ -111,7 +111,9 @@ def _report_alignment(joined: JoinedRecording, moved: Mapping[str, float]) -> No
     parts = zip(joined.names, joined.paths, joined.is_aligned, joined.frames, strict=True)
     for name, path, is_aligned, frames in parts:
         how = "aligned by its timestamps" if is_aligned else "starts together with the others"
-        by = f"moved by {moved[name]:g} s" if moved[name] else f"--offset {name}=SECONDS moves it"
+        way = f"--offset {name}=SECONDS shifts it in time"
+        by = f"shifted by {moved[name]:g} s" if moved[name] else way
+
         log.info("%s: %s; %s", path.name, how, by)
         if frames is not None:
             why = "another source publishes frames with the same names"

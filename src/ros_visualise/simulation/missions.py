@@ -91,7 +91,7 @@ class Mission:
             if len(point) not in (3, 4):
                 raise OpenError(f"{_POINT}, not {reprlib.repr(list(point))}")
             if not (max(map(abs, point)) <= _FAR_M and point[2] >= 0):
-                where = f"within {_FAR_M} m and not below the ground"
+                where = f"within {_FAR_M} m of the map's origin and not below the ground"
                 raise OpenError(f"waypoint {list(point)} must be {where}")
 
     @property

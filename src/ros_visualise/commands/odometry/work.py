@@ -46,7 +46,7 @@ _WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, -
 
 _PIECES = (
     "tracking was lost: what happened meanwhile is unknown, so the parts of the trajectory may be"
-    " far from each other"
+    " misplaced relative to each other"
 )
 
 

@@ -135,7 +135,10 @@ def rig_poses(
     """
     corners, points = np.asarray(corners_uv, np.float64), np.asarray(points_xyz, np.float64)
     if corners.shape != (len(points), 2) or points.shape != (len(points), 3) or len(points) < 4:
-        raise ValueError(f"a body needs at least 4 points, not {corners.shape} and {points.shape}")
+        raise ValueError(
+            "a body needs corners (N, 2) and points (N, 3), N at least 4; their shapes are"
+            f" {corners.shape} and {points.shape}"
+        )
     if sigma_px is None:
         noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), known_px2=noise_px2))
         errors = errors or CornerErrors(camera.floor_px)

@@ -212,7 +212,7 @@ def _fields(
 ) -> dict[str, Any]:
     every = (*needed, *allowed)
     if not isinstance(values, dict):
-        raise _Invalid(f"{where}: give keys and values, {', '.join(every)}")
+        raise _Invalid(f"{where}: give a mapping with keys from {', '.join(every)}")
     for key in values:
         if key not in every:
             raise _Invalid(f"{where}: no key {key!r}; choose from {', '.join(every)}")

@@ -97,7 +97,7 @@ class SqliteFile:
             for number, stamp_ns, topic, data in self._ordered(query):
                 counts[topic] += 1
                 if not isinstance(stamp_ns, int) or (stamp_ns, number) <= last:
-                    raise sqlite3.DatabaseError("its index is out of order")
+                    raise sqlite3.DatabaseError("its index is not sorted by time")
                 yield self._entry(topic, stamp_ns, data)
                 last = (stamp_ns, number)
             if query.is_ever and not self._is_closed:
