@@ -46,7 +46,10 @@ def test_a_file_without_tags_is_one(tmp_path):
         ("- 1", "the file: give a mapping with keys from standalone_tags, tag_bundles"),
         ("tags: []", "the file: no key 'tags'; choose from standalone_tags, tag_bundles"),
         ("standalone_tags: 3", "standalone_tags: give a list"),
-        ("standalone_tags: [3]", "standalone_tags, entry 1: give a mapping with keys from id, size, name"),
+        (
+            "standalone_tags: [3]",
+            "standalone_tags, entry 1: give a mapping with keys from id, size, name",
+        ),
         ("standalone_tags: [{id: 3}]", "entry 1: missing size"),
         ("standalone_tags: [{id: 3, size: 0}]", "size is 0; give the side of its square in metres"),
         ("standalone_tags: [{id: 3, size: big}]", "size is 'big'; give a number"),
