@@ -90,8 +90,8 @@ def test_big_endian_is_turned() -> None:
     [
         (6, 11, "12 bytes, but the message holds 11"),
         (6, 13, "12 bytes, but the message holds 13"),
-        (5, 10, "a row of bgr8 of 2x2 needs 6 bytes, but its step is 5"),
-        (0, 0, "a row of bgr8 of 2x2 needs 6 bytes, but its step is 0"),
+        (5, 10, "a row of 2 bgr8 pixels needs 6 bytes, but the step is 5"),
+        (0, 0, "a row of 2 bgr8 pixels needs 6 bytes, but the step is 0"),
     ],
 )
 def test_sizes_that_contradict_are_refused(step: int, size: int, expected: str) -> None:
@@ -195,9 +195,9 @@ def test_a_pair_of_colours_for_each_pixel_is_read_as_bgr8() -> None:
 @pytest.mark.parametrize(
     ("encoding", "height", "width", "step", "size", "why"),
     [
-        ("yuv422", 1, 3, 6, 6, "yuv422 with an odd number of rows or columns, 3x1 pixels"),
-        ("nv12", 3, 2, 2, 9, "nv12 with an odd number of rows or columns, 2x3 pixels"),
-        ("nv21", 2, 3, 3, 9, "nv21 with an odd number of rows or columns, 3x2 pixels"),
+        ("yuv422", 1, 3, 6, 6, "yuv422 of 3x1 pixels is not supported: it has an odd"),
+        ("nv12", 3, 2, 2, 9, "nv12 of 2x3 pixels is not supported: it has an odd"),
+        ("nv21", 2, 3, 3, 9, "nv21 of 3x2 pixels is not supported: it has an odd"),
         ("nv12", 2, 2, 2, 8, "nv12 of 2x2 .* needs 6 bytes, but the message holds 8"),
         ("nv21", 2, 2, 1, 3, "needs 2 bytes, but its step is 1"),
         ("nv24", 2, 2, 2, 8, "needs 12 bytes, but the message holds 8"),

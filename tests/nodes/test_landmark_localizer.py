@@ -156,7 +156,7 @@ def test_odom_serves_where_there_is_no_map_and_map_as_soon_as_there_is(caplog):
         "no frame map; publishing landmarks in odom"
     ]
     answer = node.step(PARAMS, detections=message(1, tag((1.0, 0.5))), frames=tree())
-    assert "frame map: dropping 1 landmark" in caplog.text
+    assert "frame changed to map: dropping 1 landmark" in caplog.text
     assert answer["landmarks"].header.frame_id == "map"
     assert answer["landmarks"].detections == ()
     with pytest.raises(NoTransform):

@@ -273,8 +273,8 @@ def test_a_node_reports_to_diagnostics(start, hear, video):
         ("node", [], "FILE.py:NAME"),
         ("node", ["/nowhere.py:x"], "/nowhere.py"),
         ("pipeline", ["_nodes:=filters nonsense"], "nonsense"),
-        ("viewer", ["_record_dir:=/nowhere"], "/nowhere: no such folder to record to"),
-        ("filters", ["_record_dir:=/nowhere"], "/nowhere: no such folder to record to"),
+        ("viewer", ["_record_dir:=/nowhere"], "/nowhere: no such folder for recordings"),
+        ("filters", ["_record_dir:=/nowhere"], "/nowhere: no such folder for recordings"),
     ],
 )
 def test_wrong_use_is_one_line_and_status_2(start, name, args, says):

@@ -17,7 +17,7 @@ def test_a_folder_that_is_none(tmp_path: Path) -> None:
     for path in (tmp_path / "none", tmp_path / "a\0b", tmp_path / ("x" * 300)):
         with pytest.raises(UsageError):
             record_folder(path)
-    with pytest.raises(OpenError, match="no such folder to record to; create it first"):
+    with pytest.raises(OpenError, match="no such folder for recordings; create it first"):
         record_folder(Path(__file__))
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 METRICS: Mapping[str, str] = {
-    "recordings": "1 for a recording that is in only one of the results",
+    "recordings": "1 for a recording that is in only one of the two results",
     "failures": "new failures of a recording",
     "messages": "difference in the number of messages on a topic",
     "rate": "relative difference in the rate of a topic",

@@ -19,9 +19,8 @@ class TagsOptions:
     ids: str = option("0", "ids of the tags, such as 7 or 0-3,12 (default: %(default)s)")
     size: float | None = option(
         None,
-        "side of the black square in metres, the tag size that detectors need (default: what"
-        " fits the "
-        "page)",
+        "side of the black square in metres, the tag size that detectors need (default: the"
+        " largest that fits the page)",
         type=tag_size,
         metavar="M",
     )

@@ -247,9 +247,12 @@ def _rows(message: Any, count: int, row: int) -> Pixels:
     step = int(message.step)
     flat = np.frombuffer(message.data, np.uint8)
     if step < row or flat.size != step * count:
-        size = f"{message.encoding} of {message.width}x{message.height}"
         if step < row:
-            raise ValueError(f"a row of {size} needs {row} bytes, but its step is {step}")
+            raise ValueError(
+                f"a row of {message.width} {message.encoding} pixels needs {row} bytes, but the"
+                f" step is {step}"
+            )
+        size = f"{message.encoding} of {message.width}x{message.height}"
         raise ValueError(
             f"{size} with a step of {step} bytes needs {step * count} bytes, but the message holds"
             f" {flat.size}"
@@ -280,7 +283,10 @@ def _planes(message: Any, name: str) -> Deferred:
 def _need_even(message: Any, *sides: int) -> None:
     if any(side % 2 for side in sides):
         size = f"{message.width}x{message.height}"
-        raise ValueError(f"{message.encoding} with an odd number of rows or columns, {size} pixels")
+        raise ValueError(
+            f"{message.encoding} of {size} pixels is not supported: it has an odd number of rows"
+            " or columns"
+        )
 
 
 def yuv422_to_bgr(packed: Pixels, order: str) -> Pixels:

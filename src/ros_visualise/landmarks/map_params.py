@@ -21,7 +21,7 @@ class MapParams:
         group="map",
     )
     object_prefix: str = param(
-        "object_", "prefix for classes of other objects that are only numbers", group="map"
+        "object_", "prefix for numeric classes of other objects", group="map"
     )
     moving: str = param(
         "",

@@ -188,7 +188,7 @@ class GeoreferenceParams:
     splittable=False,
 )
 class Georeference:
-    """Places detections on the Earth, where their rays meet the ground, with covariances.
+    """Places detections on the Earth, with covariances, where their rays meet the ground.
 
     Tags with a known size are placed by their own distance. ``positions`` are in the fixed frame,
     whose origin is ``map_origin``; ``geojson`` has latitudes, longitudes and heights. The origin is

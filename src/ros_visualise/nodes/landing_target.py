@@ -62,8 +62,8 @@ class LandingTargetParams:
     frame: str = param("base_link", "body frame; for ardupilot, _frd is appended to its name")
     fixed_frame: str = param(
         "odom",
-        "frame in which the target is still or moves steadily; for px4 its axes point east,"
-        " north and up from PX4's local origin, and _ned is appended to its name",
+        "frame in which the target is still or moves steadily; for px4: x east, y north,"
+        " z up, with PX4's local origin; the pose's frame is then this name with _ned appended",
     )
     speed: float = param(
         1.0,
@@ -91,7 +91,7 @@ class LandingTargetParams:
     )
     patience: float = param(
         0.5,
-        "time for which sightings must contradict the estimate before replacing it, seconds",
+        "time for which sightings must contradict the estimate before they replace it, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 5),

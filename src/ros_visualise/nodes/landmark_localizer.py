@@ -179,7 +179,7 @@ class LandmarkLocalizer:
             if fixed != self._params.fixed_frame:
                 log.warning("no frame %s; publishing landmarks in %s", _MAP, fixed)
             self._frame = fixed
-            self._start_over(f"frame {fixed}")
+            self._start_over(f"frame changed to {fixed}")
         return T_fixed_camera
 
     def _start_over(self, why: str) -> None:

@@ -60,7 +60,9 @@ class PathParams:
         max=100,
     )
     tf_parent: str = param(
-        "", "frame in which tf_child is followed, using tf; both empty: follow the other inputs"
+        "",
+        "frame in which tf_child is followed, using tf; leave tf_parent and tf_child empty to"
+        " follow the other inputs",
     )
     tf_child: str = param("", "frame to follow, using tf; empty: follow the other inputs")
 

@@ -78,12 +78,14 @@ class CameraMotionParams:
         True, "use the IMU, if there is one, unless height or scale_by gives the scale"
     )
     stereo: bool = param(
-        True, "use the right camera, if there is one, unless height or scale_by gives the scale"
+        True,
+        "use the right camera of a stereo pair, if there is one, unless height or scale_by gives"
+        " the scale",
     )
     camera_clock: float = param(
         0.02,
-        "standard deviation of the offset between the clocks of camera and IMU, which is"
-        " estimated, seconds",
+        "standard deviation of the offset between the clocks of camera and IMU, seconds; the"
+        " offset itself is estimated",
         min=0,
         max=1,
     )
@@ -92,8 +94,8 @@ class CameraMotionParams:
     )
     camera_turn: float = param(
         -1.0,
-        "standard deviation of the camera's attitude on the robot, degrees; below 0: 1.5 with an"
-        " IMU, which corrects the attitude, and otherwise 0.5",
+        "standard deviation of the error in the camera's attitude on the robot, degrees; below 0:"
+        " 1.5 if the IMU is used (the error is then estimated), and 0.5 if not",
         min=-1,
         max=10,
     )

@@ -33,7 +33,7 @@ def record_folder(path: Path) -> Path:
     """
     check_printable(path)
     if not os.path.isdir(path):
-        raise OpenError(f"{path}: no such folder to record to; create it first")
+        raise OpenError(f"{path}: no such folder for recordings; create it first")
     return path
 
 

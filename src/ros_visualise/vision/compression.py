@@ -86,7 +86,7 @@ def _decompress_depth(compressed: CompressedImage, encoding: str, how: str) -> I
     """
     if encoding not in (_DEPTH, "32FC1") or "rvl" in how:
         raise ValueError(
-            f"unsupported compressed depth {compressed.format!r}; use 16UC1 or 32FC1 as png"
+            f"unsupported compressed depth {compressed.format!r}; use png with 16UC1 or 32FC1"
         )
     if compressed.data.size <= _DEPTH_HEADER.size:
         raise ValueError(_broken(compressed.format, compressed.data.size))

@@ -94,7 +94,7 @@ def test_a_tag_that_was_moved_begins_anew_and_that_is_said_once(caplog):
     (track,) = localizer.landmarks.values()
     np.testing.assert_allclose(track.best.position_xyz, [2, 0, 0], atol=1e-6)
     assert [r.getMessage() for r in caplog.records] == [
-        "landmark_localizer: tag36h11_3 moved; following it from there"
+        "landmark_localizer: tag36h11_3 moved; following it from its new position"
         " (further occurrences suppressed)"
     ]
 

@@ -229,4 +229,4 @@ class Localizer:
 
     def _tell_if_moved(self, track: LandmarkTrack, has_moved: bool) -> None:
         if has_moved and track.number:
-            self._log.say(f"{track.name} moved; following it from there")
+            self._log.say(f"{track.name} moved; following it from its new position")

@@ -148,7 +148,7 @@ def _explained(
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
     if apart > FARTHEST * terms.problem.sightings[rows[0]].size_m:
-        text = f"{share}: placed where it could not have been seen"
+        text = f"{share}: the mapping placed it where it could not have been seen"
         return Outlier(name, ASTRAY, text, apart, refused[other.fits].tolist())
     if apart < terms.problem.sightings[rows[0]].size_m / 2:
         return Outlier(name, UNSTEADY, f"{share}; it has not moved", part)

@@ -359,6 +359,7 @@ def _explained(
     begin = times[kept].min() / 1e9
     is_last = all(one.max() < times[kept].min() for k, one in enumerate(times) if k != kept)
     text += (
-        f"the place seen from {begin:.1f} s on; use --tags to give the tag new ids at the others"
+        f"the place seen from {begin:.1f} s on; use --tags to give the tag a new id at each of the"
+        " other places"
     )
     return Outlier(problem.names[tag], MOVED if is_last else TWICE, text, apart)

@@ -39,8 +39,8 @@ class NoiseParams:
     )
     strength: float = param(
         20.0,
-        "standard deviation, levels (for poisson, that of white); for salt_and_pepper, percentage"
-        " of pixels",
+        "standard deviation, levels (for poisson, at white); for salt_and_pepper, percentage of"
+        " pixels",
         min=0,
         max=100,
     )

@@ -177,8 +177,11 @@ class _Pieces:
         seen, statistics = self._seen, self._statistics
         if found != declared:
             there, counted = found.total(), declared.total()
-            of = f"{counted} messages" if counted != there else f"{there} messages on other topics"
-            yield f"its statistics record lists {of}; found {there}"
+            lists = f"its statistics record lists {counted} messages"
+            if counted != there:
+                yield f"{lists}; found {there}"
+            else:
+                yield f"{lists}, as found, but different counts for some topics"
         for what, kind, index in _COUNTED:
             counts = [seen[index]] if seen[index] else []
             if statistics is not None:

@@ -98,7 +98,7 @@ def lines_of(report: RunReport) -> Iterator[str]:
     """Lines about sources that ended, distances travelled and messages lost."""
     for name, node in report.nodes.items():
         if node.ended:
-            yield f"{name}: ended; to play it again, clear its parameter Paused"
+            yield f"{name}: ended; to play it again, switch off its parameter Paused"
         if node.travel:
             yield f"{name}: {_describe(node.travel)}"
         yield from (f"{name}: {note}" for note in node.unread)
