@@ -219,7 +219,7 @@ class TestNodes:
         edges = [one.of("edges", rv.Image).pixels for one in (swapped, right)]
         np.testing.assert_array_equal(*edges)
         assert [record.getMessage() for record in caplog.records] == [
-            "edge_detector: low=61 is above high=21, so they are swapped: set low=21 and high=61"
+            "edge_detector: low=61 is above high=21; using low=21 and high=61 instead"
         ]
 
 

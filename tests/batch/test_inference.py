@@ -127,4 +127,4 @@ def test_a_server_that_always_ends_fails_tasks_with_a_reason(
     assert on_gpu(expected / "in" / "0.mkv", tmp_path / "out") == 1
     [failure] = rows(tmp_path / "out", "failures")
     assert "crash" in failure
-    assert "the process that runs networks ended" in failure
+    assert "the process that runs the networks has ended" in failure

@@ -105,7 +105,7 @@ def test_a_wrong_first_sighting_of_a_still_pad_is_replaced_and_that_is_said(capl
             answer = node.step(params, seen(1 + step / 40, pad(0, 0, 0)), frames=tree)
     assert answer["landing_target"].position_xyz == pytest.approx([0, 0, -5], abs=0.01)
     assert [r.message for r in caplog.records] == [
-        "landing_target: pad was elsewhere; estimate replaced"
+        "landing_target: estimate of pad replaced, because sightings contradict it"
     ]
     assert node.report() == {"answers": 100, "refused": 5, "replaced": 1, "losses": 0}
 

@@ -148,7 +148,10 @@ def test_a_calibration_for_another_size_gives_no_directions_and_is_said_once(mod
     for _ in range(3):
         (one,) = node.step(image=image, params=params)["detections"].detections
         assert not one.hypotheses[0].covariance.any()
-    said = "landmark_detector: no directions: images are 128x96, their calibration is for 64x96"
+    said = (
+        "landmark_detector: detections have no directions:"
+        " images are 128x96, their calibration is for 64x96"
+    )
     assert [record.message for record in caplog.records] == [
         f"{said} (further occurrences suppressed)"
     ]
@@ -160,7 +163,7 @@ def test_a_calibration_for_another_size_gives_no_directions_and_is_said_once(mod
 def test_a_calibration_that_is_none_gives_no_directions(changes, model, caplog):
     (one,) = run(model, spot(camera_info=info(**changes)))["detections"].detections
     assert not one.hypotheses[0].covariance.any()
-    assert "landmark_detector: no directions: " in caplog.text
+    assert "landmark_detector: detections have no directions: " in caplog.text
 
 
 def test_names_are_told_once_and_when_they_change(model, tmp_path):

@@ -18,7 +18,7 @@ class DatasetOptions:
     format: str = option(
         "coco",
         "coco (default) or yolo: images and boxes of detections; lerobot (format version 3):"
-        " images, poses and actions of robots that are driven",
+        " images, poses and actions of robots",
         choices=("coco", "yolo", "lerobot"),
     )
     validation: float = option(
@@ -27,7 +27,9 @@ class DatasetOptions:
         type=not_negative,
         metavar="SHARE",
     )
-    every: int = option(1, "use only every N-th image with detections", type=count, metavar="N")
+    every: int = option(
+        1, "of the images with detections, use only every N-th", type=count, metavar="N"
+    )
     action: str = option(
         "",
         "for lerobot, the topic of the robot's commands; the batch must have kept it, with --fields"

@@ -227,7 +227,7 @@ def diagnostics_of(
         "located": str(navigator.is_located),
         "position sigma (m)": f"{np.linalg.norm(sigmas[:3]):.3f}",
         "heading sigma (deg)": f"{np.degrees(sigmas[5]):.2f}",
-        "candidate supported by": ", ".join(sorted(belief.search.names)),
+        "candidate pose supported by": ", ".join(sorted(belief.search.names)),
         "used": ", ".join(outcome.used),
         "pending": ", ".join(outcome.pending),
         "landmarks": str(len(navigator.map.used)),

@@ -305,7 +305,7 @@ def _choose(
     if wanted and wanted not in fitting:
         names = " or ".join(kind.__name__ for kind in kinds)
         raise UsageError(
-            f"{option} {wanted}: no such topic with {names}{did_you_mean(wanted, fitting)}"
+            f"{option} {wanted}: no such topic of type {names}{did_you_mean(wanted, fitting)}"
         )
     return wanted or None
 

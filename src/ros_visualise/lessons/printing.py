@@ -22,7 +22,7 @@ def find_browser() -> str:
     found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
     if found is None:
         raise OpenError(
-            "PDF needs Chromium, Chrome or Edge on the PATH; or open index.html and print it there"
+            "PDF needs Chromium, Chrome or Edge on the PATH; or print index.html from a browser"
         )
     return found
 

@@ -118,7 +118,7 @@ def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
 
 @cache
 def _remark_swapped(low: int, high: int) -> None:
-    text = "edge_detector: low=%d is above high=%d, so they are swapped: set low=%d and high=%d"
+    text = "edge_detector: low=%d is above high=%d; using low=%d and high=%d instead"
     log.warning(text, low, high, high, low)
 
 

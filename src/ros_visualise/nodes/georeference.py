@@ -309,13 +309,15 @@ class Georeference:
         if self._camera in known or BODY not in known:
             return frames.lookup(fixed, self._camera, stamp_ns)
         if GIMBAL in known:
-            self._remarks.say(f"no frame {self._camera}: assumed to point where {GIMBAL} does")
+            self._remarks.say(
+                f"no frame {self._camera}: camera assumed to point the same way as {GIMBAL}"
+            )
             T_gimbal_camera = np.eye(4)
             T_gimbal_camera[:3, :3] = R_body_camera(0.0)
             return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera
         self._remarks.say(
-            f"no frame {self._camera}: assumed fixed to {BODY}, {params.camera_pitch:g} degrees"
-            " below the horizon (camera_pitch)"
+            f"no frame {self._camera}: camera assumed fixed to {BODY}, {params.camera_pitch:g}"
+            " degrees below the horizon (camera_pitch)"
         )
         T_base_camera = np.eye(4)
         T_base_camera[:3, :3] = R_body_camera(params.camera_pitch)

@@ -230,7 +230,10 @@ class LandingTarget:
             replaced, level = self._tracker.replaced, self._tracker.steadiness.level
             self._tracker.observe(stamp_ns, known, _motion(params), ground, _camera(params))
             if self._tracker.replaced > replaced:
-                log.warning("landing_target: %s was elsewhere; estimate replaced", params.target)
+                log.warning(
+                    "landing_target: estimate of %s replaced, because sightings contradict it",
+                    params.target,
+                )
             if self._tracker.steadiness.level > level:
                 self._warn_of_camera(params)
 

@@ -106,8 +106,8 @@ class LandmarkParams:
     )
     database_location: str = param(
         "",
-        "location of the class names in vision_info, such as a ROS parameter; empty: the path of"
-        " the names file",
+        "location of the class names, as published on vision_info, such as a ROS parameter; empty:"
+        " the path of the names file",
         restart=True,
     )
 
@@ -185,13 +185,14 @@ class LandmarkDetector:
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
             self._remarks.say(
-                f"no directions: images are {size}, their calibration is for {of_info}"
+                f"detections have no directions: images are {size}, their calibration is"
+                f" for {of_info}"
             )
             info = None
         try:
             return to_detections(found, self._names, stand, info)
         except (UncalibratedCamera, UnsupportedImage) as error:
-            self._remarks.say(f"no directions: {error}")
+            self._remarks.say(f"detections have no directions: {error}")
             return to_detections(found, self._names, stand, None)
 
 

@@ -94,7 +94,7 @@ class TrackerParams:
     lines: str = param(
         "",
         "counting lines, in pixels, such as 'gate: 100,200 400,200', separated by semicolons;"
-        " 'in' means to the right, as seen from the first point",
+        " 'in' counts crossings to the right, as seen from the first point",
     )
     zones: str = param(
         "",

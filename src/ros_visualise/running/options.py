@@ -188,8 +188,8 @@ class NodeOptions(SettingOptions):
     )
     visual_odometry: bool | None = option(
         None,
-        "estimate the robot's motion from the images and an IMU, for --navigate to correct"
-        " (default: on with --navigate where the source has an IMU, but no odometry)",
+        "estimate the robot's motion from the images and an IMU, as the odometry that --navigate"
+        " corrects (default: on with --navigate where the source has an IMU, but no odometry)",
     )
     node: Sequence[str] = option(
         [],

@@ -300,6 +300,6 @@ def _check_motion(recording: Recording, pair: NamedPair, tree: FrameTree) -> Non
     try:
         newest_ns = tree.newest_ns(pair.parent, pair.child)
     except NoTransform as error:
-        raise UsageError(f"{recording.path}: {error}; choose among these") from None
+        raise UsageError(f"{recording.path}: {error}; choose two connected frames") from None
     if newest_ns is None:
         raise UsageError(f"{recording.path}: {pair.child} does not move relative to {pair.parent}")

@@ -94,7 +94,7 @@ def test_weights_by_a_link_from_elsewhere_are_not_read(tmp_path):
 
 def test_weights_beside_it_are_read_and_missed(tmp_path):
     path = with_weights(tmp_path / "n.onnx", "weights.bin")
-    assert "no such file; n.onnx refers to its weights there" in refused(path)
+    assert "no such file; it should hold the weights of n.onnx" in refused(path)
     (tmp_path / "weights.bin").write_bytes(bytes(16))
     assert "supported" in refused(path)  # it is read, and is no detector
 

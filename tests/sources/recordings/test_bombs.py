@@ -211,7 +211,7 @@ def test_computed_messages_are_none(tmp_path, messages):
     with sqlite3.connect(path) as database:
         database.execute("CREATE TABLE topics(id, name, type, serialization_format)")
         database.execute(messages)
-    with pytest.raises(OpenError, match="the table messages or topics is missing"):
+    with pytest.raises(OpenError, match="the table 'messages' or 'topics' is missing"):
         open_recording(path)
 
 

@@ -170,8 +170,8 @@ def test_of_publishers_that_disagree_the_first_counts(bag):
     assert (topic.type.name, topic.digest, topic.connections) == ("my/msg/A", "1" * 32, 3)
     assert [entry.message.message.value for entry in recording.read()] == [7]
     assert recording.loss.notes == [
-        "/x: 1 message of my/msg/A skipped: the topic is of a different type with the same name",
-        f"/x: 1 message of {STRING} skipped: the topic is of my/msg/A",
+        "/x: 1 message of my/msg/A skipped: the topic has a different type with the same name",
+        f"/x: 1 message of {STRING} skipped: the topic has type my/msg/A",
     ]
 
 

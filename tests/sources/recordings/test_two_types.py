@@ -17,7 +17,7 @@ from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.summary import summarize
 
 VECTOR = "geometry_msgs/msg/Vector3"
-LEFT_OUT = f"/x: 4 messages of {VECTOR} skipped: the topic is of {STRING}"
+LEFT_OUT = f"/x: 4 messages of {VECTOR} skipped: the topic has type {STRING}"
 
 
 def bag(path: Path, *keys: str) -> None:

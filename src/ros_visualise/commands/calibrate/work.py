@@ -159,6 +159,6 @@ def _follow(
             coverage = collector.coverage
             if len(collector.views) > before and coverage.advice != advice:
                 advice = coverage.advice
-                print_status(f"{counted(len(collector.views), 'view')}; {advice or 'a few more'}")
+                print_status(f"{counted(len(collector.views), 'view')}; {advice or 'show more'}")
             if len(collector.views) >= _ENOUGH_VIEWS and not coverage.advice:
                 return

@@ -73,7 +73,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     )
     offset: Sequence[str] = option(
         [],
-        "shift a source given with --beside in time (positive: later); auto aligns it by"
+        "shift a --beside source in time (positive: later); auto aligns it by"
         " comparing its motion with that in the video; repeatable",
         metavar="NAME=SECONDS|auto",
     )

@@ -166,7 +166,7 @@ def _detectors(options: LandmarksOptions, is_image: bool) -> Sequence[str]:
         return (TAGS, OBJECTS) if _has_network(options.model) else (TAGS,)
     for option, given in {"--families": options.families, "--model": options.model}.items():
         if given:
-            raise UsageError(f"{option}: this recording has no images, only recorded tags; omit it")
+            raise UsageError(f"omit {option}: this recording has no images, only recorded tags")
     return (RECORDED_TAGS,)
 
 

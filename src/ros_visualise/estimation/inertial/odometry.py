@@ -144,7 +144,7 @@ class InertialOdometry:
             return None
         fault = self._judge.fault(image.gray)
         if np.linalg.norm(image.turning) > _FASTEST_MOUNT:
-            fault = "the transform of the camera jumps"
+            fault = "the camera's transform jumps"
         corners = self._tracker.follow(image.gray)
         seconds, self._before_ns = (stamp_ns - self._before_ns) / 1e9, stamp_ns
         if fault:

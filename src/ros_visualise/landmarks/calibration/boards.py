@@ -79,7 +79,8 @@ class Board:
             return f"{words}{first} with markers of {self.dictionary}"
         rims = "two cells" if self.border == 2 else "one cell"
         end = "bottom" if self.upwards else "top"
-        return f"{words} of {self.dictionary} with black borders of {rims}, numbered from the {end}"
+        words = f"{words} of {self.dictionary}, numbered from the {end}"
+        return f"{words}, with black borders of {rims}"
 
 
 _SHARES = {BoardKind.CHESSBOARD: 0.0, BoardKind.CHARUCO: 0.75, BoardKind.APRILGRID: 0.3}

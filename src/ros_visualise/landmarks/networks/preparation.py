@@ -37,7 +37,7 @@ class Resizing(Enum):
     CENTER = "aspect ratio kept, centred on gray"
     CORNER = "aspect ratio kept, image in the upper left corner, the rest gray"
     STRETCH = "stretched"
-    WARP = "stretched, with the centres of the first pixels aligned"
+    WARP = "stretched, with the centres of the upper left pixels aligned"
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ class RemoteSession:
                 os.set_blocking(self._connection.fileno(), True)  # it takes rospy's timeout
             answer = self._connection.recv()
         except (OSError, EOFError):
-            self._fail("the process that runs networks ended")
+            self._fail("the process that runs the networks has ended")
         if isinstance(answer, RosVisualiseError):
             raise answer
         return answer
@@ -153,7 +153,7 @@ class RemoteSession:
                 return Client(server.path, "AF_UNIX", server.key)
             except (OSError, EOFError):
                 if time.monotonic() > end_s:
-                    self._fail("no process runs networks")
+                    self._fail("cannot connect to the process that runs networks")
                 time.sleep(_AGAIN_S)
 
     def _fail(self, reason: str) -> NoReturn:

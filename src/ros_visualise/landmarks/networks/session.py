@@ -262,5 +262,5 @@ def _check_weights(file: Path, name: str) -> None:
     if not weights.is_relative_to(folder):
         raise OpenError(f"{file}: refers to weights in {name}, which is not in its folder")
     if not weights.is_file():
-        raise OpenError.missing(folder / name, f"{file.name} refers to its weights there")
+        raise OpenError.missing(folder / name, f"it should hold the weights of {file.name}")
     limits.check_model(weights.stat().st_size)

@@ -53,7 +53,7 @@ class PoseParams:
     calibration: str = param(
         "",
         "camera calibration written by ros-visualise calibrate, whose uncertainty replaces"
-        " focal_sigma and center_sigma; read once",
+        " focal_sigma and center_sigma; later changes to the file are ignored",
         file=bool,
         group="poses",
     )

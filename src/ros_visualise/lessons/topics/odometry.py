@@ -408,7 +408,7 @@ LESSON = Lesson(
     export_s=10.0,
 )
 
-_ONE = "One picture shows no motion. Give a video, or let it play."
+_ONE = "One picture shows no motion. Open a video, or start playback."
 _LOST = "The view has changed too much: hardly any corners of the previous pictures are left."
 _NOTHING = "No motion; see the previous step."
 _REASONS = {

@@ -213,7 +213,7 @@ class Allan:
                 σ²(τ) = ½ ⟨ (mean over the next τ
                              − mean over this τ)² ⟩
 
-            White noise falls as N / √τ. Then comes a floor: averaging for longer does not help.
+            With white noise, σ falls as N / √τ. Then comes a floor: longer averages do not help.
             The floor divided by {ratio} is the bias instability. After that the curve rises,
             because the bias changes. From {count} measurements in {seconds:.0f} s:
 
@@ -222,7 +222,7 @@ class Allan:
                 accelerometer, m/s²
             {force}
 
-            This is right only for a sensor at rest: the motion of a robot looks like noise here.
+            This is valid only for a sensor at rest: the motion of a robot looks like noise here.
             The longer the recording, the farther the curve goes to the right.
             """
         return show_at(

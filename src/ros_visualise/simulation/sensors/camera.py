@@ -69,8 +69,8 @@ class CameraSensorParams:
     )
     camera_misalignment: float = _camera(
         0.0,
-        "standard deviation, about each axis, of the fixed error in the camera orientation that"
-        " tf states, degrees",
+        "standard deviation, about each axis, of the fixed error in the camera's orientation on"
+        " tf, degrees",
         min=0,
         max=10,
     )

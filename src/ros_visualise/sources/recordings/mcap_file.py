@@ -176,12 +176,12 @@ class McapFile:
             return
         row = self._rows[piece]
         if span_ns and not all(row["start_ns"] <= one <= row["end_ns"] for one in span_ns):
-            where = f"the piece at byte {row['offset']}"
+            where = f"the data at byte {row['offset']}"
             self._loss.add(f"{where} has messages outside the time range of its index")
         indexed = Counter({n: len(stamps_ns) for n, stamps_ns in self._indexed_stamps(piece)})
         is_known = self._is_indexed and UNKNOWN not in (row["messages"], row["channels"])
         if row["messages"] not in (UNKNOWN, found.total()) or (is_known and indexed != found):
-            self._loss.add(f"the piece at byte {row['offset']} and its index contradict each other")
+            self._loss.add(f"the data at byte {row['offset']} and its index contradict each other")
         self._seen[piece] = True
         self._found += found
         if self._seen.all() and not self._loss.whole and self._found != +Counter(self.counts):
@@ -240,7 +240,7 @@ class McapFile:
         self._damaged.add(piece)
         row = self._rows[piece]
         messages = 0 if messages == UNKNOWN else messages
-        note = f"the piece at byte {row['offset']} is lost: {why}"
+        note = f"the data at byte {row['offset']} is lost: {why}"
         self._loss.add(note, messages, int(row["length"]))
 
 

@@ -294,9 +294,9 @@ def missing_parts(files: Sequence[Path]) -> list[str]:
 
 def _mixed_types(topic: str, messages: int, type_name: str, chosen: str) -> str:
     """A note on skipped messages of another type than the ``chosen`` one of their topic."""
-    difference = f"of {chosen}" if type_name != chosen else "of a different type with the same name"
+    difference = f"type {chosen}" if type_name != chosen else "a different type with the same name"
     noun = "message" if messages == 1 else "messages"
-    return f"{topic}: {messages} {noun} of {type_name} skipped: the topic is {difference}"
+    return f"{topic}: {messages} {noun} of {type_name} skipped: the topic has {difference}"
 
 
 def _distinct(texts: Iterable[str]) -> tuple[str, ...]:

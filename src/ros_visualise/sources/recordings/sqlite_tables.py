@@ -81,7 +81,7 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
     """The topics of a bag, by their numbers; raises DatabaseError."""
     tables = {name for name in _NAMES if _is_table(database, name)}
     if not {"messages", "topics"} <= tables:
-        raise sqlite3.DatabaseError("the table messages or topics is missing")
+        raise sqlite3.DatabaseError("the table 'messages' or 'topics' is missing")
     definitions = _definitions(database) if "message_definitions" in tables else {}
     cursor = database.execute("SELECT * FROM topics ORDER BY id")
     names = [column[0] for column in cursor.description]

@@ -372,7 +372,7 @@ export default {
         ["Unwrap angle", also(`unwrap(${own})`)],
         ...angles,
         ["Spectrum", apart("spectrum")],
-        ["In another pane", apart("time")],
+        ["Show in a new pane", apart("time")],
         ["Edit as expression", () => this.edit(name, pane)],
       ];
     },
