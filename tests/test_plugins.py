@@ -42,8 +42,15 @@ class Packages:
 
     def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """Our command line, with these packages installed."""
+        return self._run("-m", "ros_visualise", *map(str, arguments))
+
+    def python(self, code: str) -> subprocess.CompletedProcess[str]:
+        """Python code, with these packages installed."""
+        return self._run("-c", code)
+
+    def _run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
-        command = [sys.executable, "-m", "ros_visualise", *map(str, arguments)]
+        command = [sys.executable, *arguments]
         return subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment)
 
 
@@ -74,7 +81,7 @@ def test_the_sample_is_listed(sample):
         ("robots", "cart", "ros_visualise_example", ""),
         ("sensors", "thermometer", "ros_visualise_example", ""),
         ("worlds", "hall", "ros_visualise_example", ""),
-        ("measurements", "doppler", "ros_visualise_example", ""),
+        ("measurements", "uwb", "ros_visualise_example", ""),
         ("commands", "gaps", "ros_visualise_example", ""),
     ]
     assert (done.returncode, done.stderr) == (0, "")
@@ -101,7 +108,7 @@ def test_its_node_runs_by_its_name(sample, tmp_path):
     assert image[0, 0].mean() < 20
     listed = sample.run("nodes").stdout
     assert "vignette: Darkens the corners" in listed
-    assert "doppler (geometry_msgs/msg/TwistWithCovarianceStamped)" in listed  # a measurement
+    assert "uwb (sensor_msgs/msg/Range)" in listed  # a measurement
     assert "cart: A cart" in listed
 
 
@@ -149,11 +156,40 @@ def test_its_drawing_draws(sample):
         "from ros_visualise.ui.scene.kinds import DRAWINGS\n"
         "print(DRAWINGS[MagneticField].__name__)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(sample.folder)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=environment
-    )
-    assert done.stdout == "Compass\n", done.stderr
+    assert sample.python(code).stdout == "Compass\n"
+
+
+MEASUREMENT = """
+import numpy as np
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.estimation.imu import Mounting
+from ros_visualise.estimation.params import NavigatorParams
+from ros_visualise.estimation.robot import RobotState, core
+from ros_visualise.estimation.sensors import SENSORS, Reading
+
+sensor, params = SENSORS.find("uwb"), NavigatorParams(uwb_anchor="3, -2, 1")
+robot = RobotState(p=np.array([8.0, 4, 6]))
+at = Mounting(np.eye(3), np.array([0.1, 0, 0.2]))
+reading = Reading("uwb", 0, np.array([9.0]), np.eye(1), at)
+found = sensor.expect(robot, reading, params)
+for row, error in enumerate(1e-6 * np.eye(core())):
+    several = [sensor.expect(robot.moved(e), reading, params) for e in (-error, error)]
+    slope = (several[0].residual - several[1].residual) / 2e-6
+    np.testing.assert_allclose(found.H[:, row], slope, atol=1e-6, err_msg=str(row))
+for name in ("uwb_anchor", "gps_origin"):
+    try:
+        NavigatorParams(**{name: "here"})
+    except ParameterError as error:
+        print(error)
+"""
+
+
+def test_its_measurement_has_a_right_derivative_and_checks_its_parameters_beside_others(sample):
+    done = sample.python(MEASUREMENT)
+    assert [line.split(":")[0] for line in done.stdout.splitlines()] == [
+        "uwb_anchor=here",
+        "gps_origin=here",
+    ], done.stderr
 
 
 @pytest.mark.usefixtures("opengl")

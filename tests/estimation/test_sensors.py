@@ -7,9 +7,11 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.data import FluidPressure, Header, MagneticField, Range
 from ros_visualise.data import TwistWithCovarianceStamped as Twist
 from ros_visualise.estimation.imu import Mounting
+from ros_visualise.estimation.navigator import Navigator
 from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.estimation.robot import RobotState, core
 from ros_visualise.estimation.sensors import SENSORS, Prior, Reading
+from ros_visualise.geometry import rigid
 from ros_visualise.geometry.rotations import from_rpy, to_matrix
 
 AT = Mounting(to_matrix(from_rpy([0.1, -0.2, 0.4])), np.array([0.3, -0.1, 0.2]))
@@ -117,6 +119,18 @@ def test_deviations_of_a_calibration_let_the_focal_length_be_estimated(tmp_path)
     assert settings.camera.focal == pytest.approx(2 / 500)
     with pytest.raises(OpenError, match="absent"):
         NavigatorParams(calibration=str(tmp_path / "absent.yaml")).settings()
+
+
+def test_a_sensor_that_fails_holds_up_no_others(monkeypatch):
+    navigator = Navigator(NavigatorParams().settings())
+    stamps = range(10**18, 10**18 + 10**9, 10**8)
+    for stamp_ns in stamps[:5]:
+        navigator.odometry(stamp_ns, rigid.IDENTITY)
+    monkeypatch.setattr(SENSORS.find("barometer"), "expect", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        navigator.read(Reading("barometer", stamps[4], np.zeros(1), np.eye(1), AT))
+    for stamp_ns in stamps[5:]:
+        assert navigator.odometry(stamp_ns, rigid.IDENTITY).is_located
 
 
 def test_states_return_to_their_prior_with_time():

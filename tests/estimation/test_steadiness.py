@@ -23,6 +23,22 @@ def test_a_camera_less_steady_than_stated_is_named_and_allowed_for(shakes_deg):
     assert run.nees(world, 8).mean() < 9
 
 
+def test_an_unsteady_camera_makes_its_clock_uncertain_anew():
+    def sigma_ms():
+        return float(run.states[-1][1].values["camera 1 clock behind by (ms)"].split()[-1])
+
+    path, given = along(*square()), params()
+    still = World(path, TAGS, seed=2).events(5)
+    run = drive(still, given, start=HERE)
+    learnt = sigma_ms()
+    shaking = World(path, TAGS, seed=2, shakes_rad=np.radians(3)).events(9)
+    for one in (each for each in shaking if each.arrival_s >= 5):
+        run = drive([one], given, run=run)
+        if run.says(UNSTEADY):
+            break
+    assert sigma_ms() > 3 * learnt
+
+
 def measured(prior, divided_after):
     """A state with this prior variance of a camera's attitude, after measurements that share it."""
     random, turn = np.random.default_rng(4), turn_of(0)

@@ -17,7 +17,7 @@ from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
 from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap, MapMode
-from ros_visualise.estimation.measuring import CAMERAS, CLOCK, camera_of, turn_of
+from ros_visualise.estimation.measuring import CAMERAS, CLOCK, camera_of, clock_of, turn_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
@@ -39,6 +39,7 @@ from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
 _WRONG_CLOCK_S = 0.02
+_STAYS_NS = 2_000_000_000  # for which a clock is wrong before the user is told
 _WRONG_SIZE = 0.02  # as a fraction
 _UNSEEN_NS = 10_000_000_000  # without a map tag in view, after which the user is told
 _SEARCHING = "not localized: needs one map tag in three images"
@@ -244,6 +245,9 @@ class Filter:
             believed_rad = errors.at_level(before.level).turn_rad
             belief.state = belief.state.with_prior(turn, believed_rad**2, now.turn_rad**2)
             belief.state.inflate(turn, np.eye(3) * now.turn_rad**2)
+            clock = clock_of(view.camera)  # its offset explained that unsteadiness so far
+            belief.state.forget(clock)
+            belief.state.inflate(clock, np.eye(1) * errors.clock_s**2)
             belief.note(
                 f"camera {view.camera + 1} is less steady than camera_turn says; "
                 + words(now.turn_rad, now.turn_s)
@@ -251,12 +255,17 @@ class Filter:
 
     @staticmethod
     def _name_clock(belief: Belief, view: CameraView) -> None:
-        """Say once that a camera's clock is wrong."""
+        """Say once that a camera's clock is wrong, if it stays so."""
         own, name = CAMERAS[view.camera], f"clock of camera {view.camera + 1}"
-        late_s, row = float(belief.state.robot[own][CLOCK]), own.rows.start + CLOCK
-        sigma_s = float(np.sqrt(belief.state.P[row, row]))
-        if abs(late_s) > max(_WRONG_CLOCK_S, 5 * sigma_s) and name not in belief.memory:
-            belief.remember(name, True)
+        said = f"wrong {name}"
+        late_s, rows = float(belief.state.robot[own][CLOCK]), clock_of(view.camera)
+        sigma_s = float(np.sqrt(belief.state.P[rows, rows].item()))
+        if abs(late_s) <= max(_WRONG_CLOCK_S, 5 * sigma_s):
+            belief.remember(name, None)
+        elif belief.memory.get(name) is None:
+            belief.remember(name, belief.now_ns)
+        elif belief.now_ns - belief.memory[name] > _STAYS_NS and said not in belief.memory:
+            belief.remember(said, True)
             where = "behind" if late_s > 0 else "ahead of"
             belief.note(f"the {name} is {abs(late_s) * 1e3:.0f} ms {where} that of the odometry")
 

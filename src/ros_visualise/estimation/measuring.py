@@ -28,6 +28,12 @@ CAMERAS = tuple(own_states(f"camera {number}", 5) for number in (1, 2))
 CLOCK, TURN, FOCAL = 0, slice(1, 4), 4
 
 
+def clock_of(camera: int) -> slice:
+    """The row of the error of a camera's clock."""
+    start = CAMERAS[camera].rows.start + CLOCK
+    return slice(start, start + 1)
+
+
 def turn_of(camera: int) -> slice:
     """Rows of the error of a camera's attitude."""
     start = CAMERAS[camera].rows.start

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -220,9 +221,19 @@ class CameraErrorParams:
 def _sensor_params() -> type:
     """The parameters of all sensors of `ros_visualise.estimation.sensors`."""
     bases = tuple(reversed([sensor.params for sensor in SENSORS.all()]))
-    return dataclass(frozen=True)(
-        type("SensorParams", bases, {"__doc__": "Parameters of all sensors."})
-    )
+    content = {"__doc__": "Parameters of all sensors.", "__post_init__": _check(bases)}
+    return dataclass(frozen=True)(type("SensorParams", bases, content))
+
+
+def _check(several: Iterable[type]) -> Callable[[Any], None]:
+    """A function that lets each of several types check its own parameters."""
+    checks = [vars(one)["__post_init__"] for one in several if "__post_init__" in vars(one)]
+
+    def check(params: Any) -> None:
+        for one in checks:
+            one(params)
+
+    return check
 
 
 _SensorParams: Any = _sensor_params()

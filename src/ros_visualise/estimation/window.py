@@ -110,7 +110,11 @@ class EventWindow:
             self._known.pop()
 
     def run(self) -> None:
-        """Apply all events that can be."""
+        """Apply all events that can be.
+
+        An event that fails is dropped, as it would fail again and hold up all later ones; the
+        error is raised.
+        """
         while True:
             after = bisect_right(self._entries, self._known[-1].key, key=lambda one: one.key)
             if after == len(self._entries):
@@ -123,6 +127,9 @@ class EventWindow:
                 self._known.append(_Known(key, self.filter.after(self.newest, event)))
             except ImuIsWrong as wrong:
                 self._go_back(wrong.belief)
+            except Exception:
+                del self._entries[after]
+                raise
         self._forget()
 
     def _go_back(self, belief: Belief) -> None:
