@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +24,7 @@ SOLID = 'contype="2" conaffinity="0"'
 SHOWN = 'contype="0" conaffinity="0"'  # without contacts
 _BOARD_THICKNESS = 0.024
 PRINT_THICKNESS = 0.002  # of a tag on its board
+SKY = "sky"
 _PLAIN = np.full((2, 2, 3), 128, np.uint8)
 
 
@@ -39,7 +39,7 @@ class WorldBuilder:
         pictures: draw the textures; otherwise all is gray, and ready much sooner.
 
     Attributes:
-        assets: file names in the MJCF -> images.
+        textures: names in the MJCF -> images, RGB; the faces of the sky are side by side.
         landmarks: those added so far.
         starts: robot -> start; the default is the origin.
         path_xy: a closed path through the world.
@@ -49,7 +49,7 @@ class WorldBuilder:
         self._pictures = pictures
         self._soil: Callable[[int, Canvas], Canvas] = lambda tag_id, canvas: canvas
         self._printed: set[int] = set()
-        self.assets: dict[str, bytes] = {}
+        self.textures: dict[str, Canvas] = {}
         self.landmarks: list[SimulatedLandmark] = []
         self.starts: dict[str, Pose2] = {}
         self.path_xy: list[tuple[float, float]] = []
@@ -71,12 +71,11 @@ class WorldBuilder:
             f"<worldbody>{_SUN}{''.join(self._things)}</worldbody>"
         )
 
-    def add_sky(self, draw: Draw, order: str) -> None:
-        """Surround everything with a cube, its six faces side by side."""
-        self._store("sky", draw, np.full((2, 12, 3), 200, np.uint8))
-        self._definitions.append(
-            f'<texture type="skybox" file="sky.png" gridsize="1 6" gridlayout="{order}"/>'
-        )
+    def add_sky(self, draw: Draw) -> None:
+        """Surround everything with a cube, six faces side by side, as `draw_sky` has them."""
+        self._store(SKY, draw, np.full((2, 12, 3), 200, np.uint8))
+        side = len(self.textures[SKY])
+        self._definitions.append(_texture(SKY, "skybox", side, 6 * side))
 
     def add_material(
         self, name: str, draw: Draw, repeat: float | None = None, kind: str = "2d"
@@ -84,8 +83,9 @@ class WorldBuilder:
         """A textured material: once over a geom, or ``repeat`` times per metre."""
         self._store(name, draw)
         tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
+        height, width = self.textures[name].shape[:2]
         self._definitions.append(
-            f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
+            f"{_texture(name, kind, width, height)}"
             f'<material name="{name}" texture="{name}" specular="0" {tiling}/>'
         )
         return name
@@ -157,10 +157,22 @@ class WorldBuilder:
         return self._soil(tag_id, draw_tag(tag_id))
 
     def _store(self, name: str, draw: Draw, plain: Canvas = _PLAIN) -> None:
-        picture = draw() if self._pictures else plain
-        quick: Any = [cv2.IMWRITE_PNG_COMPRESSION, 0]
-        _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]), quick)
-        self.assets[f"{name}.png"] = data.tobytes()
+        self.textures[name] = draw() if self._pictures else plain
+
+
+def _texture(name: str, kind: str, width: int, height: int) -> str:
+    """A texture of that size, whose pixels `fill_textures` sets."""
+    size = f'width="{width}" height="{height}"'
+    return f'<texture name="{name}" type="{kind}" builtin="flat" colorspace="linear" {size}/>'
+
+
+def fill_textures(model: Any, textures: Mapping[str, Canvas]) -> None:
+    """Set the pixels of an ``mjModel``'s textures: as files they would be packed and unpacked."""
+    for name, picture in textures.items():
+        texture = model.texture(name)
+        pixels = np.concatenate(np.split(picture, 6, axis=1)) if name == SKY else picture
+        space = model.tex_data[texture.adr[0] :][: 3 * texture.width[0] * texture.height[0]]
+        space.reshape(-1, pixels.size)[:] = pixels.ravel()  # the faces of a cube are alike
 
 
 def _turn(yaw: float) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.landmarks import SimulatedLandmark
-from ros_visualise.simulation.mjcf import Pose2, WorldBuilder
+from ros_visualise.simulation.mjcf import Canvas, Pose2, WorldBuilder, fill_textures
 from ros_visualise.simulation.pad import add_pad
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.sensors.camera import CameraSensorParams, ideal_camera
@@ -31,7 +31,7 @@ class BuiltWorld:
 
     name: str
     mjcf: str
-    assets: dict[str, bytes]
+    textures: dict[str, Canvas]
     landmarks: tuple[SimulatedLandmark, ...]
     starts: dict[str, Pose2]
     path_xy: tuple[tuple[float, float], ...]
@@ -67,10 +67,10 @@ def build_world(
     """
     scene = _new_scene(name, pictures).worn(wear.soil)
     wear.apply(scene)
-    assets, landmarks = scene.assets, tuple(scene.landmarks)
+    textures, landmarks = scene.textures, tuple(scene.landmarks)
     if pad is not None:
         add_pad(scene, pad, pad_tags)
-    return BuiltWorld(name, scene.mjcf(), assets, landmarks, scene.starts, tuple(scene.path_xy))
+    return BuiltWorld(name, scene.mjcf(), textures, landmarks, scene.starts, tuple(scene.path_xy))
 
 
 @cache
@@ -84,9 +84,10 @@ def compile_model(robot: str, world: BuiltWorld, params: CameraSensorParams) -> 
     """The ``mjModel`` of a robot in a world; raises OpenError for an impossible lens."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"
-    assets = {**world.assets, name: ROBOTS.find(robot).model.read_bytes()}
+    assets = {name: ROBOTS.find(robot).model.read_bytes()}
     xml = f'<mujoco model="{robot}"><include file="{name}"/>{world.mjcf}</mujoco>'
     model = mujoco.MjModel.from_xml_string(xml, assets)
+    fill_textures(model, world.textures)
     (width, height), fovy = ideal_camera(params)
     model.cam_fovy[0] = fovy
     model.vis.global_.offwidth = width

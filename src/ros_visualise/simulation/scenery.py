@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats, Header, Marker, MarkerArray, MarkerType
 from ros_visualise.simulation.frames import DECK, MAP
 from ros_visualise.simulation.pad import PAD
-from ros_visualise.simulation.textures import BOARD_CELLS
+from ros_visualise.simulation.textures import BOARD_CELLS, Canvas
 
 _PLANE, _SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 0, 2, 4, 5, 6  # mjtGeom
 _SOLIDS = {
@@ -29,19 +29,19 @@ _BELOW_M = 0.02  # below objects on the ground
 Rgb = npt.NDArray[np.float32]
 
 
-def scenery(model: Any, assets: Mapping[str, bytes]) -> MarkerArray:
+def scenery(model: Any, textures: Mapping[str, Canvas]) -> MarkerArray:
     """Everything but the robot: solids in their mean colours, and pictures.
 
     Static objects are in the frame ``map``, a landing pad in its own.
 
     Args:
         model: the ``mjModel``.
-        assets: the textures of its materials.
+        textures: those of its materials.
     """
-    return MarkerArray(tuple(_markers(model, assets)))
+    return MarkerArray(tuple(_markers(model, textures)))
 
 
-def _markers(model: Any, assets: Mapping[str, bytes]) -> Iterator[Marker]:
+def _markers(model: Any, textures: Mapping[str, Canvas]) -> Iterator[Marker]:
     for geom in range(model.ngeom):
         kind, frame = int(model.geom_type[geom]), _frame_of(model, geom)
         is_ground = model.geom(geom).name == "ground"
@@ -53,7 +53,7 @@ def _markers(model: Any, assets: Mapping[str, bytes]) -> Iterator[Marker]:
             "id": geom,
             "header": Header(0, frame),
         }
-        half, picture = np.array(model.geom_size[geom]), _picture(model, geom, assets)
+        half, picture = np.array(model.geom_size[geom]), _picture(model, geom, textures)
         if is_ground:
             half = np.array([*np.minimum(half[:2], _GROUND_M), _BELOW_M / 4])
             place["position_xyz"] = np.array([0, 0, -_BELOW_M])
@@ -96,19 +96,17 @@ def _sheet(picture: Rgb, half: Floats, place: dict[str, Any]) -> Marker:
     )
 
 
-def _picture(model: Any, geom: int, assets: Mapping[str, bytes]) -> Rgb | None:
+def _picture(model: Any, geom: int, textures: Mapping[str, Canvas]) -> Rgb | None:
     """The texture of a geom, reduced to (rows, columns, 3) from 0 to 1; None without one."""
     material = int(model.geom_matid[geom])
     name = "" if material < 0 else model.mat(material).name
-    if f"{name}.png" not in assets:
+    if name not in textures:
         return None
-    whole = cv2.imdecode(np.frombuffer(assets[f"{name}.png"], np.uint8), cv2.IMREAD_COLOR)
-    assert whole is not None
     side = BOARD_CELLS if name.startswith("tag_") else _CELLS
     if model.mat_texuniform[material]:
         side = 1  # repeated: only its mean colour matters
-    small = cv2.resize(whole, (side, side), interpolation=cv2.INTER_AREA)
-    return np.asarray(small[..., ::-1] / 255, np.float32)
+    small = cv2.resize(textures[name], (side, side), interpolation=cv2.INTER_AREA)
+    return np.asarray(small / 255, np.float32)
 
 
 def _color(model: Any, geom: int, picture: Rgb | None) -> Rgb:

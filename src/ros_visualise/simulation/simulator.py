@@ -92,7 +92,7 @@ class Simulation:
         mounted = {n: place for one in sensors_of(self.settings) for n, place in one.frames.items()}
         fixed = frames.fixed_frames(self._model, mount, self.start_pose, odom, mounted)
         description = describe(self._model, fixed)
-        self._latched = description, fixed, scenery(self._model, self.world.assets)
+        self._latched = description, fixed, scenery(self._model, self.world.textures)
         self._delayed = self._mission if self.settings.mission_delay else None
         if self._mission is not None and self._delayed is None:
             self._robot.start(self._mission)

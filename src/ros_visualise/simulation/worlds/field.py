@@ -11,7 +11,6 @@ from ros_visualise.simulation.landmarks import SimulatedLandmark, facing, lying
 from ros_visualise.simulation.missions import SHAPES
 from ros_visualise.simulation.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
 from ros_visualise.simulation.textures import (
-    FACES,
     SUN_DEGREES,
     Shadow,
     draw_field,
@@ -43,7 +42,7 @@ _POSTS = (
 def build_field(scene: WorldBuilder) -> None:
     """Add the ground, everything on it, and the robots' starts."""
     scene.path_xy += [_path(angle) for angle in np.linspace(0, 2 * math.pi, 90, endpoint=False)]
-    scene.add_sky(draw_sky, FACES)
+    scene.add_sky(draw_sky)
     shadows = _plant_trees(scene) + _set_landmarks(scene) + _furnish(scene)
     _lay_ground(scene, shadows)
     (x, y), (ahead_x, ahead_y) = scene.path_xy[0], scene.path_xy[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ros_visualise.simulation.landmarks import facing
 from ros_visualise.simulation.mjcf import WorldBuilder
-from ros_visualise.simulation.textures import FACES, draw_concrete, draw_sky, draw_wood
+from ros_visualise.simulation.textures import draw_concrete, draw_sky, draw_wood
 from ros_visualise.simulation.worlds import ClearArea, World
 
 _HALF_M = 10.0
@@ -26,7 +26,7 @@ _EIGHT = tuple(math.pi / 2 - 2 * math.pi * i / 60 for i in range(60))
 
 def build_playpen(scene: WorldBuilder) -> None:
     """Add barriers around 20 x 20 m, and crates, barrels, cones, pillars and boards with tags."""
-    scene.add_sky(lambda: draw_sky(256), FACES)
+    scene.add_sky(lambda: draw_sky(256))
     scene.add_ground(60.0, scene.add_material("concrete", draw_concrete, repeat=0.5))
     wood = scene.add_material("wood", draw_wood, kind="cube")
     _fence(scene)
