@@ -1,6 +1,7 @@
 # make demo         sets everything up and plays the demo; ARGS='--port 8090'
 # make test         sets everything up and runs all tests; TESTS=tests/core/test_rate.py runs these
 # make test QUICK=1 runs the tests that need nothing but Python, in two minutes
+# make test SEEDS=all repeats tests of random errors with all seeds, which takes longer
 # make test-oldest  runs the tests with the oldest versions of all dependencies
 # make docs        builds the documentation in docs/_build/html; LINKS=1 also checks its links to other sites
 # make fuzz         gives damaged input to the commands; ARGS=--help lists its options
@@ -33,6 +34,9 @@ SELECTED = $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
 
 # The processes of the tests share the cores; threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
+
+# Read by tests/seeds.py.
+export SEEDS
 
 # Hundreds of processes that tests start would compile the package, each for itself.
 export PYTHONDONTWRITEBYTECODE :=

@@ -35,6 +35,8 @@ FLAGS = [
 ]
 
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
+# Mesa's compiler of shaders takes longer to optimize them than they run: the pixels are the same.
+os.environ.setdefault("GALLIVM_PERF", "nopt")
 
 
 _LONGEST = {

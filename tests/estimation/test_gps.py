@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from driven import FALSE, drive, params
+from seeds import runs
 from world import ORIGIN, Sensor, World, along, square
 
 AT_ORIGIN = ", ".join(map(str, ORIGIN))
@@ -47,7 +48,7 @@ def test_odometry_that_slides_is_corrected_by_fixes(way):
 def test_fixes_count_at_their_own_time_on_a_moving_robot():
     """By a precise receiver off the robot's middle, between odometries."""
     several = []
-    for seed in range(6):
+    for seed in range(runs(4, of=6)):
         world = World(
             along(*square(24, laps=6), speed=8.0),  # always in a bend
             seed=seed,

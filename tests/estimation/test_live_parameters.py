@@ -154,39 +154,49 @@ def path(tmp_path_factory):
     return str(written)
 
 
+PIECES = 6
+"""Of the flight after the change; most parameters take effect in the first."""
+
+
 def flown(first, then=None):
-    """A digest of what is published after the change."""
+    """Digests of what is published after the change: until the end of each piece of the flight."""
     before, after = parted()
     if then and first == base():
         run = deepcopy(until_changed())
     else:
         run = drive(before, first, start=HERE)
     run.params = then or first
-    drive(after, run.params, run=run, start=HERE)
-    text = [repr(one) for one in run.poses if one[0] > CHANGED_S + 0.3]
-    text += [repr(sorted(run.landmarks)), repr(run.states[-1][1].values)]
-    text += [repr(one.hypotheses[0]) for one in run.landmarks.values()]
-    return hashlib.sha256("".join(text).encode()).hexdigest()
+    for piece in np.array_split(np.arange(len(after)), PIECES):
+        drive(after[piece[0] : piece[-1] + 1], run.params, run=run, start=HERE)
+        text = [repr(one) for one in run.poses if one[0] > CHANGED_S + 0.3]
+        text += [repr(sorted(run.landmarks)), repr(run.states[-1][1].values)]
+        text += [repr(one.hypotheses[0]) for one in run.landmarks.values()]
+        yield hashlib.sha256("".join(text).encode()).hexdigest()
+
+
+def differ(one, other):
+    """Whether two flights publish different things; they end where they do."""
+    return any(a != b for a, b in zip(one, other, strict=True))
 
 
 @cache
 def by_default():
-    return flown(base())
+    return tuple(flown(base()))
 
 
 @pytest.mark.parametrize("name", [name for name, spec in SPECS.items() if not spec.file("x")])
 def test_a_parameter_changed_in_flight_takes_effect(name, path):
     spec, before = SPECS[name], base(map=path) if name == "mode" else base()
-    kept = flown(before) if name == "mode" else by_default()
+    kept = tuple(flown(before)) if name == "mode" else by_default()
     changed = update(before, {name: other(spec)})
-    if not spec.restart and flown(before, changed) != kept:
+    if not spec.restart and differ(flown(before, changed), kept):
         return
-    assert flown(changed) != kept, f"{name} has no effect at all in this flight: extend it"
+    assert differ(flown(changed), kept), f"{name} has no effect at all in this flight: extend it"
     assert spec.restart, f"{name}={getattr(changed, name)} changes nothing in flight"
 
 
 def test_another_map_takes_effect_in_flight(path):
-    assert flown(base(), base(map=path, mode="extend")) != by_default()
+    assert differ(flown(base(), base(map=path, mode="extend")), by_default())
 
 
 def test_the_map_is_saved_where_it_is_set_in_flight(tmp_path):

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
-from made_passes import mean_band
+from seeds import mean_band
 
 from ros_visualise.estimation.camera_view import view_of
 from ros_visualise.estimation.landmark import KnownLandmark

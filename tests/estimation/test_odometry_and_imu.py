@@ -1,8 +1,11 @@
 """Laws of odometry and IMU: of two that disagree neither wins silently, and both come back."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from driven import drive, params
+from seeds import runs
 from world import (
     T0,
     Event,
@@ -39,21 +42,33 @@ FAULTS = {
 }
 
 
+@cache
+def sigma_of_a_healthy_flight(given):
+    healthy = World(along(*square()), TAGS, imu=Sensor(50, priority=-1))
+    return last_sigma(drive(healthy.events(22), given))
+
+
+def last_sigma(run):
+    return np.sqrt(np.trace(run.poses[-1][2][:3, :3]))
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """The tags as a map, one file for all."""
+    return known_map(tmp_path_factory.mktemp("maps"), TAGS)
+
+
 @pytest.mark.parametrize("fault", FAULTS)
-def test_odometry_fails_and_comes_back(fault, tmp_path):
+def test_odometry_fails_and_comes_back(fault, known):
     world = World(along(*square()), TAGS, imu=Sensor(50, priority=-1), **FAULTS[fault])
-    run = drive(world.events(22), known_map(tmp_path, TAGS))
+    run = drive(world.events(22), known)
     assert run.located(3, 22) > 0.95, run.lines
     assert run.falsely_certain(world, 3, 22) < 0.02, run.nees(world, 3).max()
     assert run.off(world, 3).max() < 1.0
     assert run.counted("loss") == 0
     assert "used" in run.values["imu"], run.values["imu"]
-    healthy = World(along(*square()), TAGS, imu=Sensor(50, priority=-1))
-    sigma = [
-        np.sqrt(np.trace(one.poses[-1][2][:3, :3]))
-        for one in (run, drive(healthy.events(22), known_map(tmp_path, TAGS)))
-    ]
-    assert sigma[0] < 1.5 * sigma[1], "one of them is no longer used"
+    healthy = sigma_of_a_healthy_flight(known)
+    assert last_sigma(run) < 1.5 * healthy, "one of them is no longer used"
 
 
 def test_an_imu_in_a_wrong_frame_is_named_and_comes_back(tmp_path):
@@ -88,7 +103,7 @@ def test_scales_that_change_in_flight_are_followed(tmp_path):
 def test_covariance_in_the_odometry_is_used():
     """It states an error ten times that of the parameters, and has it."""
     several = []
-    for seed in range(10):
+    for seed in range(runs(5, of=10)):
         world = World(
             along((0, 0, 0), (300, 0, 0), speed=3.0),
             seed=seed,

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import seeds
 from simulated_runs import collect, twist
 
 from ros_visualise.data import Odometry
@@ -15,7 +16,7 @@ from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
 from ros_visualise.simulation.simulator import Simulation
 
-SEEDS = 60
+SEEDS = seeds.runs(20, of=60)
 PERIOD_S = 0.1
 HUSKY, QUADROTOR = HuskyParams(), QuadrotorParams()
 STEADY_HUSKY = replace(

@@ -72,12 +72,3 @@ def tag_noise(range_m):
     """(6, 6) of a tag of 0.2 m, its axes those of the camera: far things are seen worse."""
     along, across, tilt = 0.002 * range_m**2, 0.0005 * range_m, math.radians(0.5) * range_m
     return np.diag(np.square([across, across, along, tilt, tilt, tilt / 4]))
-
-
-def mean_band(size, runs):
-    """Where the mean of so many squared distances of ``size`` numbers is 95 times of 100.
-
-    Source: Wilson and Hilferty, The distribution of chi-square, 1931.
-    """
-    k = size * runs
-    return [size * (1 - 2 / (9 * k) + z * math.sqrt(2 / (9 * k))) ** 3 for z in (-1.96, 1.96)]

@@ -8,12 +8,12 @@ from made_passes import (
     detections,
     direction_seen,
     looking,
-    mean_band,
     misled,
     tag_noise,
     tag_seen,
     turn,
 )
+from seeds import mean_band, runs
 
 from ros_visualise.estimation.localization.localizer import Localizer, LocalizerRules
 from ros_visualise.estimation.localization.robot_error import ErrorModel
@@ -84,7 +84,8 @@ def test_ten_views_with_one_attitude_error_are_not_ten_votes():
 def test_tags_seen_on_the_way_back_have_not_moved():
     """The scale error shrinks there: the covariance hardly grows, but the random walk goes on."""
     walk, scale, elsewhere = 0.02, 0.005, 0
-    for seed in range(20):
+    count = runs(6, of=20)
+    for seed in range(count):
         random = np.random.default_rng(seed)
         localizer, longer, error = Localizer(), scale * random.standard_normal(), np.zeros(3)
         for step in range(400):
@@ -100,4 +101,4 @@ def test_tags_seen_on_the_way_back_have_not_moved():
                 detections(step / 10, found), wrong, LocalizerRules(), np.diag(sigmas2)
             )
         elsewhere += localizer.skipped["elsewhere"]
-    assert elsewhere < 5
+    assert elsewhere < 5 / 20 * count

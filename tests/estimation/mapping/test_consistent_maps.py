@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from made_passes import mean_band
 from made_worlds import drifting, flight, floor, turn, world
+from seeds import mean_band, runs
 
 from ros_visualise.estimation.mapping.priors import FIRST
 from ros_visualise.estimation.mapping.smoothing import smooth
 from ros_visualise.estimation.mapping.unknowns import MeasurementNoise
 from ros_visualise.geometry.se3 import from_parts, inverse, rotation_vector, turn_between
 
-SEEDS = 16
+SEEDS = runs(8, of=16)
 NOISE = MeasurementNoise(extra_px=0.2)
 
 
@@ -43,7 +43,7 @@ def test_landmarks_are_as_sure_as_they_say():
 def test_errors_of_corners_that_last_are_not_new_votes_in_each_view(lasting):
     """Squared distances by six, of the tags of some worlds; 5 and 11 if each view is a vote."""
     found = []
-    for seed in range(8):
+    for seed in range(runs(3, of=8)):
         random = np.random.default_rng(seed)
         tags, cameras = floor(random, 8, 4.0), flight(random, 80, 4.0)
         made = smooth(world(random, cameras, tags, 0.2, lasting=lasting))

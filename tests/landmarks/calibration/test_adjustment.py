@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from board_pictures import poses_of
+from seeds import mean_band, runs
 
 from ros_visualise.landmarks.calibration.adjustment import adjust, begin
 from ros_visualise.landmarks.calibration.boards import BoardKind, board_of, points_xy
@@ -13,6 +14,7 @@ from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, project
 from ros_visualise.landmarks.calibration.views import BoardView
 
 SIZE = (640, 480)
+CAMERAS_TRIED = runs(12, of=30)
 BOARD = board_of(BoardKind.CHESSBOARD, "7x5", 0.03)
 CAMERAS = {
     Lens.PINHOLE: [510, 512, 322, 236, -0.25, 0.08, 0.001, -0.0005, 0],
@@ -85,9 +87,9 @@ def rolled(points_xyz, uv, random):
 @pytest.mark.parametrize("kind", ["white", "shared", "rolling", "bent", "print", "film"])
 @pytest.mark.parametrize("count", [8, 25])
 def test_errors_are_as_large_as_their_covariance_says(kind, count):
-    """Means of 30 cameras: 4 squared errors of variance 1 each; the deviation is about 0.13."""
+    """Means of 4 squared errors of variance 1 each; too large a covariance does no harm."""
     squares, xy, true = [], points_xy(BOARD), np.array(CAMERAS[Lens.PINHOLE], float)
-    for seed in range(30):
+    for seed in range(CAMERAS_TRIED):
         random, views = np.random.default_rng(seed), []
         bend, start = random.normal(0, 0.001, 2), random.uniform(0, 100)
         printed = random.normal(0, 0.00015, xy.shape)
@@ -110,7 +112,7 @@ def test_errors_are_as_large_as_their_covariance_says(kind, count):
         fit = fit_of(views, Lens.PINHOLE)
         error, part = (fit.numbers - true)[:4], fit.covariance[:4, :4]
         squares.append(error @ np.linalg.solve(part, error) / 4)
-    assert 0.35 < np.mean(squares) < 1.6
+    assert 0.35 < np.mean(squares) < mean_band(4, CAMERAS_TRIED, z=4)[1] / 4
 
 
 def test_halves_of_real_pictures_differ_as_much_as_their_deviations_say(recordings):
