@@ -51,6 +51,7 @@ SCENARIOS: Mapping[str, tuple[str, ...]] = {
     "built map": ("quadrotor.gps=false",),
     "built map, GPS": ("landmark_navigator.gps_origin=49,8.4,116",),
     "few tags": ("quadrotor.gps=false", "quadrotor.tags_covered=0.8"),
+    "few tags, built map": ("quadrotor.gps=false", "quadrotor.tags_covered=0.8"),
     "night": ("quadrotor.gps=false", "quadrotor.camera_light=0.01"),
     "landing": ("quadrotor.gps=false",),
 }

@@ -6,6 +6,7 @@ with it (`ros_visualise.estimation.rivalry`); else by the odometry.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -285,11 +286,12 @@ class Filter:
 
     @staticmethod
     def _name_missing_tags(belief: Belief, is_seen: bool) -> None:
-        """Say that the robot is not localized because no tag of the map is in view."""
+        """Say once that the robot is not localized because no tag of the map is in view."""
         last_ns = belief.memory.get("map tags")
         if is_seen or last_ns is None:
             belief.remember("map tags", belief.now_ns)
         elif belief.now_ns - last_ns > _UNSEEN_NS:
+            belief.remember("map tags", math.inf)  # until one is seen
             belief.note(f"no map tag in view for {_UNSEEN_NS // 10**9} s; {belief.reason}")
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
