@@ -41,10 +41,11 @@ def test_the_trajectory_is_closed(film, tmp_path, capsys, monkeypatch):
     assert json.loads(said)["places"]["returns"] == []
     assert np.isfinite(np.loadtxt(covariances)).all()
     closed, said = run(film, tmp_path / "closed", capsys, monkeypatch, "--json", files)
-    assert np.isnan(np.loadtxt(covariances)[:, 1:]).all()
-    assert covariances.read_text().startswith("# covariances are unknown after loop closure")
+    after = np.loadtxt(covariances)[:, 1:].reshape(-1, 6, 6)
     report = json.loads(said)
-    assert (report["end_sigma"], report["end_sigma_deg"]) == (None, None)
+    assert report["end_sigma"] == pytest.approx(np.sqrt(np.trace(after[-1, :3, :3])), rel=1e-3)
+    assert np.linalg.eigvalsh(after).min() > 0
+    assert 0.01 < report["end_sigma"] < 0.1
     report = report["places"]
     assert len(report["returns"]) == 1
     seen = report["returns"][0]
@@ -55,6 +56,8 @@ def test_the_trajectory_is_closed(film, tmp_path, capsys, monkeypatch):
     way = sum(np.linalg.norm(b - a) for a, b in pairwise(true))
     assert error[-1] < np.linalg.norm(kept[-1] - true[-1])
     assert error[-1] < 0.01 * way
+    off, P = (closed - true)[-len(after) :, :, None], after[:, :3, :3]
+    assert (np.swapaxes(off, 1, 2) @ np.linalg.pinv(P) @ off).mean() < 6  # 3 is right
     assert report["moved"] == pytest.approx(np.linalg.norm(closed - kept, axis=1).max(), abs=0.02)
 
 

@@ -9,9 +9,11 @@ import visual_flight
 from visual_flight import Flight
 
 from ros_visualise.estimation.visual.closing import close_way, edge_errors
+from ros_visualise.estimation.visual.corrected import corrected_poses
 from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder
+from ros_visualise.estimation.visual.stretch import VisualPose
 from ros_visualise.estimation.visual.views import SeenPlace
-from ros_visualise.geometry import similarity
+from ros_visualise.geometry import se3, similarity
 from ros_visualise.geometry.similarity import Similarity
 from ros_visualise.vision.places import PlaceFeatures
 
@@ -118,6 +120,68 @@ def test_errors_of_edges_add_up_to_the_odometrys():
     way = close_way(places, edge_errors(places, covariances), [])
     last = way.covariances[-1]
     assert np.trace(last[3:6, 3:6]) == pytest.approx(3 * 0.01**2, rel=1e-6)
+
+
+OWN = np.diag([0.01] * 3 + [0.002] * 3) ** 2
+COMMON = 0.03
+
+
+def measured(seed):
+    """A way with an image between each two keyframes, all of it too large by one factor.
+
+    The true poses of the images, what the odometry says of them, and the closed way.
+    """
+    true, places, closure = drifted(seed)
+    random = np.random.default_rng(1000 + seed)
+    factor = np.exp(random.normal(0, COMMON))
+    for one in places:
+        one.stamp_ns, one.p = 2 * one.stamp_ns, one.p * factor
+    motion = closure.motion._replace(t=closure.motion.t * factor)
+    way = close_way(places, edges(len(places)), [closure._replace(motion=motion)])
+    steps = np.cumsum(edges(len(places))[:, :6, :6], axis=0)  # which only differences count of
+    found, exact = [], []
+    for n, one in enumerate(places):
+        found.append(VisualPose(2 * n, one.R, one.p, steps[n], True))
+        exact.append(true[n])
+        if n + 1 < len(places):
+            half = similarity.exp(0.5 * similarity.log(
+                similarity.product(similarity.inverse(true[n]), true[n + 1])))  # fmt: skip
+            error = similarity.exp(np.append(random.multivariate_normal(np.zeros(6), OWN), 0))
+            a, b = places[n], places[n + 1]
+            seen = similarity.exp(0.5 * similarity.log(similarity.product(
+                similarity.inverse(Similarity(1.0, a.R, a.p)), Similarity(1.0, b.R, b.p),
+            )))  # fmt: skip
+            at = similarity.product(
+                similarity.product(Similarity(1.0, a.R, a.p), seen), error)  # fmt: skip
+            ahead = se3.adjoint(at.R, at.t)
+            own = steps[n] + ahead @ OWN @ ahead.T
+            found.append(VisualPose(2 * n + 1, at.R, at.t, own, True))
+            exact.append(similarity.product(true[n], half))
+    return exact, corrected_poses(found, places, way, COMMON)
+
+
+def test_corrected_poses_are_as_far_off_as_their_covariances_say():
+    squares, between = [], []
+    for seed in range(25):
+        exact, poses = measured(seed)
+        for n, (true, pose) in enumerate(zip(exact, poses, strict=True)):
+            turn = se3.rotation_vector(true.R @ pose.R.T)
+            about = se3.about_itself(pose.p)
+            error = np.concatenate([true.t - pose.p, turn])
+            if n > 6:
+                P = about @ pose.covariance @ about.T
+                (between if n % 2 else squares).append(error @ np.linalg.solve(P, error))
+    assert 4 < np.mean(squares) < 8  # 6 is right
+    assert 4 < np.mean(between) < 8
+
+
+def test_the_scale_that_all_lengths_share_stays_unknown():
+    _, poses = measured(3)
+    far = max(poses, key=lambda one: float(np.linalg.norm(one.p)))
+    along = far.p / np.linalg.norm(far.p)
+    about = se3.about_itself(far.p)
+    P = about @ far.covariance @ about.T
+    assert along @ P[:3, :3] @ along > (COMMON * np.linalg.norm(far.p)) ** 2
 
 
 # images of a drawn ground

@@ -320,12 +320,14 @@ def test_odometry_by_eye_is_what_a_navigator_corrects_and_rests_first():
     assert graph.source.params.mission_delay > 0.5
 
 
-def test_a_navigator_takes_the_places_of_a_recognizer():
-    graph = with_tags(simulation_pipeline("quadrotor"), None, "")
+@pytest.mark.parametrize("map_file", ["", "map.yaml"])
+def test_a_navigator_takes_the_places_of_a_recognizer_and_shares_its_map(map_file):
+    graph = with_tags(simulation_pipeline("quadrotor"), None, map_file)
     assert with_known_places(graph) is graph
     inputs = {"image": "/image_raw", "odometry": "/odom"}
     graph = with_known_places(graph.joined(place(find_node("place_recognizer"), inputs)))
     assert graph.node("landmark_navigator").inputs["places"] == "/places"
+    assert graph.node("place_recognizer").params.map == map_file
 
 
 def test_odometry_by_eye_is_added_only_if_asked_for_or_needed():

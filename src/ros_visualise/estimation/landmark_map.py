@@ -11,9 +11,10 @@ from enum import Enum
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.camera_view import CameraView, Sighting
+from ros_visualise.estimation.camera_view import PLACE, CameraView, Sighting
 from ros_visualise.estimation.gates import Innovation
 from ros_visualise.estimation.landmark import (
+    PLACE_SIZE,
     SIZE,
     KnownLandmark,
     Landmark,
@@ -219,7 +220,8 @@ class LandmarkMap:
     def _enter(self, state: State, name: str) -> None:
         """Add a landmark of the map to the state."""
         known = self.known[name]
-        state.add(name, known.R, known.p, known.covariance, 0.0 if known.kind else SIZE)
+        size = PLACE_SIZE if name.startswith(PLACE) else SIZE
+        state.add(name, known.R, known.p, known.covariance, 0.0 if known.kind else size)
         self.landmarks[name] = Landmark.known(name, known)
 
     def _correct(

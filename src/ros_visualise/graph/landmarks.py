@@ -10,6 +10,7 @@ from typing import Any
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import (
     Detections,
+    Image,
     Imu,
     Message,
     NavSatFix,
@@ -153,8 +154,26 @@ def with_landmarks(
     return whole.configured({node.name: settings.get(node.type.name, {}) for node in found})
 
 
+def with_places(graph: Graph, topic: str, save_to: str) -> Graph:
+    """The same graph with a `place_recognizer` for a topic of images, and the file that it saves.
+
+    Raises:
+        UsageError: nothing says how the robot moves, or there are no images.
+    """
+    odometry = _first(graph, Odometry, "/odom")
+    if odometry is None or not has_frames(graph) or graph.topics[topic].type is not Image:
+        raise UsageError(
+            "--places: needs images, odometry in metres, and tf, which this source lacks"
+        )
+    node = place(find_node(PLACES), {"image": topic, "odometry": odometry})
+    return graph.joined(node).configured({PLACES: {"save_to": save_to}})
+
+
 def with_known_places(graph: Graph) -> Graph:
-    """The same graph; its navigator takes the places of a `place_recognizer`, if it has both."""
+    """The same graph; its navigator takes the places of a `place_recognizer`, if it has both.
+
+    The two share a map.
+    """
     found = [one.outputs["places"] for one in graph.nodes if one.type.name == PLACES]
     if not found:
         return graph
@@ -164,7 +183,12 @@ def with_known_places(graph: Graph) -> Graph:
         else one
         for one in graph.nodes
     ]
-    return replace(graph, nodes=tuple(nodes))
+    maps = [getattr(one.params, "map", "") for one in nodes if one.type.name == NAVIGATOR]
+    graph = replace(graph, nodes=tuple(nodes))
+    for one in graph.nodes if any(maps) else ():
+        if one.type.name == PLACES:
+            graph = graph.configured({one.name: {"map": maps[0]}})
+    return graph
 
 
 def _with_landing(found: Sequence[Node], inputs: Mapping[str, str]) -> list[Node]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,14 +21,19 @@ from ros_visualise.data import (
     Odometry,
 )
 from ros_visualise.estimation.camera_view import PLACE
+from ros_visualise.estimation.visual.place_file import load_places, places_path, to_bytes
 from ros_visualise.estimation.visual.place_memory import PlaceMemory, PlaceSighting
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.once_log import OnceLog
-from ros_visualise.nodes import node
+from ros_visualise.nodes import action, node
+from ros_visualise.nodes.landmark_localizer import check_map_name
+from ros_visualise.sinks.files import save_again
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.threads import fit_threads
+
+log = logging.getLogger(__name__)
 
 _UNKNOWN = 1e3  # variance of the velocity above which an odometry says that it is lost
 _LONGEST_NS = 1_000_000_000  # between messages of an odometry that goes on
@@ -49,6 +56,20 @@ class PlaceParams:
         max=5000,
         slider=(10, 1000),
         restart=True,
+    )
+    map: str = param(
+        "",
+        "YAML file of a map whose places are recognized, as written by landmarks --places or"
+        " save_map; the file .places.npz is beside it",
+        group="map",
+        restart=True,
+        file=bool,
+    )
+    save_to: str = param(
+        "landmarks.yaml",
+        "YAML file of the navigator's map, beside which save_places writes what places look like",
+        group="map",
+        file=bool,
     )
 
 
@@ -76,9 +97,28 @@ class PlaceRecognizer:
     """
 
     def __init__(self, params: PlaceParams) -> None:
-        self._params = params
         self._remarks = OnceLog("place_recognizer")
+        self._open(params)
+
+    def _open(self, params: PlaceParams) -> None:
+        """Begin with the places of a map, or with none."""
+        self._params = params
+        self._known = load_places(Path(params.map)) if params.map else []
+        if params.map and not self._known:
+            log.warning("place_recognizer: %s has no places; recognizing only new ones", params.map)
         self.reset()
+
+    @action("write what the places look like, beside the map that save_to names")
+    def save_places(self) -> None:
+        """Write the appearance of all places; their poses are in the navigator's map."""
+        looks = [] if self._memory is None else self._memory.looks
+        map_path = Path(self._params.save_to)
+        check_map_name(map_path)
+        if not looks:
+            log.warning("no places yet; nothing saved")
+            return
+        save_again(places_path(map_path), to_bytes(looks))
+        log.info("%d places saved to %s", len(looks), places_path(map_path).absolute())
 
     def reset(self) -> None:
         """Start over: time jumped."""
@@ -97,8 +137,8 @@ class PlaceRecognizer:
         frames: FrameTree,
     ) -> dict[str, Any] | None:
         """The places in the newest image that the odometry has reached."""
-        if params.places != self._params.places:
-            self.reset()
+        if (params.places, params.map) != (self._params.places, self._params.map):
+            self._open(params)
         self._params = params
         if image is not None:
             self._wait(image)
@@ -150,7 +190,7 @@ class PlaceRecognizer:
         header = image.header
         T = T_odom_base @ frames.lookup(self._base, header.frame_id, header.stamp_ns)
         if self._memory is None:
-            self._memory = PlaceMemory(info, self._params.places)
+            self._memory = PlaceMemory(info, self._params.places, self._known)
         found = self._memory.look(header.stamp_ns, gray, T)
         size = image.width, image.height
         return {"places": Detections(tuple(map(_detection, found)), header, info, size)}

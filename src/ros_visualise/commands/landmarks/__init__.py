@@ -85,6 +85,11 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
         metavar="TOPIC,...",
     )
     map: Path | None = option(None, "write the landmarks to this .yaml file", metavar="OUT")
+    places: bool = option(
+        False,
+        "with --map, also keep places that can be recognized without tags, in OUT.places.npz;"
+        " needs images and odometry",
+    )
     survey: str = option(
         "", "measured positions of tags, or distances between them, for --map", metavar="FILE.yaml"
     )

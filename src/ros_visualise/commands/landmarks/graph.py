@@ -21,6 +21,7 @@ from ros_visualise.graph.landmarks import (
     TAGS,
     check_poses,
     with_landmarks,
+    with_places,
 )
 from ros_visualise.graph.pipelines import made_topics, open_input, recorded_source
 from ros_visualise.landmarks.tags.known import parse_ids
@@ -62,6 +63,8 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
             on_earth=options.geo is not None,
             follow=options.tracks,
         )
+        if options.places:
+            graph = with_places(graph, topics[0], str(options.map))
         graph = with_settings(graph, options)
         check_poses(graph)
         undo.pop_all()  # the graph closes the recording

@@ -21,14 +21,16 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.data.poses import is_static
+from ros_visualise.estimation.camera_view import PLACE
 from ros_visualise.estimation.localization.localizer import Localizer
 from ros_visualise.estimation.localization.track import LandmarkTrack
+from ros_visualise.estimation.mapping.mapped_places import places_in
 from ros_visualise.estimation.mapping.mapping import TagMap, map_of
 from ros_visualise.estimation.mapping.mapping_data import MappingData, is_tag
 from ros_visualise.estimation.mapping.problem import RigCamera
 from ros_visualise.estimation.mapping.survey import Survey, read_survey
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import LOCALIZER, RECORDED_TAGS, TAGS, detectors_of
+from ros_visualise.graph.landmarks import LOCALIZER, PLACES, RECORDED_TAGS, TAGS, detectors_of
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.nodes.landmark_localizer import LocalizerParams, rules_of
 from ros_visualise.sources.calibration import find_uncertainty
@@ -44,6 +46,11 @@ class MappedLandmarks:
     map: TagMap
     landmarks: Sequence[LandmarkTrack]
     unused: Mapping[str, int]
+
+    @property
+    def has_places(self) -> bool:
+        """True if some landmarks are places."""
+        return any(one.class_id.startswith(PLACE) for one in self.landmarks)
 
 
 class LandmarkMapper:
@@ -83,6 +90,7 @@ class LandmarkMapper:
             },
             **{topic: self._frames(topic) for topic in frames},
             **dict.fromkeys(imus, self._gathered.add_imu),
+            **dict.fromkeys(_places_of(graph), self._gathered.add_places),
         }
         self.listeners = {
             topic: MessageListener(_unnumbered(take)) for topic, take in takers.items()
@@ -105,7 +113,7 @@ class LandmarkMapper:
         if made is None:
             return None
         others = _objects_again(made, self._gathered, frame_id, self._localizer)
-        landmarks = [*made.tracks, *others]
+        landmarks = [*made.tracks, *others, *places_in(made.smoothed, self._gathered.places)]
         for number, one in enumerate(landmarks, 1):
             one.number = number
         unused = dict(self._gathered.skipped)
@@ -116,6 +124,11 @@ class LandmarkMapper:
     def _frames(self, topic: str) -> Callable[[Transforms], None]:
         static = is_static(topic)
         return lambda message: self._gathered.add_frames(message, static)
+
+
+def _places_of(graph: Graph) -> list[str]:
+    """The topics of places."""
+    return [one.outputs["places"] for one in graph.nodes if one.type.name == PLACES]
 
 
 def _unnumbered(take: Callable[[Any], None]) -> Callable[[int, Any], None]:

@@ -14,13 +14,15 @@ from ros_visualise.commands.landmarks.mapping_report import report_lines, report
 from ros_visualise.commands.landmarks.places import PlaceLog, save_places
 from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
 from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.paths import given_folder, set_folder
 from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
 from ros_visualise.estimation.localization import map_file
 from ros_visualise.estimation.localization.messages import LandmarkMessages
+from ros_visualise.estimation.visual.place_file import places_path
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import LOCALIZER
+from ros_visualise.graph.landmarks import LOCALIZER, PLACES
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime
@@ -33,6 +35,8 @@ from ros_visualise.sources.playback import Playback
 
 _SPIN_S = 0.05
 MAP_FRAME = "map"
+ODOM = "odom"
+"""Frame that is another one in each run, so that no map can be in it."""
 
 
 def find_landmarks(options: LandmarksOptions) -> int:
@@ -78,7 +82,7 @@ def _check(options: LandmarksOptions) -> None:
     """Reject at once a map that could not be written at the end.
 
     Raises:
-        UsageError: the map cannot be written there, or there is a survey and no map.
+        UsageError: the map cannot be written there, or --survey or --places lacks a map.
     """
     if options.tracks and options.geo is None:
         raise UsageError("--tracks: requires --geo OUT")
@@ -90,8 +94,12 @@ def _check(options: LandmarksOptions) -> None:
         check_map_name(options.map)
         check_targets([options.map], options.input)
         TargetFile.check(options.map, options.overwrite)
-    elif options.survey:
-        raise UsageError(f"--survey {options.survey}: requires --map OUT.yaml")
+        if options.places:
+            TargetFile.check(places_path(options.map), options.overwrite)
+        set_folder(given_folder(), options.overwrite)  # of what nodes save
+    elif options.survey or options.places:
+        what = f"--survey {options.survey}" if options.survey else "--places"
+        raise UsageError(f"{what}: requires --map OUT.yaml")
 
 
 def _run(runtime: LocalRuntime, request: StopRequest) -> bool:
@@ -117,8 +125,11 @@ def _save_map(
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
         found.map = LandmarkMessages().detections(mapped.landmarks, header)
-        text = map_file.to_text(header.frame_id, mapped.landmarks, mapped.map.common)
+        frame_id = MAP_FRAME if header.frame_id == ODOM else header.frame_id
+        text = map_file.to_text(frame_id, mapped.landmarks, mapped.map.common)
         assert options.map is not None
+        if mapped.has_places:
+            runtime.act(PLACES, "save_places")
         write_file(options.map, text.encode(), options.overwrite)
         return
     is_empty = found.map is None or not found.map.detections

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ros_visualise.core.printing import counted
-from ros_visualise.estimation.visual.closing import ClosedWay, close_way, edge_errors
+from ros_visualise.estimation.visual.closing import close_way, edge_errors
+from ros_visualise.estimation.visual.corrected import corrected_poses, without_scale
 from ros_visualise.estimation.visual.odometry import VisualOdometry
 from ros_visualise.estimation.visual.revisits import Closure, RevisitFinder
 from ros_visualise.estimation.visual.stretch import VisualPose
-from ros_visualise.geometry import similarity
-from ros_visualise.geometry.similarity import Similarity
 
 _APART_S = 2.0  # between closures of one return
-_UNKNOWN = np.full((6, 6), np.nan)  # covariance of a corrected pose: see `PlaceRecorder.correct`
 
 
 class Return(NamedTuple):
@@ -80,6 +77,7 @@ class PlaceRecorder:
     def __init__(self) -> None:
         self._finder: RevisitFinder | None = None
         self._last_ns = -1
+        self._scale_sigma = 0.0
 
     def look(self, odometry: VisualOdometry) -> None:
         """Take the newest keyframe, if it is new."""
@@ -87,20 +85,20 @@ class PlaceRecorder:
         if newest is None or newest.stamp_ns == self._last_ns:
             return
         self._last_ns = newest.stamp_ns
+        settings = odometry.settings
+        self._scale_sigma = settings.height_sigma * bool(settings.height)
         self._finder = self._finder or RevisitFinder(odometry.camera)
         self._finder.add(newest.stamp_ns, odometry.counts["losses"], newest.gray)
 
     def correct(
         self, poses: list[VisualPose], first_ns: int
     ) -> tuple[list[VisualPose], PlacesReport]:
-        """Corrected poses, in the order of their stamps, and what was known again.
-
-        Their covariances are NaN: closures share points, and the odometry errs alike along the
-        way, so what their sum would say is too small by far.
-        """
-        finder, by_stamp = self._finder, {one.stamp_ns: one for one in poses}
+        """Corrected poses, in the order of their stamps, and what was known again."""
+        finder = self._finder
         if finder is None:
             return poses, PlacesReport([], 0.0, 0, 0)
+        one_scale = without_scale(poses, self._scale_sigma)
+        by_stamp = {one.stamp_ns: one for one in one_scale}
         places = [one for one in finder.places if one.stamp_ns in by_stamp]
         finder.places = places
         for one in places:
@@ -111,7 +109,9 @@ class PlaceRecorder:
         covariances = np.array([by_stamp[one.stamp_ns].covariance for one in places])
         way = close_way(places, edge_errors(places, covariances), closures)
         stamps_ns = [one.stamp_ns for one in places]
-        corrected = _corrected(poses, stamps_ns, way) if way.used else poses
+        corrected = poses
+        if way.used:
+            corrected = corrected_poses(one_scale, places, way, self._scale_sigma)
         moved = max(float(np.linalg.norm(a.p - b.p)) for a, b in zip(poses, corrected, strict=True))
         returns = _returns(way.used, [(stamp_ns - first_ns) / 1e9 for stamp_ns in stamps_ns])
         return corrected, PlacesReport(returns, moved, len(way.rejected), finder.ambiguous)
@@ -130,25 +130,4 @@ def _returns(used: list[Closure], times_s: list[float]) -> list[Return]:
             before = float(np.median([times_s[one.first] for one in some]))
             points = min(one.inliers for one in some)
             found.append(Return(seconds[0], seconds[-1], before, len(some), points))
-    return found
-
-
-def _corrected(poses: list[VisualPose], stamps_ns: list[int], way: ClosedWay) -> list[VisualPose]:
-    """Poses moved as the keyframes around them."""
-    by_stamp = {one.stamp_ns: one for one in poses}
-    changes = []
-    for stamp_ns, after in zip(stamps_ns, way.poses, strict=True):
-        before = by_stamp[stamp_ns]
-        back = similarity.inverse(Similarity(1.0, before.R, before.p))
-        changes.append(similarity.product(after, back))
-    found = []
-    for one in poses:
-        k = min(max(bisect_right(stamps_ns, one.stamp_ns) - 1, 0), len(stamps_ns) - 1)
-        change = changes[k]
-        if k + 1 < len(stamps_ns) and one.stamp_ns > stamps_ns[k]:
-            part = (one.stamp_ns - stamps_ns[k]) / (stamps_ns[k + 1] - stamps_ns[k])
-            step = similarity.product(changes[k + 1], similarity.inverse(change))
-            change = similarity.product(similarity.exp(part * similarity.log(step)), change)
-        placed = similarity.product(change, Similarity(1.0, one.R, one.p))
-        found.append(one._replace(R=placed.R, p=placed.t, covariance=_UNKNOWN))
     return found

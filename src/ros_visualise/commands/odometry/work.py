@@ -36,10 +36,6 @@ from ros_visualise.vision.threads import fit_threads
 _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
-_CORRECTED = (
-    "covariances are unknown after loop closure; with --keep-drift, poses stay uncorrected and"
-    " have covariances"
-)
 _LONGEST_MS = 200  # of a readout
 _WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, --scale or --imu"
 
@@ -213,8 +209,7 @@ def _files(
         head = f"# {_WITHOUT_UNIT}\n" if kind == "tum" and not poses[0].in_metres else ""
         files[target] = (head + "".join(FORMATS[kind](path))).encode()
     if options.covariances is not None:
-        head = "" if _is_known(poses[-1]) else f"# {_CORRECTED}\n"
-        files[options.covariances] = (head + "".join(map(_covariance_line, poses))).encode()
+        files[options.covariances] = "".join(map(_covariance_line, poses)).encode()
     if options.plot is not None:
         path = _path(poses)
         drawn = [PlottedTrajectory(Path(options.input).name, path)]
@@ -237,11 +232,6 @@ def _for_each_image(poses: list[VisualPose], stamps_ns: list[int]) -> list[Visua
     return [poses[max(place, 0)] for place in places]
 
 
-def _is_known(pose: VisualPose) -> bool:
-    """True if a pose has a covariance."""
-    return bool(np.isfinite(pose.covariance).all())
-
-
 def _covariance_line(pose: VisualPose) -> str:
     change = se3.about_itself(pose.p)
     values = (change @ pose.covariance @ change.T).ravel()
@@ -262,7 +252,6 @@ def _report(
     last = poses[-1]
     change = se3.about_itself(last.p)
     deviations = np.sqrt(np.diag(change @ last.covariance @ change.T).clip(min=0))
-    is_known = _is_known(last)
     way = float(np.linalg.norm(np.diff([one.p for one in poses], axis=0), axis=1).sum())
     return {
         "images": len(stamps_ns),
@@ -272,23 +261,20 @@ def _report(
         "without_pose": reasons,
         "in_metres": last.in_metres,
         "length": way,
-        "end_sigma": float(np.linalg.norm(deviations[:3])) if is_known else None,
-        "end_sigma_deg": float(np.rad2deg(np.linalg.norm(deviations[3:]))) if is_known else None,
+        "end_sigma": float(np.linalg.norm(deviations[:3])),
+        "end_sigma_deg": float(np.rad2deg(np.linalg.norm(deviations[3:]))),
     }
 
 
 def _lines(report: dict[str, Any]) -> list[str]:
     unit = _unit(report["in_metres"])
+    sigma, sigma_deg = report["end_sigma"], report["end_sigma_deg"]
     lines = [
         f"images:    {report['images']}, {report['poses']} with a pose,"
         f" {counted(report['keyframes'], 'keyframe')}",
         f"length:    {report['length']:.3f}{unit}",
+        f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees",
     ]
-    if report["end_sigma"] is None:
-        lines.append("end:       uncertainty unknown after loop closure")
-    else:
-        sigma, sigma_deg = report["end_sigma"], report["end_sigma_deg"]
-        lines.append(f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees")
     lines += [
         f"no pose:   the first {count} ({why})" for why, count in report["without_pose"].items()
     ]

@@ -52,6 +52,7 @@ class MappingData:
         self.skipped: Counter[str] = Counter()
         self._cameras = cameras
         self._images: list[CameraImage] = []
+        self._places: dict[str, Detections] = {}
         self._turns: list[tuple[float, ...]] = []
         self._imu_frame = ""
         self._lock = threading.Lock()
@@ -71,6 +72,18 @@ class MappingData:
         """Add the detections of one image of a camera."""
         with self._lock:
             self._images.append((camera, message))
+
+    def add_places(self, message: Detections) -> None:
+        """Add the places that the first camera sees; the first sighting of each defines it."""
+        with self._lock:
+            for one in message.detections:
+                self._places.setdefault(one.class_id, replace(message, detections=(one,)))
+
+    @property
+    def places(self) -> list[Detections]:
+        """The first sighting of each place, one a message."""
+        with self._lock:
+            return list(self._places.values())
 
     def add_frames(self, message: Transforms, static: bool) -> None:
         """Add transforms; invalid ones are skipped, and reported by the nodes that need them."""
@@ -131,7 +144,7 @@ class MappingData:
         found: list[list[tuple[int, Detection, Detections]]] = []
         with_tags = self._thinned(views_of(self._fresh(), apart))
         before = self._before(with_tags, frame_id) if frame_id else []
-        for images in [*before, *with_tags]:
+        for images in self._with_places([*before, *with_tags]) if frame_id else with_tags:
             camera, first = images[0]
             T = self.place(frame_id, first) if frame_id else np.eye(4)
             if T is None:
@@ -198,6 +211,13 @@ class MappingData:
             return self.frames.lookup(frame_id, header.frame_id, header.stamp_ns, 0.05)
         except NoTransform:
             return None
+
+    def _with_places(self, views: list[list[CameraImage]]) -> list[list[CameraImage]]:
+        """Views, and those of places between them, which tags before and after locate."""
+        known = {_stamp(images[0][1]) for images in views}
+        places = {_stamp(one): one for one in self.places if _stamp(one) not in known}
+        more = [[(0, replace(one, detections=()))] for one in places.values()]
+        return sorted([*views, *more], key=lambda images: _stamp(images[0][1]))
 
     def _before(self, with_tags: list[list[CameraImage]], frame_id: str) -> list[list[CameraImage]]:
         """Images before the first tag, during which the odometry already accumulates errors."""

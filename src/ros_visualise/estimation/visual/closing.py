@@ -59,6 +59,8 @@ class ClosedWay(NamedTuple):
 def edge_errors(places: Sequence[SeenPlace], covariances: Floats) -> Floats:
     """(N, 7, 7) covariances of the edges, such that they add up to what the odometry says.
 
+    The first is of the first keyframe, whose error no closure changes.
+
     Args:
         places: the keyframes.
         covariances: (N, 6, 6) of the odometry's poses, of twists in the map.
@@ -66,6 +68,8 @@ def edge_errors(places: Sequence[SeenPlace], covariances: Floats) -> Floats:
     q = np.zeros((len(places), 7, 7))
     positions = np.array([one.p for one in places])
     parts = np.array([one.stretch for one in places])
+    back = se3.adjoint(places[0].R.T, -places[0].R.T @ places[0].p)
+    q[0, :6, :6] = back @ _least(covariances, positions) @ back.T
     for part in np.unique(parts):
         (at,) = np.nonzero(parts == part)
         first, last = at[0], at[-1]
@@ -83,6 +87,17 @@ def edge_errors(places: Sequence[SeenPlace], covariances: Floats) -> Floats:
             far = _LOST * max(float(np.ptp(positions, axis=0).max()), 1e-3)
             q[first] = np.diag([*[far**2] * 3, *[_UNKNOWN**2] * 4])
     return q
+
+
+def _least(covariances: Floats, positions: Floats) -> Floats:
+    """(6, 6) the covariance of the best-known pose, which includes that of the first one.
+
+    That of the first one itself is from when it was new, before other views showed its scale.
+    """
+    changes = [se3.about_itself(p) for p in positions]
+    spread = [np.trace((A @ P @ A.T)[:3, :3]) for A, P in zip(changes, covariances, strict=True)]
+    least: Floats = covariances[int(np.argmin(spread))]
+    return least
 
 
 def close_way(places: Sequence[SeenPlace], q: Floats, closures: Sequence[Closure]) -> ClosedWay:
@@ -117,7 +132,6 @@ class _Loops:
         self._q, self._closures = q, closures
         self._ad = np.array([similarity.adjoint(one) for one in poses])
         steps = self._ad @ q @ np.swapaxes(self._ad, 1, 2)
-        steps[0] = 0
         self._sums: Floats = np.cumsum(steps, axis=0)
         self._first = np.array([one.first for one in closures], int)
         self._last = np.array([one.second for one in closures], int)

@@ -9,19 +9,23 @@ The first sighting of a place is the view itself. Its pose there is exact by def
 place is as uncertain as the robot was, and tells nothing until it is seen again. All its depths err
 by one factor, as a tag does whose size is wrong.
 
+Places of a map are in its frame, and those from before an interruption may be anywhere, so places
+are compared with each other only within such a part of the memory.
+
 Source: R. Mur-Artal, J. Tardos, ORB-SLAM2, IEEE T-RO 2017 (candidates, geometry, repetition).
 """
 
 from __future__ import annotations
 
-import zlib
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
+from ros_visualise.estimation.visual.place_file import MappedPlace, PlaceLook
 from ros_visualise.estimation.visual.views import (
     LEAST,
     SeenPlace,
@@ -44,12 +48,14 @@ _OTHER = 0.5  # of the points that agree: another place with more makes a place 
 _AGREEING, _WITHIN = 2, 4  # earlier views that say the same, of so many
 _SAME = 0.15, 0.08  # of the depth, and rad: sightings that agree
 _DRIFT = 0.1, 0.15  # most of an odometry: of the way, and rad
+_OFTEN = 3  # sightings after an interruption, or of a map's place: as many localize the robot
 _AGAIN = 0.5  # way between sightings of a place, in its depths: those of fewer err alike
 _BESIDE_PLACE = 0.35  # distance of a view from a place, in its depths: farther ones err much more
 _OFF, _TURNED = 0.03, (0.01, 0.03)  # standard deviations by wrong depths: of the place, as a part
 # of that distance; and of the rotation, rad: at the place, and by that distance in depths
 _EXACT = 1e-3, 1e-4  # m and rad: standard deviation of a place in the view that it is
 _TURN = 0.03  # rad: standard deviation of the rotation between views, as on a gimbal
+_OF_MAP = -1  # the part of the memory whose places are those of a map
 _WIDEST = 0.3  # cosine of the angle from the axis up to which a lens is used
 
 
@@ -70,17 +76,13 @@ class PlaceSighting(NamedTuple):
 @dataclass(eq=False)
 class _KnownPlace:
     view: SeenPlace
-    inverse: Floats
+    look: PlaceLook
     depth: float
     part: int  # number of interruptions before
     seen_at: float  # length of the way at its last sighting
     seen_in: int  # the part of that
     begun_at: float  # length of the way when it was new
-
-    @property
-    def id(self) -> int:
-        """Made from what it looks like, so that no two maps confuse their places."""
-        return zlib.crc32(self.view.features.descriptors.tobytes())
+    seen: int = 0  # sightings in that part
 
     @property
     def ahead(self) -> Floats:
@@ -99,13 +101,16 @@ class PlaceMemory:
     Args:
         info: calibration of the camera.
         most: number of places; the one nearest to another is forgotten.
+        known: places of a map.
 
     Attributes:
         counts: numbers of views, places, sightings again, and of those that are ambiguous, or
             farther away than an odometry drifts.
     """
 
-    def __init__(self, info: CameraInfo, most: int = 500) -> None:
+    def __init__(
+        self, info: CameraInfo, most: int = 500, known: Iterable[MappedPlace] = ()
+    ) -> None:
         self._info, self._most = info, most
         self._focal = float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
         self._size = np.array([info.width, info.height], float)
@@ -116,6 +121,15 @@ class PlaceMemory:
         self._way, self._part, self._newest = 0.0, 0, -1
         names = ("views", "places", "recognized", "ambiguous", "too far")
         self.counts = dict.fromkeys(names, 0)
+        for one in known:
+            T = one.T_map_view
+            self._add(one.look, SeenPlace(0, 0, _features(one.look), one.look.rays,
+                                          T[:3, :3], T[:3, 3]), _OF_MAP)  # fmt: skip
+
+    @property
+    def looks(self) -> list[PlaceLook]:
+        """Appearance of all places."""
+        return [one.look for one in self._places.values()]
 
     def __len__(self) -> int:
         return len(self._places)
@@ -142,7 +156,7 @@ class PlaceMemory:
         is_known = self._is_followed(view)
         for one in again:
             place = self._places[one.number]
-            is_known |= len(one.pose.seen) > _KNOWN * (place.inverse > 0).sum()
+            is_known |= len(one.pose.seen) > _KNOWN * len(place.look.inverse)
             if self._is_due(place, one.pose):
                 sightings.append(self._sighting(one))
                 self.counts["recognized"] += 1
@@ -174,7 +188,7 @@ class PlaceMemory:
     # places seen again
 
     def _candidates(self, view: SeenPlace) -> list[_Found]:
-        """Places that a view shows, the best first; none if others look nearly as much like it."""
+        """Places that a view shows, the best of each part first."""
         tried = self._index.find(view.features, self._index.count, _TRIED)
         several = [
             _Found(n, pose)
@@ -182,8 +196,13 @@ class PlaceMemory:
             if n in self._places and n != self._newest and (pose := self._from(n, view))
         ]
         several.sort(key=lambda one: -len(one.pose.seen))
-        if not several:
-            return []
+        parts: dict[int, list[_Found]] = {}
+        for one in several:
+            parts.setdefault(self._places[one.number].part, []).append(one)
+        return [one for part in parts.values() for one in self._alike(part, view)]
+
+    def _alike(self, several: list[_Found], view: SeenPlace) -> list[_Found]:
+        """Places that agree with the best one; none if others look nearly as much like it."""
         best = several[0]
         agreeing = [one for one in several if self._agree(one, one.pose, best, view, view)]
         others = [one for one in several if one not in agreeing]
@@ -197,14 +216,14 @@ class PlaceMemory:
 
     def _from(self, number: int, view: SeenPlace) -> ViewFromPlace | None:
         place = self._places[number]
-        return view_from(place.view, place.inverse, view, self._focal, self._size)
+        return view_from(place.view, place.look.inverse, view, self._focal, self._size)
 
     def _agree(
         self, one: _Found, pose: ViewFromPlace, other: _Found, at: SeenPlace, other_at: SeenPlace
     ) -> bool:
         """True if two sightings place the first view alike, by the odometry between each two."""
         a, b = self._places.get(one.number), self._places.get(other.number)
-        if a is None or b is None:
+        if a is None or b is None or a.part != b.part:
             return False
         T_a = _rigid(a.view) @ se3.inverse(se3.from_parts(pose.R, pose.t))
         T_b = _rigid(b.view) @ se3.inverse(se3.from_parts(other.pose.R, other.pose.t))
@@ -228,7 +247,7 @@ class PlaceMemory:
     def _is_confirmed(self, one: _Found, view: SeenPlace) -> bool:
         """True if earlier views say the same."""
         votes = sum(
-            any(self._agree(one, one.pose, other, view, at) for other in found[:1])
+            any(self._agree(one, one.pose, other, view, at) for other in found)
             for at, found in self._history
         )
         return votes >= _AGREEING
@@ -236,20 +255,22 @@ class PlaceMemory:
     def _is_due(self, place: _KnownPlace, pose: ViewFromPlace) -> bool:
         """True if a sighting is worth something: near enough, and far from the last one."""
         if place.seen_in != self._part:
+            place.seen_in, place.seen = self._part, 0
+        if place.part != self._part and place.seen < _OFTEN:
             return True
         is_near = float(np.linalg.norm(pose.t)) < _BESIDE_PLACE * place.depth
         return is_near and self._way - place.seen_at > _AGAIN * place.depth
 
     def _sighting(self, one: _Found) -> PlaceSighting:
         place, pose = self._places[one.number], one.pose
-        place.seen_at, place.seen_in = self._way, self._part
+        place.seen_at, place.seen = self._way, place.seen + 1
         t = pose.R @ place.ahead + pose.t
         change = se3.about_itself(t)
         covariance = change @ twist_covariance(pose.seen, self._focal) @ change.T
         away = float(np.linalg.norm(pose.t))
         sigmas = np.repeat([_OFF * away, _TURNED[0] + _TURNED[1] * away / place.depth], 3)
         covariance[np.diag_indices(6)] += sigmas**2
-        return PlaceSighting(place.id, pose.R, t, covariance, len(pose.seen))
+        return PlaceSighting(place.look.id, pose.R, t, covariance, len(pose.seen))
 
     # new places
 
@@ -257,7 +278,7 @@ class PlaceMemory:
         """True if the newest place still fills much of the view."""
         place = self._places.get(self._newest)
         pose = self._from(self._newest, view) if place else None
-        return bool(place and pose and len(pose.seen) > _KNOWN * (place.inverse > 0).sum())
+        return bool(place and pose and len(pose.seen) > _KNOWN * len(place.look.inverse))
 
     def _begin(self, view: SeenPlace) -> list[PlaceSighting]:
         """Remember a view as a place, if enough of it has a depth."""
@@ -266,18 +287,21 @@ class PlaceMemory:
         known = inverse > 0
         if known.sum() < _LEAST_POINTS:
             return []
-        kept = PlaceFeatures(view.features.pixels_uv[known], view.features.descriptors[known])
-        of_place = SeenPlace(view.stamp_ns, 0, kept, view.rays[known], view.R, view.p)
-        depth = float(np.median(1 / inverse[known]))
+        look = PlaceLook(view.features.descriptors[known], view.rays[known], inverse[known])
+        of_place = SeenPlace(view.stamp_ns, 0, _features(look), look.rays, view.R, view.p)
+        own = self._add(look, of_place, self._part)
+        self._newest = self._index.count - 1
+        self.counts["places"] += 1
+        sigmas = np.repeat(_EXACT, 3)
+        return [PlaceSighting(look.id, np.eye(3), own.ahead, np.diag(sigmas**2), len(look.inverse))]
+
+    def _add(self, look: PlaceLook, view: SeenPlace, part: int) -> _KnownPlace:
         if len(self._places) >= self._most:
             self._forget()
-        self._newest = self._index.add(kept)
-        self._places[self._newest] = _KnownPlace(
-            of_place, inverse[known], depth, self._part, self._way, self._part, self._way
-        )
-        self.counts["places"] += 1
-        own, sigmas = self._places[self._newest], np.repeat(_EXACT, 3)
-        return [PlaceSighting(own.id, np.eye(3), own.ahead, np.diag(sigmas**2), len(own.inverse))]
+        number = self._index.add(view.features)
+        place = _KnownPlace(view, look, look.depth, part, self._way, self._part, self._way)
+        self._places[number] = place
+        return place
 
     def _forget(self) -> None:
         """Forget the place that is nearest to another one."""
@@ -287,6 +311,11 @@ class PlaceMemory:
         number = numbers[int(np.argmin(apart.min(axis=1)))]
         del self._places[number]
         self._index.drop(number)
+
+
+def _features(look: PlaceLook) -> PlaceFeatures:
+    """The features of a place; where they were in its image is not kept."""
+    return PlaceFeatures(np.zeros((len(look.rays), 2)), look.descriptors)
 
 
 def _rigid(view: SeenPlace) -> Floats:
