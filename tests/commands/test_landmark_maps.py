@@ -54,7 +54,7 @@ def test_a_transform_that_is_turned_by_three_degrees_is_said_and_no_tag_is_blame
     [mounting] = said["smoothing"]["mountings"]
     assert (status, mounting["wrong"], outliers(said)) == (0, True, {})
     np.testing.assert_allclose(np.linalg.norm(mounting["turn_degrees"]), 3.0, atol=0.4)
-    assert "fix its transform" in mounting["text"]
+    assert "correct it" in mounting["text"]
     assert len(places) == 7
 
 
