@@ -3,13 +3,14 @@
 import bz2
 import gzip
 import lzma
+from contextlib import closing
 
 import made_bags
 import pytest
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.sources import open_source
-from ros_visualise.sources.opening import is_recording, open_recording
+from ros_visualise.sources.opening import is_recording, open_again, open_recording
 
 START = {
     "mcap": b"\x89MCAP0\r\n",
@@ -73,6 +74,12 @@ def test_what_is_packed_is_to_be_unpacked(tmp_path, pack):
     assert_refused(path, "unpack it")
 
 
+def test_a_trajectory_names_its_command(tmp_path):
+    path = tmp_path / "truth.txt"
+    path.write_text("# stamp x y z qx qy qz qw\n1.5 1 2 3 0 0 0 1\n")
+    assert_refused(path, f"ros-visualise trajectory {path}")
+
+
 def test_nothing_is_refused(tmp_path):
     assert not is_recording(tmp_path / "missing")
     assert_refused(tmp_path / "missing", "no such file")
@@ -90,6 +97,22 @@ def test_a_folder_with_one_recording_opens_it_and_with_several_asks(tmp_path):
         made_bags.drive(tmp_path / f"{name}.bag", steps=1)
     said = assert_refused(tmp_path, "a.bag, b.bag, c.bag and 2 more")
     assert said.endswith(str(tmp_path / "a.bag"))
+
+
+def test_a_folder_above_pictures_or_videos_names_theirs(tmp_path):
+    for name in (".trash", "image_l", "image_r"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "000000.png").write_bytes(b"")
+    assert_refused(
+        tmp_path, f"contains image_l, image_r; choose one, for instance {tmp_path / 'image_l'}"
+    )
+
+
+def test_notes_are_logged_once_though_a_recording_is_opened_again(recordings, caplog):
+    path = recordings / "trajectory/dji_srt/mavic_mini.SRT"
+    with closing(open_recording(path)) as first, closing(open_again(first)) as again:
+        assert again.notes == first.notes
+    assert [one.getMessage() for one in caplog.records] == [f"{path}: {first.notes[0]}"]
 
 
 def assert_refused(path, says):

@@ -179,7 +179,10 @@ def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):
 
 
 def test_images_and_measurements_come_in_their_order(karma, series):
-    film = Film(Video(karma), list(series.values()))
+    video = Video(karma)
+    film = Film(video, list(series.values()))
+    last_ns = max(one.stamps_ns[-1] for one in series.values())
+    assert film.duration_ns == last_ns > video.duration_ns  # so that the timeline does not grow
     items = []
     for time_ns, item in film.read(2_000_000_000):
         items.append((time_ns, item.output))

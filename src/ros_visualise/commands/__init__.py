@@ -187,9 +187,10 @@ def _with_command(given: Sequence[str]) -> Sequence[str]:
 def _command_for(path: Path) -> str:
     from ros_visualise.sources.formats import suffixes
     from ros_visualise.sources.opening import is_recording
+    from ros_visualise.sources.trajectory_files import is_trajectory_file
 
     is_named = path.suffix.lower() in suffixes()  # one that is damaged is best named by its reader
-    return "bag" if is_recording(path) or is_named else "video"
+    return "bag" if is_recording(path) or is_named or is_trajectory_file(path) else "video"
 
 
 def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,14 @@ from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, nam
 from ros_visualise.sources.pictures import is_pictures, recorded_pictures, videos_in
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.joined import JoinedRecording
+from ros_visualise.sources.recordings.series import opened_before
 from ros_visualise.sources.recordings.summary import read_through, summarize
+from ros_visualise.sources.trajectory_files import is_trajectory_file
 
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
 """Beginnings of zip, gzip, bzip2, xz, zstd and 7z files."""
 _HEAD_SIZE = 4096
+_SEARCHED = 100  # of the folders in a folder
 _LISTED = 3  # of the recordings in a folder, or of losses, so many are named
 
 
@@ -55,10 +59,14 @@ def open_joined(paths: Sequence[Path]) -> JoinedRecording:
 
 
 def open_again(recording: Recording) -> Recording:
-    """Open once more what is open; raises OpenError if that is no longer possible."""
-    if isinstance(recording, JoinedRecording):
-        return open_joined(recording.paths)
-    return open_recording(recording.path)
+    """Open once more what is open, without logging its notes; raises OpenError if unreadable."""
+    before = opened_before.set(True)
+    try:
+        if isinstance(recording, JoinedRecording):
+            return open_joined(recording.paths)
+        return open_recording(recording.path)
+    finally:
+        opened_before.reset(before)
 
 
 def info(path: Path, check: bool) -> dict[str, Any]:
@@ -149,6 +157,8 @@ def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
     """The error for an unreadable file: what it is, unless its name tells more, and a hint."""
     if _head(path).startswith(_ARCHIVES):
         return OpenError(f"{path}: a compressed archive; unpack it first")
+    if is_trajectory_file(path):
+        return OpenError(f"{path}: a trajectory; for its path: ros-visualise trajectory {path}")
     if meant := named(path):
         what = f"not a valid {meant}, despite its extension"
     return OpenError(f"{path}: {what}; {hint}")
@@ -205,6 +215,11 @@ def _nothing_in(folder: Path) -> str:
         return _several_in(folder, videos)
     if is_pictures(folder):
         return f"{folder}: a folder of pictures; to play it: ros-visualise video {folder}"
+    inside = (
+        one for one in sorted(folder.iterdir()) if one.is_dir() and not one.name.startswith(".")
+    )
+    if found := [one for one in islice(inside, _SEARCHED) if is_pictures(one) or videos_in(one)]:
+        return _several_in(folder, found)
     return f"{folder}: no recording, video or picture in this folder; check the path"
 
 

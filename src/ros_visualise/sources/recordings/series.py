@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import closing
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ log = logging.getLogger(__name__)
 _AHEAD = 12  # files that are read, checked and decoded while those before are still in use
 _MOST_WORKERS = 5
 
+opened_before = ContextVar("opened_before", default=False)
+"""True while a recording is opened that is open already: its notes have been logged."""
 _Row = tuple[Series, int]
 """A series, and the number of a message in it."""
 
@@ -79,7 +82,7 @@ class SeriesRecording:
         self._closed = False
         for error, messages in damaged:
             self._lose(error, messages)
-        for note in self.notes:
+        for note in () if opened_before.get() else self.notes:
             log.warning("%s: %s", path, note)
 
     def read(
