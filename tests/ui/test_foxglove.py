@@ -289,6 +289,8 @@ def test_actions_are_services(port, tmp_path):
         services = viewer.wait("advertiseServices")["services"]
         clear = next(one for one in services if one["name"] == "/path/clear")
         assert clear["type"] == "std_srvs/srv/Trigger"
+        older = (clear["requestSchema"], clear["responseSchema"])  # read by viewers of 2023
+        assert older == (clear["request"]["schema"], clear["response"]["schema"])
         request = struct.pack("<BIII", 2, clear["id"], 5, 3) + b"cdr" + b"\0\1\0\0\0"
         viewer.socket.send(request)
         answer = viewer.wait(3)

@@ -334,4 +334,6 @@ def _service(number: int, node: str, action: str) -> Mapping[str, Any]:
         "type": _TRIGGER,
         "request": {**about, "schemaName": f"{_TRIGGER}_Request", "schema": ""},
         "response": {**about, "schemaName": f"{_TRIGGER}_Response", "schema": response},
+        "requestSchema": "",  # as viewers of 2023 expect it
+        "responseSchema": response,
     }
