@@ -81,7 +81,7 @@ def test_what_is_typed_counts_as_a_whole(look, filters):
 
     threshold.fill("999")
     tab.keyboard.press("Tab")
-    tab.get_by_role("alert").get_by_text("must be from 0 to 255").wait_for()
+    tab.locator(".rv-problem", has_text="must be from 0 to 255").wait_for()
     wait_in(tab, lambda: shows(tab, 201))
     threshold.fill("abc")
     tab.keyboard.press("Enter")
@@ -136,3 +136,13 @@ def test_a_viewer_sees_all_and_sets_nothing(look, page, filters):
     filters.update({"threshold": 77})
     wait_in(tab, lambda: slider(tab, "Threshold").input_value() == "77")
     assert filters.current.threshold == 77
+
+
+def test_a_notice_replaces_the_one_that_differs_by_its_numbers(look, runtime):
+    tab = look()
+    for low in (300, 400, 500):
+        runtime.parameters["edge_detector"].update({"low": low})
+        tab.get_by_text(f"low={low} is above").wait_for()
+    toasts = tab.locator(".q-notification")
+    wait_in(tab, lambda: toasts.count() == 1)
+    assert "low=500 is above high=200" in toasts.inner_text()

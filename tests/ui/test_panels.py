@@ -217,6 +217,8 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
         ("record a film", "panel Files"),
         ("map", "panel Map"),
         ("GPS", "panel Map"),
+        ("webcam", "panel Files"),
+        ("signals", "panel Plot"),
         ("edges height", "field /edges:height"),
     ):
         field.fill(words)
@@ -230,7 +232,9 @@ def test_the_search_opens_panels_and_goes_to_times(browse, runtime):
     tab.locator(".rv-curve", has_text="/edges:height").wait_for(timeout=60_000)
     tab.get_by_role("button", name="Search the page").click()
     field.fill("<img src=x onerror=alert(1)>")
-    tab.get_by_text("No results").wait_for()
+    tab.get_by_text("No results on this page").wait_for()
+    field.fill("")
+    tab.get_by_role("row", name="F6 next part of the page").wait_for()
 
 
 def test_a_plot_opens_below_another_only_where_both_can_be_seen(browse):

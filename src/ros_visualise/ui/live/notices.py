@@ -33,7 +33,7 @@ class Notices(logging.Handler):
         self._clock = clock
         self._lines: deque[Notice] = deque(maxlen=_MOST)
         self._count = 0
-        self._are_new = False
+        self._are_new = True  # none, for browsers that open before the first one
         self._noting = threading.Lock()
 
     def note(self, text: str, level: str = "warning") -> None:

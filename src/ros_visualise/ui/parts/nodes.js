@@ -220,12 +220,16 @@
 
   const shownInAddress = (value) => (typeof value === "boolean" ? (value ? "True" : "False") : String(value));
 
-  const toasts = new Set();
+  // A notice takes the place of the one that differs by its numbers alone, as while a slider is dragged.
+  const toasts = new Map(); // text without its numbers -> what removes its toast
   function toast(level, text) {
-    if (toasts.size >= MOST_TOASTS) [...toasts][0]();
+    const about = text.replace(/-?\d[\d.]*/g, "");
+    const before = toasts.get(about) ?? (toasts.size >= MOST_TOASTS && [...toasts.values()][0]);
+    if (before) before();
     const type = level === "warning" ? "warning" : "negative";
-    const dismiss = Quasar.Notify.create({ message: text, type, position: "top", timeout: TOAST_MS, onDismiss: () => toasts.delete(dismiss) });
-    toasts.add(dismiss);
+    const onDismiss = () => toasts.get(about) === dismiss && toasts.delete(about);
+    const dismiss = Quasar.Notify.create({ message: text, type, position: "top", timeout: TOAST_MS, onDismiss });
+    toasts.set(about, dismiss);
   }
 
   const nodes = (rv.nodes = new Nodes());

@@ -6,7 +6,7 @@ const clock = rv.asClock;
 
 export default {
   template: `
-    <div class="rv-timeline" v-show="isKnown">
+    <div class="rv-timeline" v-show="isKnown" role="region" aria-label="Timeline">
       <div class="rv-controls">
         <q-btn v-if="!state.live" flat dense round icon="skip_previous" :disable="readOnly" aria-label="Step back"
           title="Step back (,)" @mousedown.prevent @click="act({ step: false })" />

@@ -1,11 +1,16 @@
-// Search (Ctrl-K): panels, buttons, topics, fields, parameters, actions, files, marks, times, and the texts of
-// messages; Enter opens the first.
+// Search (Ctrl-K or ?): panels, buttons, topics, fields, parameters, actions, files, marks, times, and the texts of
+// messages; Enter opens the first. Before a word is typed, the page's keys are listed.
 const MOST = 12;
 const MOST_TOPICS = 100; // whose fields are found
 const MOST_TEXTS = 6;
 const [SHORTEST, WAIT_MS, AGAIN_MS] = [3, 200, 500]; // of what is looked up in texts
 const WORDS = { parameters: "parameter", actions: "action", topics: "topic", panels: "panel", fields: "field", files: "file", controls: "button", time: "go to", lines: "log", texts: "message" };
 const SKIPPED = new Set("a all an and another change do find for get go how i in into is it make me my of on other see show the to use want with".split(" "));
+const KEYS = [
+  ["Space", "play or pause"], [", .", "one frame back or forward"], ["← →", "5 s back or forward; with Shift, 1 s"], ["Home End", "start or end"],
+  ["< >", "slower or faster"], ["M", "set a mark"], ["[ ]", "start or end of the playback range"], ["F6", "next part of the page; with Shift, previous part"],
+  ["Delete", "close the panel whose tab has the focus"], ["Ctrl+Z", "undo; with Shift, redo"], ["Ctrl+K ?", "search"],
+];
 const CONTROLS = "button[aria-label], select[aria-label], input[aria-label], .q-btn";
 const NOT_CONTROLS = ".rv-search *, .rv-kinds *, .rv-close, [role=tab], [data-name] *, .rv-fields *";
 const ELSEWHERE = 0.6; // worth of a word of what something does, beside one of its name
@@ -63,13 +68,16 @@ export default {
         <div id="rv-found" role="listbox" aria-label="Results">
           <button v-for="(one, i) in found" :key="one.kind + one.name + (one.key ?? '')" role="option" :aria-selected="String(i === at)"
             :class="{ 'rv-chosen': i === at }" :title="one.help" @click="choose(one)"><small>{{ one.word }}</small> {{ one.name }}</button>
-          <p v-if="words && !found.length">No results</p>
+          <p v-if="words && !found.length">No results on this page. For all commands, run <code>ros-visualise --help</code>.</p>
         </div>
+        <table v-if="!words" class="rv-keys"><caption>Keyboard shortcuts</caption>
+          <tr v-for="[keys, act] in keys" :key="keys"><th scope="row"><kbd v-for="key in keys.split(' ')">{{ key }}</kbd></th><td>{{ act }}</td></tr></table>
       </q-card>
     </q-dialog>`,
   props: { kinds: Object, readOnly: Boolean },
   data: () => ({ isOpen: false, words: "", at: 0, fields: {}, files: [], controls: [], lines: [], texts: [] }),
   computed: {
+    keys: () => KEYS,
     all() {
       if (!this.isOpen) return [];
       const { topics = [], parameters = [], actions = [] } = rv.offered.state;
@@ -107,7 +115,8 @@ export default {
   },
   mounted() {
     this.pressed = (event) => {
-      if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "k") return;
+      const isK = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "k";
+      if (!isK && (event.key !== "?" || rv.isTyping(event.target))) return;
       event.preventDefault();
       this.isOpen = !this.isOpen;
     };

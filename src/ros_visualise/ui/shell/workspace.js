@@ -95,7 +95,7 @@ export default {
           <q-btn v-for="(kind, name) in isSmall ? {} : kinds" :key="name" flat dense :icon="kind.icon" :aria-label="kind.title" :title="kind.help ? kind.title + ': ' + kind.help : kind.title"
             :color="isOpen(name) ? 'primary' : undefined" @click="press(name)" />
         </div>
-        <q-btn flat dense icon="search" aria-label="Search the page" title="Search (Ctrl+K)" @click="search" />
+        <q-btn flat dense icon="search" aria-label="Search the page" title="Search; keyboard shortcuts (Ctrl+K or ?)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
         <q-btn flat dense icon="redo" aria-label="Redo" title="Redo (Ctrl+Shift+Z)" :disable="!redoable" @click="past.redo()" />
         <q-btn flat dense icon="dashboard_customize" aria-label="Layouts" title="Layouts; to share this one, copy the address of the page">

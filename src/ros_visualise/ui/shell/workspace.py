@@ -49,7 +49,8 @@ class Workspace(Element, component="workspace.js"):
                 continue
             with self, suppress(UsageError):  # a kind that is not there
                 panel = PANELS.find(kind)(state, self._read_only)
-                panel.props(f"data-panel={number}").classes("rv-panel")
+                panel.props(f"data-panel={number} role=tabpanel aria-labelledby=rv-tab-{number}")
+                panel.classes("rv-panel")
                 self._panels[number] = panel
 
 

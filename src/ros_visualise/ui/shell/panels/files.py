@@ -10,6 +10,6 @@ class Files(Panel, component="files.js"):
 
     title, icon, side = "Files", "folder_open", "left"
     help = (
-        "Open, add and upload videos, recordings and other files; record, export and download;"
-        " save the layout"
+        "Open, add and upload videos, recordings and other files; open cameras (webcam); record,"
+        " export (CSV, video) and download; save the layout"
     )

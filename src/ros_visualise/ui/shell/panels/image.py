@@ -9,4 +9,4 @@ class ImagePanel(Panel, component="image.js"):
     """One image topic, or several side by side, under a wipe, or subtracted."""
 
     title, icon, side, many = "Image", "image", "middle", True
-    help = "Images from cameras and videos: zoom, pixel values, comparison"
+    help = "Images from cameras and videos: zoom, compare, pixel values"

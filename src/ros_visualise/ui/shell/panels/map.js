@@ -25,12 +25,12 @@ export default {
         <input v-model.lazy="tiles" type="url" aria-label="Address of map tiles" title="Address with {z}, {x} and {y}, from which map tiles are fetched"
           placeholder="Tiles: https://…/{z}/{x}/{y}.png" @change="lay">
       </div>
-      <p v-if="!topics.length && !placed.length" class="rv-map-note">No topics with satellite positions (NavSatFix) or GeoJSON</p>
+      <p v-if="isKnown && !topics.length && !placed.length" class="rv-map-note">No topics with satellite positions (NavSatFix) or GeoJSON</p>
       <p v-if="reason" class="rv-map-note">{{ reason }}</p>
     </div>`,
   props: { state: Object, readOnly: Boolean, resourcePath: String },
   data() {
-    return { topics: [], placed: [], tiles: this.state.tiles ?? "", reason: "" };
+    return { isKnown: false, topics: [], placed: [], tiles: this.state.tiles ?? "", reason: "" };
   },
   async mounted() {
     await new Promise((done) => {
@@ -78,6 +78,7 @@ export default {
   methods: {
     color: (i) => COLORS[i % COLORS.length],
     ask() {
+      this.isKnown = !!rv.offered.state.topics;
       this.topics = (rv.offered.state.topics ?? []).filter(([, type]) => type.endsWith("/NavSatFix")).map(([name]) => name);
       const views = this.topics.map((topic) => ({ x: `${topic}:longitude`, y: `${topic}:latitude` }));
       this.live.send({ number: 1, views, from: null, to: null, columns: COLUMNS });

@@ -15,7 +15,7 @@ class Plots(Panel, component="plots.js"):
     """Panes of curves below one another, over the same time."""
 
     title, icon, side, many = "Plot", "show_chart", "bottom", True
-    help = "Charts of numbers over time, XY curves and spectra (FFT)"
+    help = "Charts of numbers (signals) over time, XY curves and spectra (FFT)"
 
     def __init__(self, state: Mapping[str, Any], read_only: bool) -> None:
         super().__init__(state, read_only)

@@ -5,7 +5,7 @@ const PERIOD_MS = 100;
 export default {
   template: `
     <div class="rv-robot">
-      <p v-if="!state_.robot && !state_.moves.length" class="rv-note">This graph has no robot.</p>
+      <p v-if="isKnown && !state_.robot && !state_.moves.length" class="rv-note">This graph has no robot.</p>
       <p v-if="state_.status" class="rv-status" :class="{ 'rv-failed': state_.failed }" role="status">{{ state_.status }}</p>
       <div v-if="state_.actions.length" class="rv-actions" role="group" aria-label="Commands">
         <q-btn v-for="action in state_.actions" :key="action.name" outline dense no-caps :label="action.label" :title="action.help" :disable="readOnly"
@@ -30,7 +30,7 @@ export default {
   props: { state: Object, readOnly: Boolean },
   data() {
     const speed = { speed: 0.8, turn: 0.6, ...this.state.speed };
-    return { state_: { robot: "", actions: [], moves: [], status: "", failed: false }, speed, held: [] };
+    return { state_: { robot: "", actions: [], moves: [], status: "", failed: false }, speed, held: [], isKnown: false };
   },
   computed: {
     pad: () => ["left", "forward", "right", "up", "back", "down"],
@@ -46,7 +46,10 @@ export default {
   },
   mounted() {
     this.socket = rv.live("/live/robot", {
-      message: (messages) => messages.forEach((message) => Object.assign(this.state_, message)),
+      message: (messages) => {
+        messages.forEach((message) => Object.assign(this.state_, message));
+        this.isKnown = true;
+      },
       closed: () => this.releaseAll(),
     });
     this.listeners = [
