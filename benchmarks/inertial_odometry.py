@@ -22,6 +22,7 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.core.params import specs, update
 from ros_visualise.data import Image
 from ros_visualise.estimation.inertial.filter import InertialFilter
+from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
 from ros_visualise.estimation.inertial.messages import CAMERA_TURN, InertialInput
 from ros_visualise.estimation.inertial.odometry import InertialPose
 from ros_visualise.estimation.settings import CameraErrors
@@ -87,7 +88,7 @@ def fly(
     spent_ns = 0
     clock_s, turn = ERRORS[profile] if is_stated else USUAL
     readout_s = settings.camera_readout if is_stated else None
-    errors = CameraErrors(clock_s, np.radians(turn), 5.0)
+    errors = CameraErrors(clock_s, np.radians(turn), 5.0, FOCAL_SIGMA)
     for _, name, message in messages:
         if name in ("tf", "tf_static"):
             frames.add(message, name == "tf_static")

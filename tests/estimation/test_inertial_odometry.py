@@ -7,6 +7,13 @@ from inertial_flight import FOCAL, MOUNTING, T_BASE_CAMERA, InertialFlight
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise
 from ros_visualise.estimation.inertial import odometry
 from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.lens import (
+    FOCAL_SIGMA,
+    LensErrors,
+    corrected,
+    points_of,
+    values_of,
+)
 from ros_visualise.estimation.inertial.readout import UNKNOWN
 from ros_visualise.estimation.inertial.sliding import (
     CORE,
@@ -14,12 +21,12 @@ from ros_visualise.estimation.inertial.sliding import (
     READOUT,
     VIEW,
     SlidingState,
-    transfer,
 )
 from ros_visualise.estimation.inertial.starting import level, start_at_rest
 from ros_visualise.estimation.inertial.tracks import (
     CornerNoise,
     begin_points,
+    correct_by_points,
     limit,
     project,
     together,
@@ -28,11 +35,13 @@ from ros_visualise.estimation.inertial.tracks import (
 from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.robot import RobotState
 from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.estimation.visual.focal import pinhole
 from ros_visualise.geometry import se3
 from ros_visualise.vision.tracking import FollowedCorners
 
 STEP_NS = 100_000_000
 NOISE = CornerNoise(1e-3, 5e-4)
+INFO = pinhole((480, 640), FOCAL / 640)
 
 
 def state_with_views(seed=0, views=5, points=4):
@@ -85,25 +94,44 @@ def test_derivatives_of_views_are_those_of_differences():
     assert np.allclose(state.P[-VIEW:, :CORE], J @ before, atol=1e-6)
 
 
-def test_derivatives_of_points_in_another_view_are_those_of_differences():
+def state_with_points():
+    """Four points in the first of five views, by a lens that errs, with a random covariance."""
     state, seen = state_with_views()
     found = triangulate(state.R, state.p, seen)
-    state.add_points(found.host, found.points, np.zeros((12, len(state.P))), np.eye(12))
-    which = np.arange(4)
+    state.lens = np.array([0.01, 0.05, -0.1])
+    points = points_of(found.points, state.lens)
+    state.add_points(found.host, points, np.zeros((12, len(state.P))), np.eye(12))
+    root = np.random.default_rng(6).normal(size=state.P.shape)
+    state.P = root @ root.T / len(root)
+    return state
+
+
+def test_derivatives_of_points_in_another_view_are_those_of_differences():
+    state, which = state_with_points(), np.arange(4)
 
     def there(error):
-        other, _ = state_with_views()
-        other.add_points(found.host, found.points, np.zeros((12, len(other.P))), np.eye(12))
+        other = state_with_points()
         other.move(error)
-        return transfer(other, which, 3)[0]
+        other.rehost(which, 3)
+        return other.points.ravel()
 
-    J = derivative(there, len(state.P))
-    _, by_point, by_view = transfer(state, which, 3)
-    views = CORE + VIEW * np.arange(5)
-    for n in which:
-        assert np.allclose(J[n][:, state.rows_of_points(which)[n]], by_point[n], atol=1e-5)
-        assert np.allclose(J[n][:, views[3] : views[3] + VIEW], by_view[n], atol=1e-5)
-        assert np.allclose(J[n][:, : views[1]][:, views[0] :], -by_view[n], atol=1e-5)
+    J, before = derivative(there, len(state.P)), state.P.copy()
+    rows = state.rows_of_points(which).ravel()
+    state.rehost(which, 3)
+    assert np.allclose(state.P[rows, : rows[0]], (J @ before)[:, : rows[0]], atol=1e-5)
+    assert np.allclose(state.P[np.ix_(rows, rows)], J @ before @ J.T, atol=1e-4)
+
+
+def test_points_see_what_the_lens_makes_of_them():
+    errors, points = np.array([0.01, 0.05, -0.1]), np.random.default_rng(8).normal(size=(5, 3)) / 2
+    values, by_point, by_errors = values_of(points, errors)
+    assert np.allclose(points_of(values, errors), points, atol=1e-5)
+    for n in range(5):
+        at = points[n : n + 1]
+        J = derivative(lambda x, at=at: values_of(at + x, errors)[0][0], 3)
+        assert np.allclose(by_point[n], J, atol=1e-6)
+        J = derivative(lambda x, at=at: values_of(at, errors + x)[0][0], 3)
+        assert np.allclose(by_errors[n], J, atol=1e-6)
 
 
 def test_projected_sightings_do_not_depend_on_positions_and_follow_differences():
@@ -111,17 +139,17 @@ def test_projected_sightings_do_not_depend_on_positions_and_follow_differences()
     slips = np.random.default_rng(7).normal(size=seen.shape)
     found = triangulate(state.R, state.p, seen)
     exact = project(state.R, state.p, found, slips, NOISE)
-    x = np.random.default_rng(1).normal(size=31) * 1e-5
+    x = np.random.default_rng(1).normal(size=33) * 1e-5
     predicted = exact.residual - np.einsum("fkm,m->fk", exact.H, x)
-    R, p = se3.moved(x[1:].reshape(5, 6), state.R, state.p)
-    again = triangulate(R, p, seen - x[0] * slips)
+    R, p = se3.moved(x[3:].reshape(5, 6), state.R, state.p)
+    again = triangulate(R, p, corrected(seen, slips, x[:3]))
     lengths = np.linalg.norm(project(R, p, again, slips, NOISE).residual, axis=1)
     assert np.allclose(np.linalg.norm(predicted, axis=1), lengths, rtol=1e-3)
 
 
 def test_a_motion_of_everything_has_no_effect_at_any_estimate():
     state, seen = state_with_views()
-    x = np.append(0, np.tile(np.random.default_rng(2).normal(size=6), 5))
+    x = np.append(np.zeros(3), np.tile(np.random.default_rng(2).normal(size=6), 5))
     for size in (0.0, 0.3):
         moved = np.random.default_rng(3).normal(size=(5, 6)) * size * 0.05
         R, p = se3.moved(moved, state.R, state.p)
@@ -156,25 +184,50 @@ def started(flight, settings):
     return own
 
 
-def flown(seed, readout_s, seconds=9):
-    """Mean NEES, the error at the end, m, and the readout that is found."""
+def test_level_flight_leaves_focal_length_and_depths_unknown_at_any_estimate():
+    noise = np.random.default_rng(9)
+    state, which = SlidingState(RobotState(), np.full(CORE, 1e-10)), np.arange(6)
+    for _ in range(4):
+        state.see(np.eye(4), np.zeros(3), np.eye(6) * 1e-10)
+        step = np.zeros(len(state.P))
+        step[:2] = noise.normal(size=2)
+        state.move(step)
+    state.see(np.eye(4), np.zeros(3), np.eye(6) * 1e-10)
+    points = noise.uniform(-0.5, 0.5, (6, 3)) - [0, 0, 1.5]
+    state.add_points(which * 0, points, np.zeros((18, len(state.P))), np.eye(18) * 1e-3)
+    longer = np.zeros(len(state.P))
+    longer[READOUT + 1], longer[state.rows_of_points(which)[:, 2]] = 1, -1
+    state.P += 1e2 * np.outer(longer, longer)
+    before = longer @ np.linalg.solve(state.P, longer)
+    for _ in range(3):
+        values = values_of(state.points, state.lens)[0]
+        rays = values[:, :2] - values[:, 2:] * state.p[-1, :2] + noise.normal(0, 0.02, (6, 2))
+        assert correct_by_points(state, which, rays, np.zeros((6, 2)), 0.01).sum() > 3
+    assert np.abs(state.points - points).max() > 0.01
+    after = longer @ np.linalg.solve(state.P, longer)
+    assert after < 1.001 * before
+
+
+def flown(seed, readout_s, seconds=9, longer=1.0):
+    """Mean NEES, the error at the end, m, and the filter, for a focal length that is longer."""
     flight = InertialFlight(seed, readout_s=readout_s)
     imu = ImuNoise(4e-4, 3e-3, 0.01, 0.1, 5e-5, 5e-4, 1e-4)
     noise = CornerNoise(0.3 / FOCAL, 1e-5)
-    camera = CameraErrors(1e-3, 1e-3, 0.0)
+    camera = CameraErrors(1e-3, 1e-3, 0.0, FOCAL_SIGMA)
     own = started(flight, InertialSettings(noise, imu=imu, camera=camera, readout=UNKNOWN))
     back, found, error = se3.inverse(flight.pose(0)), [], np.zeros(6)
     for n in range(11, 10 * seconds):
         flight.measure(n / 10 + 0.01)
         ids, rays = flight.see(n / 10)
-        assert own.see(n * STEP_NS, ids, rays, T_BASE_CAMERA, rolling=flight.rolling(n / 10))
+        rolling = flight.rolling(n / 10)
+        assert own.see(n * STEP_NS, ids, rays * longer, T_BASE_CAMERA, rolling=rolling)
         true, robot = back @ flight.pose(n / 10), own.state.robot
         turn = se3.rotation_vector(robot.R @ true[:3, :3].T)
         error = np.concatenate([robot.p - true[:3, 3], turn])
         change = se3.about_itself(robot.p)
         covariance = change @ own.state.P[:6, :6] @ change.T
         found.append(error @ np.linalg.solve(covariance, error))
-    return np.mean(found), np.linalg.norm(error[:3]), own.readout
+    return np.mean(found), np.linalg.norm(error[:3]), own
 
 
 def test_errors_are_as_large_as_they_are_said_to_be_and_the_readout_is_found():
@@ -182,18 +235,36 @@ def test_errors_are_as_large_as_they_are_said_to_be_and_the_readout_is_found():
     several = [flown(seed, readout_s) for seed, readout_s in enumerate(readouts)]
     assert 1.5 < np.mean([one[0] for one in several]) < 9
     assert max(one[1] for one in several) < 0.15
-    for (_, _, found), true in zip(several, readouts, strict=True):
-        assert found.sigma_s < 0.003
-        assert abs(found.seconds - true) < 3 * found.sigma_s
+    for (_, _, own), true in zip(several, readouts, strict=True):
+        assert own.readout.sigma_s < 0.003
+        assert abs(own.readout.seconds - true) < 3 * own.readout.sigma_s
+        assert (np.abs(own.lens.values) < 3.5 * own.lens.sigmas).all()
+        assert own.lens.sigmas[0] < 0.01
+        assert not own.lens.fault(INFO, FOCAL_SIGMA)
+
+
+def test_a_wrong_focal_length_is_found_and_reported():
+    nees, off, own = flown(0, 0.0, 7, 1.1)
+    assert nees < 12
+    assert off < 0.15
+    assert own.lens.values[0] == pytest.approx(np.log(1.1), abs=0.02)
+    assert own.lens.words(INFO) in own.lens.fault(INFO, FOCAL_SIGMA)
+    assert "not 380 px: calibrate" in own.lens.fault(INFO, FOCAL_SIGMA)
+
+
+def test_another_distortion_is_reported():
+    bent = LensErrors(np.array([0.0, -0.12]), np.array([0.01, 0.01]))
+    assert "lens distortion (k1 -0.12)" in bent.fault(INFO, FOCAL_SIGMA)
+    assert not bent.fault(INFO, 0.1)
 
 
 def test_a_stated_readout_stays():
     state, seen = state_with_views()
-    state.P[READOUT], state.P[:, READOUT], state.readout = 0, 0, 0.02
+    state.P[READOUT], state.P[:, READOUT], state.lens[0] = 0, 0, 0.02
     slips = np.ones(seen.shape)
     projected = project(state.R, state.p, triangulate(state.R, state.p, seen), slips, NOISE)
     state.correct(state.seeing, *together(projected, np.ones(4, bool)))
-    assert state.readout == 0.02
+    assert state.lens[0] == 0.02
     assert not state.P[READOUT].any()
 
 
@@ -205,7 +276,7 @@ def test_new_points_continue_what_their_sightings_tell():
     state.apply(gain, error)
     begin_points(state, found, projected, np.arange(6), error[state.seeing])
     again = triangulate(state.R, state.p, seen)
-    assert np.allclose(state.points, again.points, atol=5e-3)
+    assert np.allclose(values_of(state.points, state.lens)[0], again.points, atol=5e-3)
     assert np.linalg.eigvalsh(state.P).min() > -1e-12
     state.rehost(np.arange(6), 4)
     state.drop_view(0)

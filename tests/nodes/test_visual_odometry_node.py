@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from visual_flight import HEIGHT, Flight, felt, place
 
-from ros_visualise.data import Header, Image, Transforms, TransformStamped
+from ros_visualise.data import Header, Image, Level, Transforms, TransformStamped
+from ros_visualise.estimation.inertial.lens import LensErrors
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.nodes.visual_odometry import CameraMotionParams, VisualOdometryNode
@@ -81,6 +82,14 @@ def answers_with_imu(seconds, gap=(9.0, 9.0), dark=()):
             answer = node.step(params, image=image, frames=frames)
             found += [answer] if answer else []
     return found
+
+
+def test_a_lens_that_the_images_contradict_is_reported(monkeypatch, caplog):
+    monkeypatch.setattr(LensErrors, "fault", lambda *_: "the images fit another lens")
+    status = answers_with_imu(1.2)[-1]["diagnostics"].statuses[0]
+    assert (status.level, status.message) == (Level.WARN, "the images fit another lens")
+    assert dict(status.values)["focal length"] == "260 px, +-8"
+    assert caplog.text.count("the images fit another lens") == 1
 
 
 def test_an_imu_gives_metres_after_a_rest():

@@ -28,6 +28,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
 from ros_visualise.estimation.inertial.messages import (
     CAMERA_TURN,
     MOVES_S,
@@ -88,6 +89,13 @@ class CameraMotionParams:
         " offset itself is estimated",
         min=0,
         max=1,
+    )
+    camera_focal: float = param(
+        FOCAL_SIGMA,
+        "standard deviation of the focal length, as a fraction; with an IMU, the focal length and"
+        " the distortion are estimated; 0: the calibration is exact",
+        min=0,
+        max=0.3,
     )
     base_frame: str = param(
         "base_link", "frame whose motion is published; its transform to the camera is needed"
@@ -161,7 +169,7 @@ class VisualOdometryNode:
         self._last: tuple[int, Floats] | None = None
         self._start_ns, self._keyframes = -1, 0
         self._is_placed = True
-        self._is_gimbal = False
+        self._is_gimbal = self._is_lens_wrong = False
 
     def step(
         self,
@@ -269,7 +277,7 @@ class VisualOdometryNode:
         p = self._params
         if self._inertial is None:
             turn = CAMERA_TURN if p.camera_turn < 0 else p.camera_turn
-            errors = CameraErrors(p.camera_clock, np.radians(turn), MOVES_S)
+            errors = CameraErrors(p.camera_clock, np.radians(turn), MOVES_S, p.camera_focal)
             readout_s = None if p.readout < 0 else p.readout
             self._inertial = InertialInput(info, p.base_frame, p.corners, readout_s, errors)
         self._inertial.see(image.header, gray, frames)
@@ -285,16 +293,23 @@ class VisualOdometryNode:
         for stamp_ns, pose in inertial.odometry.ready():
             image, gray = self._waiting.pop(stamp_ns)
             corners, reason = inertial.odometry.corners, inertial.odometry.reason
+            fault = inertial.odometry.lens_fault
+            if fault and not self._is_lens_wrong:
+                self._is_lens_wrong = True
+                self._remarks.say(fault)
             if reason:
                 self._remarks.say(reason)
             shown = Deferred((*gray.shape, 3), np.uint8, partial(_draw_gray, gray, corners, reason))
             values = {name: str(count) for name, count in inertial.odometry.counts.items()}
             values["corners"] = str(len(corners.ids))
-            if inertial.odometry.filter is not None and self._params.readout < 0:
-                values["readout"] = inertial.odometry.filter.readout.words
+            own = inertial.odometry.filter
+            if own is not None and self._params.readout < 0:
+                values["readout"] = own.readout.words
+            if own is not None and self._params.camera_focal:
+                values["focal length"] = inertial.odometry.focal_length
             answer = {
                 "debug_image": replace(image, data=shown, encoding="bgr8"),
-                "diagnostics": _status(reason, values, image.header),
+                "diagnostics": _status(reason or fault, values, image.header),
             }
             if pose is not None:
                 message = odometry_of(pose, _FRAME, self._params.base_frame)

@@ -21,12 +21,14 @@ class InertialSteps:
 
     Attributes:
         reason, counts, done: as of `ros_visualise.estimation.visual.odometry.VisualOdometry`.
+        lens_fault: what the images say against the calibration; empty if it fits.
     """
 
     def __init__(self, found: CameraInput, corners: int, readout_s: float | None) -> None:
         self.reason = "waiting for the IMU"
         self.counts = {"images": 0, "keyframes": 0, "losses": 0}
         self.done: list[VisualPose] = []
+        self.lens_fault = ""
         self._frames, self._info = found.frames, found.infos[0]
         self._corners, self._readout_s = corners, readout_s
         self._taker: InertialInput | None = None
@@ -67,6 +69,7 @@ class InertialSteps:
         for stamp_ns, pose in taker.odometry.ready():
             T = self._mounted.pop(stamp_ns)
             self.reason = taker.odometry.reason
+            self.lens_fault = taker.odometry.lens_fault or self.lens_fault
             self.counts["losses"] = taker.odometry.counts["gaps"]
             if pose is not None:
                 R, p = pose.R @ T[:3, :3], pose.R @ T[:3, 3] + pose.p

@@ -86,6 +86,8 @@ def find_trajectory(options: OdometryOptions) -> int:
     else:
         print_result([*_lines(report), *again.lines(_unit(report["in_metres"]))])
     notes += [_PIECES] * bool(odometry.counts["losses"])
+    if isinstance(odometry, InertialSteps) and odometry.lens_fault:
+        notes.append(odometry.lens_fault)
     for note in [*notes, *found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]:
         print_status(f"ros-visualise: {options.input}: {note}")
     if request.asked:

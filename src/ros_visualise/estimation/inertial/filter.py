@@ -17,10 +17,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise, propagate_by_imu
+from ros_visualise.estimation.inertial.lens import LensErrors, corrected, radial_of
 from ros_visualise.estimation.inertial.readout import GLOBAL, READOUT_WALK, Readout, slips_of
 from ros_visualise.estimation.inertial.sliding import (
     CAMERA,
     CORE,
+    LENS,
     MOTION,
     RATE_BIAS,
     READOUT,
@@ -117,8 +119,9 @@ class InertialFilter:
         errors = settings.camera
         turn = np.full(3, errors.turn_rad**2)
         self.state.P[CAMERA, CAMERA] = np.diag([errors.clock_s**2, *turn, settings.age_s**2])
-        self.state.readout = settings.readout.seconds
-        self.state.P[READOUT, READOUT] = settings.readout.sigma_s**2
+        self.state.lens[0] = settings.readout.seconds
+        sigmas = settings.readout.sigma_s, errors.focal, radial_of(errors.focal)
+        self.state.P[LENS, LENS] = np.diag(np.square(sigmas))
         self.tracks = CornerTracks()
         self.point_ids: Ids = np.zeros(0, np.int64)
         self.used, self.contradicted = 0, False
@@ -127,7 +130,13 @@ class InertialFilter:
     @property
     def readout(self) -> Readout:
         """The estimate of the camera's readout."""
-        return Readout(self.state.readout, float(np.sqrt(self.state.P[READOUT, READOUT])))
+        return Readout(float(self.state.lens[0]), float(np.sqrt(self.state.P[READOUT, READOUT])))
+
+    @property
+    def lens(self) -> LensErrors:
+        """The estimated errors of focal length and distortion."""
+        rows = np.arange(READOUT + 1, LENS.stop)
+        return LensErrors(self.state.lens[1:], np.sqrt(self.state.P[rows, rows]))
 
     @property
     def noise(self) -> CornerNoise:
@@ -243,8 +252,8 @@ class InertialFilter:
         at = np.searchsorted(ids, self.point_ids)
         every = np.arange(len(self.point_ids))
         self.state.drag_points(self.noise.walk)
-        at_once = rays[at] - self.state.readout * slips[at]
-        good = correct_by_points(self.state, every, at_once, slips[at], self.noise.white)
+        true = corrected(rays[at], slips[at], self.state.lens)
+        good = correct_by_points(self.state, every, true, slips[at], self.noise.white)
         self._drop_points(~good)
         return int(good.sum())
 
@@ -279,7 +288,7 @@ class InertialFilter:
         for n in range(_STEPS):
             error = error + step
             R, p = se3.moved(error[state.views].reshape(-1, VIEW), state.R, state.p)
-            found = triangulate(R, p, raw - (state.readout + error[READOUT]) * slips)
+            found = triangulate(R, p, corrected(raw, slips, state.lens + error[LENS]))
             projected = project(R, p, found, slips, self.noise).since(error[state.seeing])
             usable, chi2 = self._is_usable(found), chi_squared(state, projected)
             if not n:

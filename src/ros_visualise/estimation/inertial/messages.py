@@ -9,6 +9,7 @@ from ros_visualise.data import CameraInfo, Floats, Header, Imu, Odometry, Pixels
 from ros_visualise.estimation.camera_view import turning_of
 from ros_visualise.estimation.imu import Mounting
 from ros_visualise.estimation.inertial.filter import InertialSettings
+from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
 from ros_visualise.estimation.inertial.odometry import InertialOdometry, InertialPose
 from ros_visualise.estimation.inertial.readout import UNKNOWN, Readout
 from ros_visualise.estimation.inertial.tracks import CornerNoise
@@ -36,7 +37,7 @@ class InertialInput:
         base_frame: frame whose motion is estimated.
         corners: number that is followed.
         readout_s: of the camera's rolling shutter; None: unknown, and estimated.
-        errors: of the camera's clock and attitude on the robot.
+        errors: of the camera's clock, attitude on the robot and focal length.
 
     Attributes:
         odometry: what takes them.
@@ -52,7 +53,7 @@ class InertialInput:
         errors: CameraErrors | None = None,
     ) -> None:
         pixel = 1 / float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
-        camera = errors or CameraErrors(0.02, np.radians(CAMERA_TURN), MOVES_S)
+        camera = errors or CameraErrors(0.02, np.radians(CAMERA_TURN), MOVES_S, FOCAL_SIGMA)
         readout = UNKNOWN if readout_s is None else Readout(readout_s)
         noise = CornerNoise(WHITE_PX * pixel, WALK_PX * pixel)
         settings = InertialSettings(noise, camera=camera, readout=readout)

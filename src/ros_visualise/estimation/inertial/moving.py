@@ -25,6 +25,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals
 from ros_visualise.estimation.inertial.filter import InertialSettings
+from ros_visualise.estimation.inertial.lens import corrected, radial_of, shifts_of
 from ros_visualise.estimation.inertial.readout import slips_of
 from ros_visualise.estimation.inertial.sliding import FORCE_BIAS, MOTION, RATE_BIAS
 from ros_visualise.estimation.inertial.starting import FirstEstimate, SeenCorners, level
@@ -43,12 +44,13 @@ _LONGEST = 1.0  # of a step, in what is allowed
 _AS_GOOD = 1.1  # misfits of two solutions that are not told apart
 _NEAREST = 0.05  # m
 _GRAVITY_SIGMA = 0.02  # m/s^2, of its length
-_MOTION, _ALL = 6, 18  # numbers: velocity, gravity; and biases of force and rates, turn, clock,
-_SMALL = 1e-4  # age and readout; steps by which derivatives are computed
+_MOTION, _ALL = 6, 20  # numbers: velocity, gravity; and biases of force and rates, turn, clock,
+_LENS = slice(17, 20)  # age and lens
+_SMALL = 1e-4  # steps by which derivatives are computed
 
 
 class _Solution(NamedTuple):
-    """The unknowns (18,) of a fit, a standard deviation of directions, and their covariance."""
+    """The unknowns (20,) of a fit, a standard deviation of directions, and their covariance."""
 
     x: Floats
     sigma: float
@@ -150,12 +152,13 @@ def start_in_motion(
 
 
 def _priors(settings: InertialSettings) -> tuple[Floats, Floats]:
-    """Expected values (18,) of all unknowns, and standard deviations."""
+    """Expected values (20,) of all unknowns, and standard deviations."""
     own, camera = settings.imu, settings.camera
     x, sigmas = np.zeros(_ALL), np.full(_ALL, np.inf)
     x[17] = settings.readout.seconds
     sigmas[6:15] = np.repeat([own.accel_bias, own.gyro_bias, camera.turn_rad], 3)
-    sigmas[15:] = camera.clock_s, settings.age_s, settings.readout.sigma_s
+    sigmas[15:17] = camera.clock_s, settings.age_s
+    sigmas[_LENS] = settings.readout.sigma_s, camera.focal, radial_of(camera.focal)
     return x, np.maximum(sigmas, 1e-9)
 
 
@@ -190,7 +193,7 @@ def _starts(window: _Window, expected: Floats) -> list[Floats]:
     speed = window.pushed(x)[-1]
     x[3:6] = -speed[-1] / np.linalg.norm(speed[-1]) * GRAVITY_MS2
     C, at, seconds = window.cameras(x)  # at rest before
-    A = _across(C, window.rays - x[17] * window.slips) * window.seen[..., None, None]
+    A = _across(C, corrected(window.rays, window.slips, x[_LENS])) * window.seen[..., None, None]
     H = (-A * seconds[:, None, None]).reshape(len(A), -1, 3)
     b = (A @ at[..., None]).reshape(len(A), -1, 1)
     A = A.reshape(len(A), -1, 3)
@@ -236,7 +239,7 @@ def _linearized(window: _Window, x: Floats, count: int) -> tuple[Floats, float] 
     deviations and without positions of corners; and the standard deviation of a direction.
     """
     C, at, seconds = window.cameras(x)
-    rays = window.rays - x[17] * window.slips
+    rays = corrected(window.rays, window.slips, x[_LENS])
     points = _triangulated(C, at, rays, window.seen)
     residual, by_point, good = _seen(C, at, rays, points, window.seen)
     if good.sum() < _LEAST_CORNERS:
@@ -244,13 +247,13 @@ def _linearized(window: _Window, x: Floats, count: int) -> tuple[Floats, float] 
     J = np.zeros((*residual.shape, count))
     J[..., :3] = -by_point * seconds[:, None, None]
     J[..., 3:6] = -by_point * (seconds[:, None, None] ** 2 / 2)
-    for n in range(_MOTION, count):
+    for n in range(_MOTION, min(count, _LENS.start)):
         other = x.copy()
         other[n] += _SMALL
         moved = _seen(*window.cameras(other)[:2], rays, points, window.seen)[0]
         J[..., n] = (moved - residual) / _SMALL
     if count == _ALL:
-        J[..., 17] = window.slips * window.seen[..., None]
+        J[..., _LENS] = shifts_of(residual + rays, window.slips) * window.seen[..., None, None]
     A = by_point[good].reshape(int(good.sum()), -1, 3)
     rows = np.concatenate([J, residual[..., None]], axis=3)[good].reshape(len(A), -1, count + 1)
     rows = rows - A @ (np.linalg.pinv(A) @ rows)

@@ -117,6 +117,18 @@ class InertialOdometry:
         """The corners in the last image."""
         return self._tracker.corners
 
+    @property
+    def lens_fault(self) -> str:
+        """What the images say against the calibration; empty if it fits, or is not known yet."""
+        if self.filter is None:
+            return ""
+        return self.filter.lens.fault(self._info, self.settings.camera.focal)
+
+    @property
+    def focal_length(self) -> str:
+        """The estimated focal length, as text; empty before the start."""
+        return "" if self.filter is None else self.filter.lens.words(self._info)
+
     def feel(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> bool:
         """Take a measurement of the IMU in its axes; False if it is a duplicate or no number."""
         return self._imu.add(stamp_ns, rates, force, mounting)

@@ -1,7 +1,7 @@
 """The robot, the last poses of its camera, and some points that these see, with one covariance.
 
 Rows of the covariance: ``CORE`` errors of the robot (pose, velocity, biases of the IMU, clock,
-attitude and readout of the camera), six of each view, and three of each point. Errors of poses and
+attitude and lens of the camera), six of each view, and three of each point. Errors of poses and
 velocity are those of `ros_visualise.estimation.robot`: common twists of the map. A point is a
 direction and an inverse depth in its *host*, one of the views; so a motion of the whole map is the
 same twist for the robot and all views, and nothing for points. It is known to be unobservable, at
@@ -23,6 +23,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.imu import ACCEL, GYRO
+from ros_visualise.estimation.inertial.lens import points_of, values_of
 from ros_visualise.estimation.measuring import CAMERAS, CLOCK, TURN, camera_of, turn_of
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import POSE, VELOCITY, RobotState, core
@@ -36,11 +37,13 @@ CAMERA = slice(15, 20)
 """Rows of the camera's clock, s, of its attitude on the robot, rad about its own axes, and of the
 age of that attitude, s.
 """
+LENS = slice(20, 23)
+"""Rows of the errors of the lens, see `lens`; those of the views follow."""
 READOUT = 20
-"""Row of the time in which the camera reads an image, s; those of the views follow."""
+"""Row of the first of these."""
 _MEASURED = slice(0, 19)  # of the core: those of a `RobotState`
-CORE, VIEW, POINT = 21, 6, 3
-_LEAST_INVERSE = 1e-6  # 1/m
+CORE, VIEW, POINT = 23, 6, 3
+_INVERSE = -14.0, 7.0  # logarithms of inverse depths, 1/m: 1 mm to 1000 km
 
 
 def _places() -> Indices:
@@ -56,16 +59,17 @@ class SlidingState:
     Attributes:
         robot: its estimate.
         age: of the attitude of the camera on the robot, as it is known, s: as on a gimbal.
-        readout: from the first row of an image to the last, s.
+        lens: (3,) its errors: readout, s, and those of focal length and radial distortion.
         R, p: T_map_camera (C, 3, 3) and (C, 3) of the views, the oldest first.
         host: (N,) index of the view of each point.
-        points: (N, 3) x and y of their directions there at z = 1, and inverse depths, 1/m.
+        points: (N, 3) x and y of their directions there at z = 1, as the calibration gives them,
+            and logarithms of inverse depths, 1/m; see `lens`.
         P: (n, n) covariance, n = CORE + 6 C + 3 N.
     """
 
     def __init__(self, robot: RobotState, variances: Floats) -> None:
         self.robot, self.P = robot, np.diag(variances)
-        self.age = self.readout = 0.0
+        self.age, self.lens = 0.0, np.zeros(LENS.stop - LENS.start)
         self.R, self.p = np.zeros((0, 3, 3)), np.zeros((0, 3))
         self.host: Indices = np.zeros(0, np.intp)
         self.points = np.zeros((0, POINT))
@@ -77,8 +81,8 @@ class SlidingState:
 
     @property
     def seeing(self) -> slice:
-        """Rows of the readout and of all views: where corners are seen depends on these."""
-        return slice(READOUT, self.views.stop)
+        """Rows of the lens and of all views: where corners are seen depends on these."""
+        return slice(LENS.start, self.views.stop)
 
     def rows_of_points(self, which: Indices) -> Indices:
         """(K, 3) rows of points."""
@@ -162,10 +166,17 @@ class SlidingState:
     def rehost(self, which: Indices, view: int) -> None:
         """Describe points in another view."""
         host, rows = self.host[which], self.rows_of_points(which)
-        z, J_point, J_view = transfer(self, which, view)
+        values, own, by_lens = values_of(self.points[which], self.lens)
+        z, by_value, J_view = transfer(self, which, values, view)
+        points = points_of(z, self.lens)
+        _, new, new_by_lens = values_of(points, self.lens)
+        back = np.linalg.inv(new)
+        J_lens = back @ (by_value @ by_lens - new_by_lens)
+        J_point, J_view = back @ by_value @ own, back @ J_view
         J = np.zeros((len(which), POINT, len(self.P)))
-        for n, (old, own) in enumerate(zip(host, rows, strict=True)):
-            J[n, :, own] = J_point[n].T
+        J[:, :, LENS] = J_lens
+        for n, (old, row) in enumerate(zip(host, rows, strict=True)):
+            J[n, :, row] = J_point[n].T
             for place, sign in ((view, 1), (old, -1)):
                 columns = slice(CORE + VIEW * place, CORE + VIEW * place + VIEW)
                 J[n, :, columns] += sign * J_view[n]
@@ -175,7 +186,7 @@ class SlidingState:
         self.P[rows] = across
         self.P[:, rows] = across.T
         self.P[np.ix_(rows, rows)] = own
-        self.points[which] = z
+        self.points[which] = points
         self.host[which] = view
 
     # correction
@@ -210,12 +221,12 @@ class SlidingState:
         every = np.zeros(core())
         every[_places()] = error[_MEASURED]
         self.age += float(error[CAMERA.stop - 1])
-        self.readout += float(error[READOUT])
+        self.lens = self.lens + error[LENS]
         self.robot = self.robot.moved(every)
         twists = error[self.views].reshape(-1, VIEW)
         self.R, self.p = se3.moved(twists, self.R, self.p)
         self.points = self.points + error[self.views.stop :].reshape(-1, POINT)
-        self.points[:, 2] = np.maximum(self.points[:, 2], _LEAST_INVERSE)
+        self.points[:, 2] = self.points[:, 2].clip(*_INVERSE)
 
     def settle(self) -> None:
         """Remove the errors of rounding from the robot's attitude."""
@@ -237,14 +248,16 @@ class SlidingState:
         self.P = self.P[np.ix_(left, left)]
 
 
-def transfer(state: SlidingState, which: Indices, view: int) -> tuple[Floats, Floats, Floats]:
-    """Points of a state, described in another view.
+def transfer(
+    state: SlidingState, which: Indices, values: Floats, view: int
+) -> tuple[Floats, Floats, Floats]:
+    """Points of a state, of which directions and inverse depths are (K, 3), in another view.
 
     Returns:
         Directions and inverse depths there (K, 3), and their derivatives (K, 3, 3) by those in the
         hosts and (K, 3, 6) by the twist of the view; those by the twist of the host are opposite.
     """
-    uv, rho = state.points[which, :2], state.points[which, 2:]
+    uv, rho = values[:, :2], values[:, 2:]
     R_host, p_host = state.R[state.host[which]], state.p[state.host[which]]
     back, p_view = state.R[view].T, state.p[view]
     direction = (R_host[:, :, :2] @ uv[..., None])[..., 0] + R_host[:, :, 2]

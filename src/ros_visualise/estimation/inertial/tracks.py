@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.estimation.inertial import lens
 from ros_visualise.estimation.inertial.readout import slips_of
-from ros_visualise.estimation.inertial.sliding import CORE, READOUT, VIEW, SlidingState
+from ros_visualise.estimation.inertial.sliding import CORE, LENS, VIEW, SlidingState
 from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.visual.bundle import BundleScene, Linearized, Mask, linearize
 from ros_visualise.vision.tracking import Ids
@@ -193,9 +194,9 @@ class ProjectedTracks(NamedTuple):
 
     Attributes:
         rows: (F,) numbers of independent rows; the others are zero.
-        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 1 + 6 C), independent of the positions;
-            derivatives by the readout and by the views.
-        of_point: (F, 3), (F, 3, 1 + 6 C) and (F, 3, 3): residual, and derivatives by readout and
+        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 3 + 6 C), independent of the positions;
+            derivatives by the lens and by the views.
+        of_point: (F, 3), (F, 3, 3 + 6 C) and (F, 3, 3): residual, and derivatives by lens and
             views and by the positions, of the rest.
     """
 
@@ -205,7 +206,7 @@ class ProjectedTracks(NamedTuple):
     of_point: tuple[Floats, Floats, Floats]
 
     def since(self, error: Floats) -> ProjectedTracks:
-        """The same, with residuals before readout and views were moved by an error (1 + 6 C,)."""
+        """The same, with residuals before lens and views were moved by an error (3 + 6 C,)."""
         return self._replace(residual=self.residual + self.H @ error)
 
 
@@ -216,11 +217,13 @@ def project(
     seen, (count, views) = tracks.seen, tracks.seen.shape[:2]
     is_seen = np.isfinite(seen[..., 0])
     found = _dense(R, p, tracks.host, tracks.points, seen)
-    every = np.zeros((count, views, 2, 5 + VIEW * views))  # residual, by point, readout, views
+    start = 4 + lens.COUNT
+    every = np.zeros((count, views, 2, start + VIEW * views))  # residual, by point, lens, views
     every[..., 0] = found.residuals.swapaxes(0, 1)
+    expected = (seen - every[..., 0])[is_seen]
     every[..., 1:4] = found.by_point.swapaxes(0, 1)
-    every[is_seen, :, 4] = slips[is_seen]
-    by_views = every[..., 5:].reshape(count, views, 2, views, VIEW)
+    every[is_seen, :, 4:start] = lens.shifts_of(expected, slips[is_seen])
+    by_views = every[..., start:].reshape(count, views, 2, views, VIEW)
     by_view = found.by_view.swapaxes(0, 1)
     which, view = np.nonzero(is_seen)
     by_views[which, view, :, view] = by_view[which, view]
@@ -261,7 +264,7 @@ def compressed(H: Floats, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def together(found: ProjectedTracks, good: Mask) -> tuple[Floats, Floats]:
-    """H (k, 1 + 6 C) and residual (k,) of these corners, in as few rows as possible."""
+    """H (k, 3 + 6 C) and residual (k,) of these corners, in as few rows as possible."""
     H = found.H[good].reshape(-1, found.H.shape[2])
     return compressed(H, found.residual[good].ravel())
 
@@ -273,22 +276,27 @@ def begin_points(
     places: Indices,
     step: Floats,
 ) -> None:
-    """Add corners as points, after a step (1 + 6 C,) of readout and views since they were found.
+    """Add corners as points, after a step (3 + 6 C,) of lens and views since they were found.
 
     Source: M. Li, A. Mourikis, Optimization-based estimator design for vision-aided inertial
     navigation, RSS 2012, section IV (the points); P. Geneva et al., OpenVINS, ICRA 2020.
     """
     residual, H, upper = (one[places] for one in found.of_point)
     back = np.linalg.inv(upper)
-    J = -back @ H  # errors of points by those of readout and views
+    values = tracks.points[places] - (back @ (H @ step - residual)[..., None])[..., 0]
+    points = lens.points_of(values, state.lens)
+    _, by_point, by_lens = lens.values_of(points, state.lens)
+    J = -back @ H  # errors of values by those of lens and views
+    J[:, :, : lens.COUNT] -= by_lens
+    back_to = np.linalg.inv(by_point)
+    J, back = back_to @ J, back_to @ back
     flat = J.reshape(-1, J.shape[2])
     across = flat @ state.P[state.seeing]
     own = across[:, state.seeing] @ flat.T
     for n, one in enumerate(back):
         rows = slice(3 * n, 3 * n + 3)
         own[rows, rows] += one @ one.T
-    change = J @ step + (back @ residual[..., None])[..., 0]
-    state.add_points(tracks.host[places], tracks.points[places] + change, across, own)
+    state.add_points(tracks.host[places], points, across, own)
 
 
 def correct_by_points(
@@ -299,13 +307,15 @@ def correct_by_points(
     ``slips`` are (K, 2), see `readout`.
     """
     newest = len(state.R) - 1
+    values, own, by_lens = lens.values_of(state.points[places], state.lens)
     found = linearize(
-        BundleScene(state.R, state.p, state.host[places], state.points[places], _EYE),
+        BundleScene(state.R, state.p, state.host[places], values, _EYE),
         np.concatenate([np.full((newest, *rays.shape), np.nan), rays[None]]),
     )
     by_view, by_point = found.by_view[-1], found.by_point[-1]
     H = np.zeros((len(places), 2, len(state.P)))
-    H[:, :, READOUT] = slips
+    H[:, :, LENS] = lens.shifts_of(rays - found.residuals[-1], slips) + by_point @ by_lens
+    by_point = by_point @ own
     points = state.rows_of_points(places)
     for n, host in enumerate(state.host[places]):
         H[n, :, points[n]] = by_point[n].T

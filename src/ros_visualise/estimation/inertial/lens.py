@@ -1,0 +1,132 @@
+"""Errors of the lens: constants that are estimated with the robot.
+
+A calibration gives directions z of pixels, at z = 1; the true ones are
+
+    h = z exp(-a - k |z|^2) - r s,
+
+with ``a`` the error of the focal length, which is ``f exp(a)`` if ``f`` is stated, ``k`` one of the
+radial distortion, and ``r`` the readout of a rolling shutter, by which directions slip by ``s``
+(see `readout`). Any lens whose calibration errs a little does so like this; where a distortion is
+stated, ``k`` is what is left of it. A wrong principal point looks like a turned camera.
+
+*Derivatives* are taken at the expected directions, not at the measured ones: noise of these would
+fit itself, as all residuals shrink with a longer focal length. In a simulated flight, that ended at
+one 80% too long. Expected directions depend on differences of poses alone, so a motion of the whole
+map changes none of them, and linearization adds no false information about that.
+
+*What shows them.* A rotation moves directions by as much as the gyroscope or the gimbal says, and a
+climb by ``v / d``, of which the IMU knows ``v``; both times the focal length. A level flight over
+flat ground does not show it: then it is one with the depths. A longer focal length with larger
+depths sees the same; this must not depend on the estimate either. So a point of the state is the
+direction that the calibration gives, which stays, and the logarithm of its inverse depth, which
+changes by ``-a`` wherever it is. With true directions and inverse depths, a right focal length was
+found 7% too long, and 8 standard deviations off.
+
+Source: M. Li et al., High-fidelity sensor modeling and self-calibration in vision-aided inertial
+navigation, ICRA 2014 (the states); G. Huang et al., Observability-based rules for designing
+consistent EKF SLAM estimators, IJRR 2010 (directions that must stay unknown).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Floats
+
+COUNT = 3
+"""Readout, focal length and radial distortion."""
+FOCAL_SIGMA = 0.03
+"""Standard deviation of a focal length if none is stated. A calibration is worth 0.5%, but nothing
+in a message tells how good it is; it is estimated, so a value too large costs little.
+"""
+_RADIAL = 5 / 3  # standard deviation of k, as a multiple of that of a
+_WRONG = 2.0  # standard deviations before the flight,
+_KNOWN = 3.0  # and after it, by which an error is reported
+_FARTHEST = 1.2  # |z|^2, 48 degrees from the axis: farther out, the error of distortion stays
+_LEAST_INVERSE = 1e-6  # 1/m
+_ROUNDS = 12
+
+
+def shifts_of(expected: Floats, slips: Floats) -> Floats:
+    """Derivatives (..., 2, 3) of measured directions by the errors of the lens.
+
+    Args:
+        expected: (..., 2) directions at z = 1.
+        slips: (..., 2), see `readout`.
+    """
+    return np.stack([slips, expected, expected * _far(expected)], axis=-1)
+
+
+def corrected(rays: Floats, slips: Floats, errors: Floats) -> Floats:
+    """Directions (..., 2) without the errors (3,) of the lens."""
+    readout_s, longer, radial = errors
+    true: Floats = rays * np.exp(-longer - radial * _far(rays)) - readout_s * slips
+    return true
+
+
+def _far(rays: Floats) -> Floats:
+    """(..., 1) squares of the distances from the axis, at z = 1."""
+    far: Floats = np.minimum((rays**2).sum(axis=-1, keepdims=True), _FARTHEST)
+    return far
+
+
+def values_of(points: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
+    """True directions and inverse depths of points, see the module.
+
+    Args:
+        points: (N, 3) directions that the calibration gives, and logarithms of inverse depths.
+        errors: (3,) of the lens.
+
+    Returns:
+        (N, 3) values, and their derivatives (N, 3, 3) by the points and (N, 3, 3) by the errors.
+    """
+    raw, far = points[:, :2], _far(points[:, :2])
+    scale = np.exp(-errors[1] - errors[2] * far)
+    values = np.column_stack([raw * scale, np.exp(points[:, 2])])
+    by_point, by_errors = np.zeros((2, len(points), 3, 3))
+    across = raw[:, :, None] * raw[:, None] * (far < _FARTHEST)[..., None]
+    by_point[:, :2, :2] = scale[..., None] * (np.eye(2) - 2 * errors[2] * across)
+    by_point[:, 2, 2] = values[:, 2]
+    by_errors[:, :2, 1] = -values[:, :2]
+    by_errors[:, :2, 2] = -values[:, :2] * far
+    return values, by_point, by_errors
+
+
+def points_of(values: Floats, errors: Floats) -> Floats:
+    """Points (N, 3) by their values (N, 3): the inverse of `values_of`."""
+    raw = values[:, :2]
+    for _ in range(_ROUNDS):
+        raw = values[:, :2] * np.exp(errors[1] + errors[2] * _far(raw))
+    return np.column_stack([raw, np.log(np.maximum(values[:, 2], _LEAST_INVERSE))])
+
+
+def radial_of(focal: float) -> float:
+    """Standard deviation of the radial distortion by that of the focal length."""
+    return _RADIAL * focal
+
+
+class LensErrors(NamedTuple):
+    """Errors of focal length and radial distortion (2,), and their standard deviations (2,)."""
+
+    values: Floats
+    sigmas: Floats
+
+    def words(self, info: CameraInfo) -> str:
+        """The focal length, as text."""
+        focal = np.sqrt(info.K[0, 0] * info.K[1, 1]) * np.exp(self.values[0])
+        return f"{focal:.0f} px, +-{focal * self.sigmas[0]:.0f}"
+
+    def fault(self, info: CameraInfo, focal: float) -> str:
+        """What contradicts a calibration, whose focal length has a standard deviation; or empty."""
+        stated = np.array([focal, radial_of(focal)])
+        off = np.abs(self.values)
+        is_wrong = (off > _WRONG * stated) & (off > _KNOWN * self.sigmas)
+        if is_wrong[0]:
+            what = f"a focal length of {self.words(info)}, not {info.K[0, 0]:.0f} px"
+        elif is_wrong[1]:
+            what = f"another lens distortion (k1 {self.values[1]:+.2f})"
+        else:
+            return ""
+        return f"the images fit {what}: calibrate the camera (ros-visualise calibrate)"
