@@ -6,8 +6,9 @@ import pytest
 from visual_flight import HEIGHT, Flight
 
 from ros_visualise.estimation.visual.background import MOVING_THINGS, background_rests
+from ros_visualise.estimation.visual.keyframes import Keyframe
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
-from ros_visualise.estimation.visual.window import Keyframe, KeyframeWindow
+from ros_visualise.estimation.visual.window import KeyframeWindow
 
 SIZE = 240, 320
 

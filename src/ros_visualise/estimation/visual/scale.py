@@ -16,8 +16,8 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.ground import SeenGround, find_ground
+from ros_visualise.estimation.visual.keyframes import Keyframe, KeyframeDistance
 from ros_visualise.estimation.visual.stretch import Stretch
-from ros_visualise.estimation.visual.window import Keyframe, KeyframeDistance
 
 _LONGEST = 60  # moments
 _SCALES = 3  # measurements that make the first scale

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.visual.window import Keyframe, KeyframeWindow
+from ros_visualise.estimation.visual.keyframes import Keyframe
+from ros_visualise.estimation.visual.window import KeyframeWindow
 from ros_visualise.geometry import se3
 
 

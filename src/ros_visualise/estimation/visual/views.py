@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.bundle import triangulated
-from ros_visualise.estimation.visual.window import ALIKE
+from ros_visualise.estimation.visual.locating import ALIKE
 from ros_visualise.geometry import se3
 from ros_visualise.vision.places import PlaceFeatures, match_features
 

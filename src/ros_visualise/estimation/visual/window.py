@@ -12,124 +12,32 @@ optimization, IJRR 2015.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
-
 import numpy as np
 
-from ros_visualise.data import Floats, Pixels
+from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.bundle import (
     HUBER,
     BundleScene,
-    Mask,
     Normal,
-    by_twist,
     linearize,
     normal,
-    project,
     triangulated,
 )
+from ros_visualise.estimation.visual.keyframes import (
+    Keyframe,
+    KeyframeDistance,
+    MapPoints,
+    PosePrior,
+)
+from ros_visualise.estimation.visual.locating import ALIKE, OUTLIER, Located, locate, orthogonal
 from ros_visualise.geometry import se3
 from ros_visualise.vision.tracking import Ids
 
-ALIKE = 9.0
-"""Sightings that are as good as an independent one: those of a corner err alike, as its patch is
-dragged along. Measured by the errors of flights in simulation.
-"""
-_OUTLIER = 3.5  # standard deviations
 _STEPS, _STEPS_AGAIN = 4, 2  # the second time, after outliers were dropped
 _CONVERGED = 1e-2  # of the cost
-_LEAST_POINTS = 8
 _LEAST_HELD = 4  # points of a keyframe, after outliers were dropped
-_LOCATING = (16.0, 4, 1, 1)  # standard deviations beyond which points hardly count, by step
 _START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
 _FAR = 1e-6
-
-
-@dataclass(eq=False)
-class Keyframe:
-    """An image with its pose T_map_camera, and the directions in which it sees corners.
-
-    ``ids`` (N,) are in order; ``rays`` (C, N, 2) are of each camera, NaN where it
-    sees none; ``gray`` is the left image, undistorted.
-    """
-
-    key: int
-    stamp_ns: int
-    R: Floats
-    p: Floats
-    ids: Ids
-    rays: Floats
-    gray: Pixels
-
-    def see(self, ids: Ids, rays: Floats) -> None:
-        """Add corners."""
-        ids = np.concatenate([self.ids, ids])
-        order = np.argsort(ids)
-        self.ids, self.rays = ids[order], np.concatenate([self.rays, rays], axis=1)[:, order]
-
-
-class KeyframeDistance(NamedTuple):
-    """A measured distance between two keyframes, with its standard deviation."""
-
-    first: int
-    second: int
-    length: float
-    sigma: float
-
-
-@dataclass(eq=False)
-class PosePrior:
-    """Knowledge from before on keyframes: ``H x = g`` of the twists since their poses then."""
-
-    keys: list[int]
-    R: Floats
-    p: Floats
-    H: Floats
-    g: Floats
-
-    def at(self, R: Floats, p: Floats) -> tuple[Floats, float]:
-        """The right side at other poses, and half of the sum of squares up to a constant."""
-        back = np.swapaxes(self.R, 1, 2)
-        turn = R @ back
-        shift = p - (turn @ self.p[..., None])[..., 0]
-        x = se3.logs(turn, shift).ravel()
-        return self.g - self.H @ x, float(x @ self.H @ x / 2 - self.g @ x)
-
-
-@dataclass(eq=False)
-class MapPoints:
-    """Points by number: their hosts, and (3,) as in `BundleScene`."""
-
-    ids: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
-    host: Ids = field(default_factory=lambda: np.zeros(0, np.int64))  # keys of keyframes
-    values: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-
-    def chosen(self, kept: Mask) -> MapPoints:
-        return MapPoints(self.ids[kept], self.host[kept], self.values[kept])
-
-    def joined(self, other: MapPoints) -> MapPoints:
-        ids = np.concatenate([self.ids, other.ids])
-        order = np.argsort(ids)
-        return MapPoints(
-            ids[order],
-            np.concatenate([self.host, other.host])[order],
-            np.concatenate([self.values, other.values])[order],
-        )
-
-
-class Located(NamedTuple):
-    """A pose T_map_camera by known points, and the covariance (6, 6) of its twist.
-
-    ``used`` points of those ``seen`` agree; ``residual`` is a robust standard deviation.
-    """
-
-    R: Floats
-    p: Floats
-    covariance: Floats
-    used: int
-    seen: int
-    residual: float
 
 
 class KeyframeWindow:
@@ -260,7 +168,7 @@ class KeyframeWindow:
         self._take(scene)
 
     def _take(self, scene: BundleScene) -> None:
-        for one, R, p in zip(self.frames, _orthogonal(scene.R), scene.p, strict=True):
+        for one, R, p in zip(self.frames, orthogonal(scene.R), scene.p, strict=True):
             one.R, one.p = R, p
         self.points.values = scene.points
 
@@ -307,7 +215,7 @@ class KeyframeWindow:
         scene, sightings = self.scene(), self.sightings()
         found = linearize(scene, sightings)
         off = np.linalg.norm(found.residuals, axis=2) / self.sigma
-        good = found.is_valid & (off < _OUTLIER)
+        good = found.is_valid & (off < OUTLIER)
         bad = np.isfinite(sightings[..., 0]) & ~good
         cameras = len(self.cameras)
         for place, camera in zip(*np.divmod(np.flatnonzero(bad.any(axis=1)), cameras), strict=True):
@@ -336,29 +244,10 @@ class KeyframeWindow:
         covariance: Floats = (found + found.T) / 2 * np.multiply.outer(scale[-6:], scale[-6:])
         return covariance
 
-    # poses between keyframes
-
     def locate(self, R: Floats, p: Floats, ids: Ids, rays: Floats) -> Located | None:
         """The pose from which corners are seen in these directions (N, 2), from a guess on."""
-        common, at, of = np.intersect1d(self.points.ids, ids, True, return_indices=True)
-        if len(common) < _LEAST_POINTS:
-            return None
-        points, seen = self.scene().homogeneous()[at], rays[of][None]
-        for wide in _LOCATING:
-            r, J, is_valid = _by_pose(points, R, p, seen)
-            w = np.where(is_valid, _cauchy(r, wide * self.sigma), 0)[:, None, None]
-            weighted = (J * w).reshape(-1, 6).T
-            H, g = weighted @ J.reshape(-1, 6), weighted @ r.ravel()
-            twist = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g)
-            R, p = se3.moved(twist, R, p)
-        R = _orthogonal(R)
-        r, J, is_valid = _by_pose(points, R, p, seen)
-        off = np.linalg.norm(r, axis=1)
-        used = is_valid & (off < _OUTLIER * self.sigma * 1.5)
-        J = J[used].reshape(-1, 6)
-        covariance = ALIKE * np.linalg.pinv(J.T @ J / self.sigma**2, hermitian=True)
-        residual = float(np.median(off)) / 1.1774
-        return Located(R, p, covariance, int(used.sum()), len(common), residual)
+        _, at, of = np.intersect1d(self.points.ids, ids, True, return_indices=True)
+        return locate(self.scene().homogeneous()[at], R, p, rays[of], self.sigma)
 
     # the oldest
 
@@ -439,24 +328,3 @@ class KeyframeWindow:
             self.prior.p = self.prior.p + by
             self.prior.H = back.T @ self.prior.H @ back
             self.prior.g = back.T @ self.prior.g
-
-
-def _orthogonal(R: Floats) -> Floats:
-    """Rotations (..., 3, 3) without errors of rounding, which would double from image to image."""
-    U, _, Vt = np.linalg.svd(R)
-    found: Floats = U @ Vt
-    return found
-
-
-def _by_pose(points: Floats, R: Floats, p: Floats, rays: Floats) -> tuple[Floats, Floats, Mask]:
-    """Residuals (N, 2) of one view, their derivatives (N, 2, 6), and which are valid (N,)."""
-    r, depth, is_valid = project(points, R[None], p[None], rays)
-    expected = np.where(is_valid[..., None], rays - r, 0.0)
-    return r[0], by_twist(points, R[None], expected, depth)[0], is_valid[0]
-
-
-def _cauchy(residuals: Floats, sigma: float) -> Floats:
-    """(N,) weights by which outliers hardly count."""
-    squares = (residuals**2).sum(axis=1) / sigma**2
-    found: Floats = 1 / (1 + squares / HUBER**2) / sigma**2
-    return found
