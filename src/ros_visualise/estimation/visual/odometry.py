@@ -12,37 +12,31 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
-from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.visual.background import MOVING_THINGS, background_rests
-from ros_visualise.estimation.visual.rolling import directions_at_once
-from ros_visualise.estimation.visual.scale import ScaleFinder
-from ros_visualise.estimation.visual.starting import STILL, FirstMotion, first_motions
-from ros_visualise.estimation.visual.stretch import Stretch, VisualPose
-from ros_visualise.estimation.visual.turning import TURNING, only_turned
-from ros_visualise.estimation.visual.window import (
-    Keyframe,
-    KeyframeDistance,
-    KeyframeWindow,
-    Located,
+from ros_visualise.estimation.visual.first_map import (
+    AGREED,
+    LEAST_USED,
+    NOWHERE,
+    FirstMap,
+    MapWaits,
 )
+from ros_visualise.estimation.visual.keyframes import Keyframe
+from ros_visualise.estimation.visual.locating import Located
+from ros_visualise.estimation.visual.scale import ScaleFinder
+from ros_visualise.estimation.visual.sights import CameraSights, SeenImage
+from ros_visualise.estimation.visual.starting import STILL
+from ros_visualise.estimation.visual.stretch import Stretch, VisualPose
+from ros_visualise.estimation.visual.window import KeyframeWindow
 from ros_visualise.geometry import se3
-from ros_visualise.landmarks.pose.rays import rays_of
 from ros_visualise.vision.picture import FROZEN, PictureJudge
-from ros_visualise.vision.rectification import Interpolation, model_of, rectify
-from ros_visualise.vision.tracking import CornerTracker, FollowedCorners, flow
+from ros_visualise.vision.tracking import CornerTracker, FollowedCorners
 
 _NEW_VIEW, _NEAR = 0.05, 0.8  # parallax of a new keyframe, rad; its quantile: near corners show it
 _FEWER = 0.7  # of a keyframe's points in view, below which another one is needed
-_LEAST_USED = 12  # points that locate an image
-_AGREED = 0.5  # of those in view
-_EXACT, _WEAK = 1e-3, 0.3  # fractions: of a baseline that defines the unit, or is replaced
-_FLAT, _ALONG = 0.04, 0.85  # thickness of a plane, by its depth; cosine of a way along its normal
-_AS_GOOD = 1.15  # residuals of two first motions that cannot be told apart
 _BELIEVED = 6  # keyframes of a stretch; a shorter one was a mistake
 _PROVEN = 18  # the same, of one whose first part is kept though its end is wrong
 _PASSED = 4  # keyframes after which the background must have moved
@@ -50,7 +44,6 @@ _CUT = "the whole view changes at once, as at a cut in a video"
 _UNFIT = "most of the image does not fit: things move, or the view has changed"
 _LEFT = 0.1  # of the corners, at a cut
 _ANYWHERE = 3  # extents of the path: where the camera may be after a cut
-_MOST_WAITING = 600  # images between the first two keyframes
 _PATIENCE = 3  # images in a row that do not fit
 _LONGEST_S = 1.0  # without a usable image
 _LEAST_SPEED, _TURNING = 0.1, 0.2  # units/s and rad/s: what may happen while lost
@@ -81,16 +74,6 @@ class VisualSettings:
     has_positions: bool = False
 
 
-class _Image(NamedTuple):
-    """An image with the directions of its corners (N, 2); ``right`` is that of a second camera."""
-
-    stamp_ns: int
-    gray: Pixels
-    right: Pixels | None
-    corners: FollowedCorners
-    rays: Floats
-
-
 class VisualOdometry:
     """See the module.
 
@@ -117,26 +100,24 @@ class VisualOdometry:
         self.counts = {"images": 0, "keyframes": 0, "losses": 0}
         self.done: list[VisualPose] = []
         self.reason = STILL
-        self._infos = infos
         self._cameras = np.eye(4)[None] if cameras is None else cameras
-        self._model = model_of(infos[0], -1)
+        self._sights = CameraSights(infos, self.settings.readout_s)
         K = infos[0].K
         pixel_sigma = _SIGMA_PX[self.settings.is_guessed]
         self._sigma = pixel_sigma / float(np.sqrt(K[0, 0] * K[1, 1]))
         self._judge, self._tracker = PictureJudge(), CornerTracker(self.settings.corners)
         own = self.settings
         down = np.array(own.down)
-        self._scales = ScaleFinder(self._model.P[:, :3], own.height, down, own.has_positions)
+        self._scales = ScaleFinder(self._sights.camera, own.height, down, own.has_positions)
         self._stretch: Stretch | None = None
-        self._first: _Image | None = None
-        self._waiting: deque[_Image] = deque(maxlen=_MOST_WAITING)
+        self._first = FirstMap(self._sights, self._sigma, self._cameras, own.is_guessed)
         self._last = VisualPose(0, np.eye(3), np.zeros(3), np.eye(6) * _SURELY, False)
         self._is_begun = self._is_doubted = False
-        self._here, self._step = _NOWHERE, _NOWHERE
+        self._here, self._step = NOWHERE, NOWHERE
         self.motion_covariance = np.eye(6)
         self._residuals: deque[float] = deque(maxlen=1000)
         self._speed = self._extent = 0.0
-        self._key = self._followed = self._failures = 0
+        self._followed = self._failures = 0
         self._before_ns = self._seen_ns = self._opened_ns = self.start_ns = 0
 
     def measured(self, stamp_ns: int, position: Floats, sigma: float) -> None:
@@ -152,8 +133,8 @@ class VisualOdometry:
             return self._coast(stamp_ns, fault)
         known = len(self._tracker.corners.ids)
         corners = self._tracker.follow(gray)
-        rays = self._rays(corners, (stamp_ns - before_ns) / 1e9)
-        image = _Image(stamp_ns, gray, right, corners, rays)
+        rays = self._sights.rays(corners, (stamp_ns - before_ns) / 1e9)
+        image = SeenImage(stamp_ns, gray, right, corners, rays)
         if self._stretch is not None:
             if len(corners.ids) < _LEFT * known:
                 return self._cut(self._stretch, image)
@@ -186,137 +167,43 @@ class VisualOdometry:
     @property
     def camera(self) -> Floats:
         """(3, 3) K of the images of keyframes."""
-        K: Floats = self._model.P[:, :3]
-        return K
+        return self._sights.camera
 
     @property
     def corners(self) -> FollowedCorners:
         """The corners in the last image."""
         return self._tracker.corners
 
-    # directions
-
-    def _rays(self, corners: FollowedCorners, seconds: float) -> Floats:
-        """(N, 2) directions of corners, as if all rows were read at once."""
-        return directions_at_once(corners, self._infos[0], self.settings.readout_s, seconds)
-
-    def _directions(self, pixels: Floats, camera: int) -> Floats:
-        rays = rays_of(pixels, self._infos[camera]).directions
-        return rays[:, :2] / rays[:, 2:]
-
-    def _both(self, image: _Image) -> Floats:
-        """(C, N, 2) directions of the corners of an image by all cameras."""
-        if image.right is None:
-            return np.array([image.rays])
-        pixels, found = flow(image.gray, image.right, image.corners.pixels_uv)
-        right = np.where(found[:, None], self._directions(pixels, 1), np.nan)
-        return np.stack([image.rays, right])
-
     # the first motion
 
-    def _at_stamp(self, first: _Image, image: _Image) -> _Image:
-        """The first image, its corners as if all rows were read at once, by where they go then."""
-        _, a, b = np.intersect1d(first.corners.ids, image.corners.ids, True, return_indices=True)
-        corners, after = first.corners.chosen(a), image.corners.pixels_uv[b]
-        turned = FollowedCorners(corners.ids, corners.pixels_uv, 2 * corners.pixels_uv - after)
-        rays = self._rays(turned, (image.stamp_ns - first.stamp_ns) / 1e9)
-        return first._replace(corners=corners, rays=rays)
-
-    def _begin(self, image: _Image, before_ns: int) -> VisualPose | None:
+    def _begin(self, image: SeenImage, before_ns: int) -> VisualPose | None:
         """Begin a map, if this image shows a motion since the first one."""
-        first = self._first
-        if first is None:
-            return self._wait(image, self.reason)
-        if self.settings.readout_s and first.stamp_ns == before_ns:
-            self._first = first = self._at_stamp(first, image)
-        common, a, b = np.intersect1d(first.corners.ids, image.corners.ids, return_indices=True)
-        motions = self._first_motions(first.rays[a], image.rays[b])
-        if isinstance(motions, str):
-            if len(common) <= 0.5 * len(first.corners.ids):
-                return self._wait(image, motions)
-            self._waiting.append(image._replace(gray=_NO_PIXELS))
-            return self._coast(image.stamp_ns, motions)
-        if not self._waiting:  # a third view, which checks what two show
-            self._waiting.append(image._replace(gray=_NO_PIXELS))
-            return self._coast(image.stamp_ns, self.reason)
-        windows = [self._first_window(first, image, a, b, one) for one in motions]
-        scores = [self._misfit(one) for one in windows]
-        if min(scores) > 1:
-            return self._wait(image, "no rigid motion fits")
-        turns = [np.linalg.norm(se3.rotation_vector(one.newest.R)) for one in windows]
-        good = [n for n, score in enumerate(scores) if score < _AS_GOOD * min(scores)]
-        window = windows[min(good, key=lambda n: turns[n])]  # of a plane's, the likely one
-        if _is_ambiguous(window):
-            self._waiting.append(image._replace(gray=_NO_PIXELS))
-            return self._coast(image.stamp_ns, "waiting for sideways motion")
-        if background_rests(first.gray, image.gray, at_first=True):
-            return self._wait(image, MOVING_THINGS)
-        stretch = self._open(window, first.stamp_ns)
-        for one in window.frames[:-1]:
+        found = self._first.look(image, before_ns, self._speed, self._scales.is_needed)
+        if isinstance(found, MapWaits):
+            reason = found.reason or self.reason
+            if found.is_over:
+                return self._wait(image, reason)
+            return self._coast(image.stamp_ns, reason)
+        stretch = self._open(found.window, found.first_ns)
+        for one in found.window.frames[:-1]:
             stretch.covariances[one.key] = np.zeros((6, 6))
-            stretch.between[one.key] = self._located(window, first.stamp_ns)
+            stretch.between[one.key] = found.between
         return self._settle(stretch, image)
 
-    def _first_motions(self, first: Floats, second: Floats) -> list[FirstMotion] | str:
-        """The motions between two views, or why none."""
-        motions = first_motions(first, second, self._sigma)
-        if isinstance(motions, str):
-            return motions
-        info = self._infos[0]
-        guess = float(info.K[0, 0]) / info.width * self.settings.is_guessed
-        return TURNING if only_turned(first, second, self._sigma, guess) else motions
-
-    def _first_window(
-        self, first: _Image, image: _Image, a: Indices, b: Indices, motion: FirstMotion
-    ) -> KeyframeWindow:
-        """A map of two views."""
-        length = self._speed * (image.stamp_ns - first.stamp_ns) / 1e9 or 1.0
-        window = KeyframeWindow(self._sigma, self._cameras)
-        a, b = a[motion.agree], b[motion.agree]
-        second = motion.R.T, -motion.R.T @ motion.t * length
-        for one, places, (R, p) in ((first, a, _NOWHERE), (image, b, second)):
-            corners = one.corners.chosen(places)
-            window.add(self._keyframe(one._replace(corners=corners, rays=one.rays[places]), R, p))
-        sigma = length * (_WEAK if self._scales.is_needed or self._speed else _EXACT)
-        window.distances.append(KeyframeDistance(self._key - 2, self._key - 1, length, sigma))
-        window.adjust()
-        return window
-
-    def _misfit(self, window: KeyframeWindow) -> float:
-        """Residual of a first map, and of an image between its views, in standard deviations."""
-        middle = self._waiting[len(self._waiting) // 2]
-        found = window.locate(*_NOWHERE, middle.corners.ids, middle.rays)
-        if found is None or found.used < max(_LEAST_USED, _AGREED * found.seen):
-            return np.inf
-        return max(window.residual(), found.residual * found.seen / found.used) / self._sigma
-
-    def _located(self, window: KeyframeWindow, from_ns: int) -> list[VisualPose]:
-        """Poses, in the first keyframe, of the images between it and the second."""
-        found = []
-        R, p = _NOWHERE
-        for one in self._waiting:
-            at = window.locate(R, p, one.corners.ids, one.rays)
-            if one.stamp_ns > from_ns and at is not None and at.used > _AGREED * at.seen:
-                R, p = at.R, at.p
-                found.append(VisualPose(one.stamp_ns, R, p, at.covariance, False))
-        self._waiting.clear()
-        return found
-
-    def _begin_by_two(self, image: _Image) -> VisualPose | None:
+    def _begin_by_two(self, image: SeenImage) -> VisualPose | None:
         """Begin a map by one image of two cameras."""
         corners = self._tracker.refill()
-        image = image._replace(corners=corners, rays=self._rays(corners, 0.0))
+        image = image._replace(corners=corners, rays=self._sights.rays(corners, 0.0))
         window = KeyframeWindow(self._sigma, self._cameras)
-        window.add(self._keyframe(image, *_NOWHERE))
-        if len(window.points.ids) < _LEAST_USED:
+        window.add(self._sights.keyframe(image, *NOWHERE))
+        if len(window.points.ids) < LEAST_USED:
             return self._coast(image.stamp_ns, "too few corners")
         return self._settle(self._open(window, image.stamp_ns), image)
 
-    def _wait(self, image: _Image, reason: str) -> VisualPose | None:
+    def _wait(self, image: SeenImage, reason: str) -> VisualPose | None:
         """Wait for a motion from this image on."""
         corners = self._tracker.refill()
-        self._first = image._replace(corners=corners, rays=self._rays(corners, 0.0))
-        self._waiting.clear()
+        self._first.restart(image._replace(corners=corners, rays=self._sights.rays(corners, 0.0)))
         return self._coast(image.stamp_ns, reason)
 
     def _open(self, window: KeyframeWindow, stamp_ns: int) -> Stretch:
@@ -327,24 +214,24 @@ class VisualOdometry:
         self._stretch.scale_sigma = self.settings.height_sigma * bool(self.settings.height)
         self._scales.restart()
         self._opened_ns = stamp_ns
-        self._step = _NOWHERE
+        self._step = NOWHERE
         self._is_begun = True
         return self._stretch
 
     # the motion from image to image
 
-    def _go_on(self, stretch: Stretch, image: _Image) -> VisualPose | None:
+    def _go_on(self, stretch: Stretch, image: SeenImage) -> VisualPose | None:
         window = stretch.window
         R, p = _product(self._here, self._step)
         found = window.locate(R, p, image.corners.ids, image.rays)
-        if found is None or found.used < max(_LEAST_USED, _AGREED * found.seen):
+        if found is None or found.used < max(LEAST_USED, AGREED * found.seen):
             return self._miss(stretch, image, found)
         self._step = _product(_inverse(self._here), (found.R, found.p))
         back = se3.adjoint(*_inverse((found.R, found.p)))
         self.motion_covariance = 2 * back @ found.covariance @ back.T
         self._here = found.R, found.p
         if self._is_new_view(stretch, image, found):
-            window.add(self._keyframe(image, found.R, found.p))
+            window.add(self._sights.keyframe(image, found.R, found.p))
             if not window.adjust():
                 window.frames.pop()
                 self._lose(stretch)
@@ -359,25 +246,19 @@ class VisualOdometry:
         stretch.between[newest.key].append(VisualPose(image.stamp_ns, R, p, own, False))
         return self._seen(stretch.at(image.stamp_ns, *self._here, found.covariance))
 
-    def _is_new_view(self, stretch: Stretch, image: _Image, found: Located) -> bool:
+    def _is_new_view(self, stretch: Stretch, image: SeenImage, found: Located) -> bool:
         """True if the view has changed enough since the newest keyframe."""
         newest = stretch.window.newest
         common, a, b = np.intersect1d(newest.ids, image.corners.ids, return_indices=True)
-        if len(common) < _FEWER * self._followed or found.used < 4 * _LEAST_USED:
+        if len(common) < _FEWER * self._followed or found.used < 4 * LEAST_USED:
             return True
         back = found.R.T @ newest.R
         turned = newest.rays[0, a] @ back[:, :2].T + back[:, 2]
         away = np.linalg.norm(image.rays[b] - turned[:, :2] / turned[:, 2:], axis=1)
         return float(np.nanquantile(away, _NEAR)) > _NEW_VIEW
 
-    def _keyframe(self, image: _Image, R: Floats, p: Floats) -> Keyframe:
-        self._key += 1
-        gray = rectify(image.gray, self._model, Interpolation.LINEAR)
-        ids, rays = image.corners.ids, self._both(image)
-        return Keyframe(self._key - 1, image.stamp_ns, R, p, ids, rays, gray)
-
-    def _settle(self, stretch: Stretch, image: _Image) -> VisualPose:
-        """MeasuredScale the map, drop its oldest keyframe, and see new corners."""
+    def _settle(self, stretch: Stretch, image: SeenImage) -> VisualPose:
+        """Scale the map, drop its oldest keyframe, and see new corners."""
         self._scales.look(stretch)
         stretch.settle()
         window = stretch.window
@@ -391,7 +272,9 @@ class VisualOdometry:
         corners = self._tracker.refill()
         corners = corners.chosen(~np.isin(corners.ids, window.newest.ids))
         if not self.settings.readout_s:
-            rays = self._both(image._replace(corners=corners, rays=self._rays(corners, 0.0)))
+            rays = self._sights.both(
+                image._replace(corners=corners, rays=self._sights.rays(corners, 0.0))
+            )
             window.newest.see(corners.ids, rays)
         self._followed = int(np.isin(self._tracker.corners.ids, window.newest.ids).sum())
         return self._seen(stretch.at(image.stamp_ns, *self._here, np.zeros((6, 6))))
@@ -408,16 +291,16 @@ class VisualOdometry:
 
     # losses
 
-    def _miss(self, stretch: Stretch, image: _Image, found: Located | None) -> VisualPose | None:
+    def _miss(self, stretch: Stretch, image: SeenImage, found: Located | None) -> VisualPose | None:
         """An image that does not fit; after some of them the map is given up."""
         self._failures += 1
-        reason = "too few corners" if found is None or found.seen < 2 * _LEAST_USED else _UNFIT
+        reason = "too few corners" if found is None or found.seen < 2 * LEAST_USED else _UNFIT
         if self._failures >= _PATIENCE:
             self._lose(stretch)
             return self._wait(image, reason)
         return self._coast(image.stamp_ns, reason)
 
-    def _disbelieve(self, stretch: Stretch, image: _Image) -> VisualPose | None:
+    def _disbelieve(self, stretch: Stretch, image: SeenImage) -> VisualPose | None:
         """Give up a map whose last keyframes are of things that move."""
         self._is_doubted = True
         stretch.window.frames.clear()
@@ -428,7 +311,7 @@ class VisualOdometry:
         self._lose(stretch)
         return self._wait(image, MOVING_THINGS)
 
-    def _cut(self, stretch: Stretch, image: _Image) -> VisualPose | None:
+    def _cut(self, stretch: Stretch, image: SeenImage) -> VisualPose | None:
         """Give up a map: this image is of another place, or of the same one from elsewhere."""
         self._lose(stretch)
         last = self._last
@@ -447,7 +330,8 @@ class VisualOdometry:
         else:
             self._last = stretch.start
             self._is_begun = self._last.stamp_ns > 0
-        self._stretch, self._first = None, None
+        self._stretch = None
+        self._first.restart(None)
         self.counts["losses"] += 1
         self._tracker.drop(self._tracker.corners.ids)
 
@@ -478,27 +362,7 @@ def _is_before_background(window: KeyframeWindow) -> bool:
     return bool(has_passed) and background_rests(far.gray, newest.gray)
 
 
-def _is_ambiguous(window: KeyframeWindow) -> bool:
-    """True if the way is along the normal of a plane: both motions that fit it are alike then.
-
-    A turn by degrees fits as well, with a plane and a way that are tilted.
-    """
-    rays, rho = np.insert(window.points.values[:, :2], 2, 1.0, axis=1), window.points.values[:, 2]
-    m: Floats = np.zeros(3)
-    w: Floats = np.ones(len(rho))
-    off: Floats = np.abs(rho)
-    for _ in range(5):  # a plane m'x = 1 is seen at the inverse depths m'ray
-        m = np.asarray(np.linalg.lstsq(rays * w[:, None], rho * w, rcond=None)[0])
-        off = np.abs(rays @ m - rho)
-        w = 1 / (1 + off / max(float(np.median(off)), 1e-12))
-    way = window.newest.p - window.frames[0].p
-    along = abs(float(m @ way)) / max(float(np.linalg.norm(m) * np.linalg.norm(way)), 1e-12)
-    return bool(np.median(off) < _FLAT * np.median(rho) and along > _ALONG)
-
-
 _Rigid = tuple[Floats, Floats]
-_NOWHERE: _Rigid = np.eye(3), np.zeros(3)
-_NO_PIXELS: Pixels = np.zeros((0, 0), np.uint8)
 
 
 def _product(a: _Rigid, b: _Rigid) -> _Rigid:
