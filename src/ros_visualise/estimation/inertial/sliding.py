@@ -3,9 +3,9 @@
 Rows of the covariance: ``CORE`` errors of the robot (pose, velocity, biases of the IMU, clock,
 attitude and lens of the camera), six of each view, and three of each point. Errors of poses and
 velocity are those of `ros_visualise.estimation.robot`: common twists of the map. A point is a
-direction and an inverse depth in its *host*, one of the views; so a motion of the whole map is the
-same twist for the robot and all views, and nothing for points. It is known to be unobservable, at
-every estimate.
+direction and an inverse depth, as `lens` describes them, in its *host*, one of the views; so a
+motion of the whole map is the same twist for the robot and all views, and nothing for points. It is
+known to be unobservable, at every estimate.
 
 Source: A. Mourikis, S. Roumeliotis, A multi-state constraint Kalman filter for vision-aided
 inertial navigation, ICRA 2007 (the views); A. Barrau, S. Bonnabel, The invariant extended Kalman
