@@ -21,7 +21,7 @@ class InertialSteps:
 
     Attributes:
         reason, counts, done: as of `ros_visualise.estimation.visual.odometry.VisualOdometry`.
-        lens_fault: what the images say against the calibration; empty if it fits.
+        lens_fault: warning if the images contradict the calibration; empty otherwise.
     """
 
     def __init__(self, found: CameraInput, corners: int, readout_s: float | None) -> None:

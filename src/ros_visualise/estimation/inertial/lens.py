@@ -15,7 +15,7 @@ one 80% too long. Expected directions depend on differences of poses alone, so a
 map changes none of them, and linearization adds no false information about that.
 
 *What shows them.* A rotation moves directions by as much as the gyroscope or the gimbal says, and a
-climb by ``v / d``, of which the IMU knows ``v``; both times the focal length. A level flight over
+climb by ``v / d``, with ``v`` from the IMU; both times the focal length. A level flight over
 flat ground does not show it: then it is one with the depths. A longer focal length with larger
 depths sees the same; this must not depend on the estimate either. So a point of the state is the
 direction that the calibration gives, which stays, and the logarithm of its inverse depth, which
@@ -119,7 +119,7 @@ class LensErrors(NamedTuple):
         return f"{focal:.0f} px, +-{focal * self.sigmas[0]:.0f}"
 
     def fault(self, info: CameraInfo, focal: float) -> str:
-        """What contradicts a calibration, whose focal length has a standard deviation; or empty."""
+        """A warning if the calibration is wrong, by its standard deviation ``focal``; or empty."""
         stated = np.array([focal, radial_of(focal)])
         off = np.abs(self.values)
         is_wrong = (off > _WRONG * stated) & (off > _KNOWN * self.sigmas)

@@ -119,7 +119,7 @@ class InertialOdometry:
 
     @property
     def lens_fault(self) -> str:
-        """What the images say against the calibration; empty if it fits, or is not known yet."""
+        """A warning if the images contradict the calibration; empty otherwise."""
         if self.filter is None:
             return ""
         return self.filter.lens.fault(self._info, self.settings.camera.focal)

@@ -251,7 +251,7 @@ class SlidingState:
 def transfer(
     state: SlidingState, which: Indices, values: Floats, view: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Points of a state, of which directions and inverse depths are (K, 3), in another view.
+    """Points of a state with directions and inverse depths (K, 3), in another view.
 
     Returns:
         Directions and inverse depths there (K, 3), and their derivatives (K, 3, 3) by those in the
