@@ -1,4 +1,4 @@
-"""What the cameras see of an image: directions of its corners, and keyframes of these."""
+"""Directions of the corners of an image, by one camera or two, and keyframes of them."""
 
 from __future__ import annotations
 
