@@ -77,7 +77,8 @@ def test_kml_and_gpx_are_xml_with_the_names_escaped():
 
 def test_csv_has_a_row_for_each_place():
     (row,) = csv.DictReader(write(".csv").splitlines())
-    assert (row["class"], row["latitude"], row["sd_east_m"]) == ("post", "47.5", "3")
+    assert (row["name"], row["class"], row["latitude"]) == ("post <1>", "post", "47.5")
+    assert row["sd_east_m"] == "3"
 
 
 def test_files_without_places_are_valid():

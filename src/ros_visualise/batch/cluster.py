@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import socket
@@ -80,7 +81,7 @@ def run_on_cluster(
                 return
             if stopped():
                 raise Stopped
-            with suppress(TimeoutError):
+            with suppress(asyncio.TimeoutError):
                 for future in wait([*sent], _LOOK_S, "FIRST_COMPLETED").done:
                     yield sent.pop(future), _outcome(future)
 

@@ -30,7 +30,7 @@ _CHI2_95 = 5.991  # of two dimensions
 _CORNERS = 36
 _LEAST_M = 0.01  # semi-axis of an outline: without an area it is no valid polygon
 _DIGITS = ((1, 9), (0, 9), (2, 3))  # of longitude, latitude and height
-_NO_XML = dict.fromkeys([*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF])
+_UNPRINTABLE = dict.fromkeys([*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF])
 _DATED_NS = 10**18  # in 2001; stamps before it count from the start of something
 _KML, _GPX = "http://www.opengis.net/kml/2.2", "http://www.topografix.com/GPX/1/1"
 
@@ -220,7 +220,9 @@ def _csv(places: Sequence[GeoPlace], tracks: Sequence[GeoTrack]) -> bytes:
 def _word(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.9f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.9f}".rstrip("0").rstrip(".")
+    return str(value).translate(_UNPRINTABLE)
 
 
 def _coordinates(places: Floats) -> str:
@@ -229,7 +231,7 @@ def _coordinates(places: Floats) -> str:
 
 def _text(parent: ET.Element, **texts: str) -> None:
     for name, text in texts.items():
-        ET.SubElement(parent, name).text = text.translate(_NO_XML)
+        ET.SubElement(parent, name).text = text.translate(_UNPRINTABLE)
 
 
 def _document(root: ET.Element) -> bytes:

@@ -123,7 +123,7 @@ class FoxgloveDialect:
     def _hear_text(self, frame: str) -> None:
         try:
             heard = _DECODER.decode(frame)
-        except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise DamagedMessage(f"malformed: {error}") from None
         if heard.op == "serverInfo":
             self.accepts = "clientPublish" in heard.capabilities

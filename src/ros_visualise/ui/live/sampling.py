@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from concurrent.futures import Future
+from concurrent.futures import TimeoutError as TimedOut
 from contextlib import closing
 from queue import SimpleQueue
 from typing import Any
@@ -67,7 +68,7 @@ class RecordedCurves:
         self._enqueue(lambda: found.set_result(self._first(topic)))
         try:
             return found.result(wait_s)
-        except TimeoutError:
+        except TimedOut:
             return None
 
     def close(self) -> None:

@@ -120,7 +120,7 @@ def parse(message: str | bytes) -> Request:
             return _parse_control(message)
     except struct.error:
         raise BadRequest("malformed request: it is too short") from None
-    except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise BadRequest(f"malformed or unsupported request: {error}") from None
     raise BadRequest("unsupported binary request")
 
