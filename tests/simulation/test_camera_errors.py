@@ -165,9 +165,11 @@ def off_tf(settings, seed=1, seconds=16.0):
     fixed = next((t for t in static if t.child_frame_id == "camera_link"), None)
     angles = []
     for image in found["image"]:
-        seen = {i: c for i, c in corners_in(image).items() if i in corners}
         stamp = image.header.stamp_ns
-        if not seen or stamp < 5e9:
+        if stamp < 5e9:
+            continue
+        seen = {i: c for i, c in corners_in(image).items() if i in corners}
+        if not seen:
             continue
         points = np.concatenate([corners[i] for i in seen])
         pixels = np.concatenate(list(seen.values())).astype(float)
