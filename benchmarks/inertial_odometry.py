@@ -23,9 +23,9 @@ from ros_visualise.core.params import specs, update
 from ros_visualise.data import Image
 from ros_visualise.estimation.inertial.filter import InertialFilter
 from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
-from ros_visualise.estimation.inertial.messages import CAMERA_TURN, InertialInput
+from ros_visualise.estimation.inertial.messages import InertialInput
 from ros_visualise.estimation.inertial.odometry import InertialPose
-from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.estimation.settings import CAMERA_TURN, CameraErrors
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.trajectory_errors import nees

@@ -226,6 +226,7 @@ class World:
         kidnapped: (time, (3,)): the robot is moved, and no sensor notices.
         imu_turned: (from, to, (3, 3)): the IMU's axes are others.
         shakes_rad: the camera's attitude differs from its frame, anew in each image.
+        mounted_rad: (3,) the same, in all images.
         pixel: standard deviation of corners, as their detector states.
         clutter: part of the images that has a false tag, each with a name of its own.
         size_factor: true sizes of tags are multiplied by it in detections.
@@ -256,6 +257,7 @@ class World:
     kidnapped: tuple[float, Any] | None = None
     imu_turned: Sequence[tuple[float, float, Any]] = ()
     shakes_rad: float = 0.0
+    mounted_rad: Any = (0.0, 0.0, 0.0)
     gyro: float = 3e-4
     accel: float = 3e-3
     pixel: float = 0.3
@@ -413,8 +415,8 @@ class World:
 
     def _images(self, times, random):
         for t in times:
-            shaken = Pose(exp(self.shakes_rad * random.normal(size=3)), np.zeros(3))
-            camera = self.truth(t) @ CAMERA @ shaken
+            shaken = exp(self.mounted_rad) @ exp(self.shakes_rad * random.normal(size=3))
+            camera = self.truth(t) @ CAMERA @ Pose(shaken, np.zeros(3))
             seen = [
                 one
                 for name, tag in self.tags.items()

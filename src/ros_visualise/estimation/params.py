@@ -13,7 +13,7 @@ from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.points import GroundPlane
 from ros_visualise.estimation.sensors import SENSORS
-from ros_visualise.estimation.settings import CameraErrors, NavigatorSettings
+from ros_visualise.estimation.settings import CAMERA_TURN, CameraErrors, NavigatorSettings
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.sources.calibration import read_uncertainty
 
@@ -192,7 +192,7 @@ class CameraErrorParams:
         file=bool,
     )
     camera_turn: float = param(
-        0.5,
+        CAMERA_TURN,
         "standard deviation of the camera's mounting angles, degrees; unless it is 0, their errors"
         " are estimated",
         min=0,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from ros_visualise.estimation.camera_view import CameraView, ObservedPose, Sight
 from ros_visualise.estimation.gates import DECIDED, WORST
 from ros_visualise.estimation.landmark import seen_noise
 from ros_visualise.estimation.localization.track import log_score
-from ros_visualise.estimation.measuring import Pair, turn_of
+from ros_visualise.estimation.measuring import CAMERAS, TURN, Pair, camera_of, turn_of
 from ros_visualise.estimation.odometry import (
     OdometryNoise,
     OdometryStep,
@@ -204,20 +204,29 @@ def _stand(
 ) -> State:
     """The state with the robot where one reading of a landmark places it.
 
-    The robot then has the landmark's error, and that of the reading; the camera's attitude may have
-    been part of what was wrong before, and is unknown again.
+    The robot then has the landmark's error, that of the reading, and those of the camera's attitude
+    and clock: without these, its tilt and velocity would be certain, and wrong. The attitude may
+    have been part of what was wrong before, and is unknown again.
     """
     assert pose.R is not None
-    n = state.keys.index(key)
+    n, own = state.keys.index(key), CAMERAS[view.camera]
     R_camera = state.landmarks_R[n] @ pose.R.T
     p_camera = state.landmarks_p[n] - R_camera @ pose.t
-    R = R_camera @ view.R_base_camera.T
-    placed = state.copy()
+    placed, turn = state.copy(), turn_of(view.camera)
+    errors = state.robot[own].copy()
+    errors[TURN] = 0
+    camera = camera_of(view, state.robot.with_own(own, errors))
+    back = R_camera @ camera.R.T
+    R, p = back @ state.robot.R, p_camera + back @ (state.robot.p - camera.p)
     seen = _VAGUER * seen_noise(pose, R_camera, p_camera)
-    place_robot(placed, R, p_camera - R @ view.p_base_camera, seen, prior.odometry)
-    turn = turn_of(view.camera)
+    place_robot(placed, R, p, seen, prior.odometry)
+    robot = placed.robot.with_own(own, errors)
+    v, rates = back @ state.robot.v, back @ state.robot.rates
+    placed.robot = replace(robot, v=v, rates=rates)
     placed.forget(turn)
     placed.inflate(turn, np.eye(3) * prior.turn_rad**2)
+    by_camera = camera_of(view, placed.robot).by_camera
+    placed.share(POSE, -by_camera, slice(own.rows.start, own.rows.start + by_camera.shape[1]))
     placed.share(POSE, np.eye(6), placed.rows(key))
     return placed
 

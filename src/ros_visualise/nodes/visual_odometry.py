@@ -30,12 +30,11 @@ from ros_visualise.data import (
 )
 from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
 from ros_visualise.estimation.inertial.messages import (
-    CAMERA_TURN,
     MOVES_S,
     InertialInput,
     odometry_of,
 )
-from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.estimation.settings import CAMERA_TURN, CameraErrors
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.estimation.visual.stereo import StereoPairs, right_of
 from ros_visualise.estimation.visual.stretch import VisualPose

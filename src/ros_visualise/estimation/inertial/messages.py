@@ -13,7 +13,7 @@ from ros_visualise.estimation.inertial.lens import FOCAL_SIGMA
 from ros_visualise.estimation.inertial.odometry import InertialOdometry, InertialPose
 from ros_visualise.estimation.inertial.readout import UNKNOWN, Readout
 from ros_visualise.estimation.inertial.tracks import CornerNoise
-from ros_visualise.estimation.settings import CameraErrors
+from ros_visualise.estimation.settings import CAMERA_TURN, CameraErrors
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.frames import FrameTree
 
@@ -21,12 +21,8 @@ WHITE_PX, WALK_PX = 0.45, 0.375
 """Standard deviations of corners, pixels, see `CornerNoise`: larger than those of one corner, as
 corners of an image err alike.
 """
-CAMERA_TURN = 1.5
-"""Standard deviation of the camera's attitude, degrees, where none is stated: it is estimated, so a
-value too large costs little, and one too small makes the pose too sure.
-"""
 MOVES_S = 5.0
-"""Time constant of that error, s, as on a gimbal."""
+"""Time constant of the error of the camera's attitude, s, as on a gimbal."""
 
 
 class InertialInput:
