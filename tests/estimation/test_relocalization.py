@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from driven import FALSE, drive, params
 from seeds import runs
-from world import T0, S, World, along, map_text, square, surveyed, tags_on_ground
+from world import (
+    HERE,
+    T0,
+    Pose,
+    S,
+    World,
+    along,
+    map_text,
+    square,
+    surveyed,
+    tags_on_ground,
+)
 
 SEEDS = runs(12, of=30)
 
@@ -75,6 +86,26 @@ def test_a_robot_that_sees_no_tag_of_its_map_is_said_once_to_be_not_localized(tm
     assert not run.poses
     (line,) = (line for line in run.lines if "no map tag in view" in line)
     assert "no map tag in view for 10 s; not localized" in line
+
+
+def test_the_only_tag_of_a_map_moves_no_robot_at_once():
+    """It is wrong in four images, as in a fast turn."""
+    tags, path = tags_on_ground([(1, 0, -5)], side=0.6), along((0, 0, 0), (3, 0, 0), speed=0.3)
+    pose = tags["tag36h11_0"].pose
+    moved = {
+        "tag36h11_0": tags["tag36h11_0"]._replace(pose=Pose(pose.R, np.add(pose.p, (0.8, 0, 0))))
+    }
+
+    def is_wrong(one):
+        return one.port == "detections" and 6 < one.arrival_s < 6.9
+
+    right, wrong = World(path, tags).events(9), World(path, moved).events(9)
+    events = [one for one in right if not is_wrong(one)] + [one for one in wrong if is_wrong(one)]
+    events.sort(key=lambda one: one[:2])
+    run = drive(events, params(), start=HERE)
+    assert run.counted("image") > 40
+    assert run.says("contradict")
+    assert run.counted("loss") == 0
 
 
 @pytest.mark.parametrize("there", ["one tag", "two tags"])

@@ -333,7 +333,7 @@ class Filter:
             return
         is_long = belief.now_ns - belief.contradicted_ns > _PATIENCE_NS
         needed = 1 if is_long else 2
-        if belief.search.found(min(needed, belief.map.tags)):
+        if belief.search.found(needed):
             belief.lose("all landmarks contradict the estimated pose")
             self._recover(belief, needed)
 
