@@ -35,7 +35,9 @@ MOST_PLACES = 5000
 _DAMAGE = ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
 _MOST_FEATURES = 3_000_000  # 132 MB
 _LARGEST = 1e6, 10.0  # inverse depth, 1/m, and slope of a ray
-_ADVICE = "give the map that landmarks --places or save_map and save_places wrote, with this file"
+_ADVICE = (
+    "write it again with landmarks --places or save_places, or copy it from where the map is from"
+)
 
 
 class PlaceLook(NamedTuple):
