@@ -59,7 +59,7 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda image, params: None,
             {"inputs": {"image": 3}},
-            "node locator: 3 is not a message; choose from CameraInfo",
+            "node locator: 3 is not a message type; choose from CameraInfo",
         ),
         (
             lambda params, **_: None,

@@ -170,7 +170,7 @@ def test_a_topic_that_is_taken_is_called_after_the_node():
 
 
 def test_what_travels_on_topics_are_messages():
-    with pytest.raises(UsageError, match=r"float is not a message; choose from Camera.*Image"):
+    with pytest.raises(UsageError, match=r"float is not a message type; choose from Camera.*Image"):
         node("measure", inputs={"image": Image}, outputs={"sharpness": float})
 
 

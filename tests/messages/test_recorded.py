@@ -73,7 +73,7 @@ def test_damaged_messages_are_refused_in_one_line(types):
     with pytest.raises(DamagedMessage, match="cannot decode 40 bytes as sensor_msgs/msg/Imu"):
         _ = cut.content
     picture = recorded(CompressedImage(np.zeros(9, np.uint8), "jpeg", HEADER), types)
-    with pytest.raises(DamagedMessage, match=r"CompressedImage: .* its 9 bytes are damaged"):
+    with pytest.raises(DamagedMessage, match=r"CompressedImage: .* of 9 bytes is damaged"):
         _ = picture.content
 
 

@@ -27,7 +27,7 @@ def check_kinds(name: str, ports: Mapping[str, Any]) -> None:
         if kind not in (known := topic_kinds()):
             there = ", ".join(message.__name__ for message in known)
             given = getattr(kind, "__name__", repr(kind))
-            raise UsageError(f"node {name}: {given} is not a message; choose from {there}")
+            raise UsageError(f"node {name}: {given} is not a message type; choose from {there}")
 
 
 def check_sync(name: str, sync: SyncPolicy, inputs: Mapping[str, type]) -> None:

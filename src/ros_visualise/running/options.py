@@ -100,8 +100,8 @@ class ViewingOptions:
     )
     allow_control: bool = option(
         False,
-        "let the page publish messages and command the vehicles of --mavlink; a page opened at the"
-        " read-only address never can",
+        "let the page publish messages and command the vehicles connected with --mavlink; a page at"
+        " the read-only address never can",
     )
     allow_origin: Sequence[str] = option(
         [],
@@ -188,8 +188,8 @@ class NodeOptions(SettingOptions):
     )
     visual_odometry: bool | None = option(
         None,
-        "estimate the robot's motion from the images and an IMU, as the odometry that --navigate"
-        " corrects (default: on with --navigate where the source has an IMU, but no odometry)",
+        "estimate the robot's motion from the images and an IMU; --navigate uses the result as"
+        " odometry (default: on with --navigate if the source has an IMU but no odometry)",
     )
     node: Sequence[str] = option(
         [],

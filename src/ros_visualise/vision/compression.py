@@ -127,7 +127,7 @@ def _decode(file: Pixels, format_name: str) -> Pixels:
 
 
 def _broken(format_name: str, size: int) -> str:
-    return f"compressed image {format_name!r}: its {size} bytes are damaged"
+    return f"compressed image {format_name!r} of {size} bytes is damaged"
 
 
 def _as(pixels: Pixels, order: str, encoding: str) -> tuple[Pixels, str]:

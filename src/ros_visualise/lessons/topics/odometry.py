@@ -301,8 +301,8 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
         A corner's point is where the rays of both views meet, so the motion gives each corner a
         depth, but only in units of the camera's own step. Eight out of ten points are {near:.1f} to
         {far:.1f} steps away. If the step and all distances are {factor:g} times as long (orange),
-        both pictures stay the same: on average, the points are seen {error:.3f} pixels from their
-        corners before, and {other:.3f} after.
+        both pictures stay the same: on average, the points appear {error:.3f} pixels from their
+        corners at the original distances, and {other:.3f} at the multiplied ones.
 
         So a single camera cannot measure metres. The scale has to come from the height above the
         ground, wheels, GPS, an IMU, or a second camera at a known distance. A depth also needs

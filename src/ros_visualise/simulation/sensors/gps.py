@@ -37,7 +37,7 @@ class GpsParams:
         60.0, "time constant of the varying error, seconds", min=0.1, max=1e5
     )
     gps_vertical: float = _gps(
-        2.0, "errors in height, as a multiple of those east and north", min=0, max=10
+        2.0, "errors in height, as a multiple of the horizontal errors", min=0, max=10
     )
     gps_latitude: float = _gps(49.0, "latitude of the world's origin, degrees", min=-89, max=89)
     gps_longitude: float = _gps(8.4, "longitude of the world's origin, degrees", min=-180, max=180)

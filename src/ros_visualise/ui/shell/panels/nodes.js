@@ -84,7 +84,7 @@ export default {
     <div class="rv-nodes">
       <div class="rv-bar-top">
         <input type="search" v-model="words" placeholder="Find a parameter" aria-label="Find a parameter" @keydown.escape="words = ''">
-        <select v-if="all.presets.length" :value="all.preset" :disabled="readOnly" aria-label="Preset" title="Set all parameters of the nodes filters and edge_detector together"
+        <select v-if="all.presets.length" :value="all.preset" :disabled="readOnly" aria-label="Preset" title="A preset sets the parameters of filters and edge_detector together"
           @change="choose">
           <option value="" disabled>Custom</option>
           <option v-for="name in all.presets" :key="name">{{ name }}</option>
