@@ -163,7 +163,7 @@ def is_true_of_scale(text, pair):
     points = (points[:3] / points[3]).T
     near, far = shown(text, "Eight out of ten points are N to N steps away")
     assert [near, far] == pytest.approx(np.quantile(points[:, 2], [0.1, 0.9]), rel=0.1, abs=0.06)
-    before, after = shown(text, "seen N pixels from their corners before, and N after")
+    before, after = shown(text, "N pixels from their corners at the original distances, and N at")
     assert before == after < 2
 
 

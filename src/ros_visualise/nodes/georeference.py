@@ -65,7 +65,8 @@ class GeoreferenceParams:
     """Parameters of `Georeference`."""
 
     fixed_frame: str = param(
-        MAP, "frame with x east, y north, z up; odom if there is no frame named map"
+        MAP,
+        "frame with x east, y north, z up; if no frame named map exists, odom is used instead",
     )
     camera_pitch: float = param(
         90.0,

@@ -44,7 +44,9 @@ _KEPT = 1000  # odometries that wait for the image of their time, which takes lo
 class LocalizerParams(MapParams):
     """Parameters of `LandmarkLocalizer`."""
 
-    fixed_frame: str = param(_MAP, "frame of the landmarks; odom if there is no frame named map")
+    fixed_frame: str = param(
+        _MAP, "frame of the landmarks; if no frame named map exists, odom is used instead"
+    )
     min_sightings: int = param(
         3, "number of sightings before a landmark is accepted", min=1, max=1000, slider=(1, 20)
     )

@@ -81,7 +81,8 @@ class MosaicParams:
         max=89,
     )
     fixed_frame: str = param(
-        MAP, "frame with x east, y north, z up; odom if there is no frame named map"
+        MAP,
+        "frame with x east, y north, z up; if no frame named map exists, odom is used instead",
     )
     ground_height: float = param(
         0.0,

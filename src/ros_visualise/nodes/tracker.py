@@ -56,8 +56,8 @@ class TrackerParams:
 
     high_score: float = param(
         0.5,
-        "minimum score, 0 to 1, for a detection to count fully towards a new track; a lower score"
-        " counts less, or not at all if it is not above the mean of high_score and low_score",
+        "minimum score, 0 to 1, for a detection to count fully towards a new track; scores down to"
+        " the mean of high_score and low_score count less, and lower ones do not count",
         min=0,
         max=1,
     )

@@ -207,9 +207,9 @@ class OutputOptions:
 
     record: Sequence[str] = option(
         [],
-        "record to an .mcap, a .bag or a ROS 2 folder, one image topic to an .mp4 "
-        "(default: /edges), numbers to a .csv, tracks to a .txt (MOT format), or MAVLink to a"
-        " .tlog; repeatable",
+        "record to an .mcap, a .bag or a ROS 2 folder; or one image topic (default: /edges) to an"
+        " .mp4, numbers to a .csv, tracks to a .txt (MOT format), or MAVLink to a .tlog;"
+        " repeatable",
         metavar="OUT[@TOPIC,...]",
     )
     split: str | None = option(

@@ -35,7 +35,7 @@ class BatchOptions(SettingOptions, MemoryOptions):
         "add a node, as `ros-visualise FILE --node` does; repeatable",
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
     )
-    preset: str = option("", "preset for the image nodes, such as seed", metavar="NAME")
+    preset: str = option("", "preset for the image nodes, such as soft", metavar="NAME")
     topics: Sequence[str] = option(
         [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )

@@ -67,7 +67,7 @@ class Tree:
 
             {answer}
 
-            In the convention REP 105, base_link is the robot's own frame. In odom the robot moves
+            By convention (REP 105), base_link is the robot's own frame. In odom the robot moves
             smoothly, but its pose drifts. In map it does not drift, but may jump when it is
             corrected. The transform from map to odom is this correction.
             """

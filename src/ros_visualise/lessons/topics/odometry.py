@@ -101,8 +101,8 @@ class GridCorners:
                 M = Σ [ Ix²   Ix Iy ]
                       [ Ix Iy  Iy²  ]
 
-            Its eigenvalues measure how much the patch changes when it is moved in the direction of
-            the least and of the greatest change. If both are small, the patch is flat; if only one
+            Its eigenvalues measure how much the patch changes when it is moved in the directions
+            of least and greatest change. If both are small, the patch is flat; if only one
             is large, it is an edge; if both are large, it is a corner. The best corner here, at
             ({x}, {y}), has the eigenvalues {lesser:.0f} and {greater:.0f}. If we call a value above
             {least:.2f} large, {flat:.1f} % of the pixels are flat, {edge:.1f} % are edges and

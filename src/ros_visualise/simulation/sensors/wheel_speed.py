@@ -23,7 +23,9 @@ class WheelSpeedParams:
     """Parameters of a speed sensor on the wheels."""
 
     wheel_speed: bool = _wheels(
-        False, "switch the wheel speed sensor on; the odometry uses the same wheels"
+        False,
+        "switch the wheel speed sensor on; as the odometry uses the same wheels, wheel slip"
+        " affects both",
     )
     wheel_rate: float = _wheels(20.0, "measurements per second", min=0.1, max=200)
     wheel_noise: float = _wheels(

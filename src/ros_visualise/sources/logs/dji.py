@@ -249,11 +249,13 @@ def _stamps_ns(subtitles: Sequence[_Subtitle]) -> tuple[list[int], str, list[str
     if len(dates_ns) == len(subtitles) and all(one.date_is_fine for one in subtitles):
         if not (back := _steps_back(dates_ns)):
             return dates_ns, "camera's clock", notes
-        notes.append(f"the camera's clock goes back {back}, so stamps follow the time in the video")
+        notes.append(
+            f"the camera's clock jumps back {back}, so stamps follow the time in the video"
+        )
     began_ns = next((one.date_ns - one.begin_ns for one in subtitles if one.date_ns is not None), 0)
     stamps_ns = [began_ns + one.begin_ns for one in subtitles]
     if back := _steps_back(stamps_ns):
-        notes.append(f"the time in the video goes back {back}, so fixes are sorted by that time")
+        notes.append(f"the time in the video jumps back {back}, so fixes are sorted by that time")
     return stamps_ns, "camera's clock" if dates_ns else "time in the video", notes
 
 

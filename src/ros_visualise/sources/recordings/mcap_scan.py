@@ -471,7 +471,7 @@ def _check_end(
         return
     loss.bytes += rest
     if is_closed and rest >= len(MAGIC):
-        loss.add(f"{rest} foreign bytes after its end")
+        loss.add(f"{rest} extra bytes after its end")
         return
     what = f"readable up to byte {position} of {size}"
     if needed > size:

@@ -98,7 +98,7 @@ export default {
         <q-btn flat dense icon="search" aria-label="Search the page" title="Search; keyboard shortcuts (Ctrl+K or ?)" @click="search" />
         <q-btn flat dense icon="undo" aria-label="Undo" title="Undo (Ctrl+Z)" :disable="!undoable" @click="past.undo()" />
         <q-btn flat dense icon="redo" aria-label="Redo" title="Redo (Ctrl+Shift+Z)" :disable="!redoable" @click="past.redo()" />
-        <q-btn flat dense icon="dashboard_customize" aria-label="Layouts" title="Layouts; to share this one, copy the address of the page">
+        <q-btn flat dense icon="dashboard_customize" aria-label="Layouts" title="Layouts; to share the current one, copy the address of the page">
           <q-menu anchor="center left" self="center right"><q-list dense style="min-width: 12em">
             <q-item v-close-popup clickable @click="restore"><q-item-section>Default layout</q-item-section></q-item>
             <q-item v-for="(text, name) in saved" :key="name" v-close-popup clickable @click="load(text)"><q-item-section>{{ name }}</q-item-section>
