@@ -199,7 +199,7 @@ def test_a_pair_of_colours_for_each_pixel_is_read_as_bgr8() -> None:
         ("nv12", 3, 2, 2, 9, "nv12 of 2x3 pixels is not supported: it has an odd"),
         ("nv21", 2, 3, 3, 9, "nv21 of 3x2 pixels is not supported: it has an odd"),
         ("nv12", 2, 2, 2, 8, "nv12 of 2x2 .* needs 6 bytes, but the message holds 8"),
-        ("nv21", 2, 2, 1, 3, "needs 2 bytes, but its step is 1"),
+        ("nv21", 2, 2, 1, 3, "needs 2 bytes, but the step is 1"),
         ("nv24", 2, 2, 2, 8, "needs 12 bytes, but the message holds 8"),
         ("nv24", 2, 2, 4, 24, "nv24 of 2 pixels with a step of 4 bytes is not supported"),
     ],
