@@ -108,7 +108,7 @@ def _read_layout(message: Any, is_empty: bool) -> np.dtype[np.void]:
     )
     size = int(message.point_step)
     if needed > size and not is_empty:
-        raise ValueError(f"the fields of a point need {needed} bytes, but its step is {size}")
+        raise ValueError(f"the fields of a point need {needed} bytes, but the step is {size}")
     names = [str(one.name) for one in named]
     if len(set(names)) < len(names):
         raise ValueError(f"fields of a point share a name: {', '.join(names)}")
