@@ -27,7 +27,7 @@ def test_an_unsteady_camera_makes_its_clock_uncertain_anew():
     def sigma_ms():
         return float(run.states[-1][1].values["camera 1 clock behind by (ms)"].split()[-1])
 
-    path, given = along(*square()), params()
+    path, given = along(*square()), params(camera_turn=0.5)
     still = World(path, TAGS, seed=2).events(5)
     run = drive(still, given, start=HERE)
     learnt = sigma_ms()
