@@ -120,7 +120,7 @@ def test_its_format_is_opened_whatever_it_is_called(sample, packages, tmp_path):
     assert sample.run("convert", walk, tmp_path / "walk.mcap").returncode == 0
     without = packages.run("info", walk)
     assert without.returncode == 2
-    assert f"{walk}: a trajectory; for its path:" in without.stderr
+    assert f"{walk}: a trajectory; to show it:" in without.stderr
 
 
 def test_its_lesson_is_written_down(sample, tmp_path):

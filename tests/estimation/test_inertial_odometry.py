@@ -254,7 +254,7 @@ def test_a_wrong_focal_length_is_found_and_reported():
 
 def test_another_distortion_is_reported():
     bent = LensErrors(np.array([0.0, -0.12]), np.array([0.01, 0.01]))
-    assert "lens distortion (k1 -0.12)" in bent.fault(INFO, FOCAL_SIGMA)
+    assert "lens distortion (k1 differs by -0.12)" in bent.fault(INFO, FOCAL_SIGMA)
     assert not bent.fault(INFO, 0.1)
 
 

@@ -256,7 +256,7 @@ class Filter:
 
     @staticmethod
     def _name_clock(belief: Belief, view: CameraView) -> None:
-        """Say once that a camera's clock is wrong, if it stays so."""
+        """Report once that a camera's clock is wrong, if it stays wrong."""
         own, name = CAMERAS[view.camera], f"clock of camera {view.camera + 1}"
         said = f"wrong {name}"
         late_s, rows = float(belief.state.robot[own][CLOCK]), clock_of(view.camera)

@@ -20,8 +20,8 @@ from ros_visualise.estimation.steadiness import loosened
 from ros_visualise.estimation.updating import GROUND
 
 CAMERA_TURN = 1.5
-"""Standard deviation of the camera's attitude, degrees, where none is stated: it is estimated, so a
-value too large costs little, and one too small makes the pose too sure.
+"""Standard deviation of the camera's attitude, degrees, if none is stated. The error is estimated,
+so too large a value costs little, but too small a value makes the pose overconfident.
 """
 _CLOCK_WALK = 1e-4  # s per sqrt(s)
 

@@ -110,7 +110,7 @@ class EventWindow:
             self._known.pop()
 
     def run(self) -> None:
-        """Apply all events that can be.
+        """Apply all events that can be applied.
 
         An event that fails is dropped, as it would fail again and hold up all later ones; the
         error is raised.

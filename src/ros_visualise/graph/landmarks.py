@@ -163,7 +163,7 @@ def with_places(graph: Graph, topic: str, save_to: str) -> Graph:
     odometry = _first(graph, Odometry, "/odom")
     if odometry is None or not has_frames(graph) or graph.topics[topic].type is not Image:
         raise UsageError(
-            "--places: needs images, odometry in metres, and tf, which this source lacks"
+            "--places: needs images, odometry in metres, and tf; this source lacks some of these"
         )
     node = place(find_node(PLACES), {"image": topic, "odometry": odometry})
     return graph.joined(node).configured({PLACES: {"save_to": save_to}})

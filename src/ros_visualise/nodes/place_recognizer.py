@@ -60,14 +60,15 @@ class PlaceParams:
     map: str = param(
         "",
         "YAML file of a map whose places are recognized, as written by landmarks --places or"
-        " save_map; the file .places.npz is beside it",
+        " save_map; its .places.npz file must be beside it",
         group="map",
         restart=True,
         file=bool,
     )
     save_to: str = param(
         "landmarks.yaml",
-        "YAML file of the navigator's map, beside which save_places writes what places look like",
+        "YAML file of the navigator's map; save_places writes the appearance of the places"
+        " beside it",
         group="map",
         file=bool,
     )
@@ -108,7 +109,7 @@ class PlaceRecognizer:
             log.warning("place_recognizer: %s has no places; recognizing only new ones", params.map)
         self.reset()
 
-    @action("write what the places look like, beside the map that save_to names")
+    @action("write the appearance of the places beside the map that save_to names")
     def save_places(self) -> None:
         """Write the appearance of all places; their poses are in the navigator's map."""
         looks = [] if self._memory is None else self._memory.looks

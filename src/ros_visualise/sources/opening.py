@@ -59,7 +59,7 @@ def open_joined(paths: Sequence[Path]) -> JoinedRecording:
 
 
 def open_again(recording: Recording) -> Recording:
-    """Open once more what is open, without logging its notes; raises OpenError if unreadable."""
+    """Open an open recording once more, without logging its notes again; or raise OpenError."""
     before = opened_before.set(True)
     try:
         if isinstance(recording, JoinedRecording):
@@ -158,7 +158,7 @@ def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
     if _head(path).startswith(_ARCHIVES):
         return OpenError(f"{path}: a compressed archive; unpack it first")
     if is_trajectory_file(path):
-        return OpenError(f"{path}: a trajectory; for its path: ros-visualise trajectory {path}")
+        return OpenError(f"{path}: a trajectory; to show it: ros-visualise trajectory {path}")
     if meant := named(path):
         what = f"not a valid {meant}, despite its extension"
     return OpenError(f"{path}: {what}; {hint}")

@@ -87,7 +87,7 @@ class LandmarksOptions(DetectionOptions, WorldOptions, PartOptions, SettingOptio
     map: Path | None = option(None, "write the landmarks to this .yaml file", metavar="OUT")
     places: bool = option(
         False,
-        "with --map, also keep places that can be recognized without tags, in OUT.places.npz;"
+        "with --map, also map places that can be recognized without tags (OUT.places.npz);"
         " needs images and odometry",
     )
     survey: str = option(

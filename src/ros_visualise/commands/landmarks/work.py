@@ -36,7 +36,7 @@ from ros_visualise.sources.playback import Playback
 _SPIN_S = 0.05
 MAP_FRAME = "map"
 ODOM = "odom"
-"""Frame that is another one in each run, so that no map can be in it."""
+"""A frame that differs from run to run, so a map must not be stored in it."""
 
 
 def find_landmarks(options: LandmarksOptions) -> int:

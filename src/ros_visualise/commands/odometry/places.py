@@ -93,7 +93,7 @@ class PlaceRecorder:
     def correct(
         self, poses: list[VisualPose], first_ns: int
     ) -> tuple[list[VisualPose], PlacesReport]:
-        """Corrected poses, in the order of their stamps, and what was known again."""
+        """Corrected poses, in the order of their stamps, and a report on the recognized places."""
         finder = self._finder
         if finder is None:
             return poses, PlacesReport([], 0.0, 0, 0)

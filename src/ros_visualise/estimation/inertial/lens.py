@@ -4,23 +4,24 @@ A calibration gives directions z of pixels, at z = 1; the true ones are
 
     h = z exp(-a - k |z|^2) - r s,
 
-with ``a`` the error of the focal length, which is ``f exp(a)`` if ``f`` is stated, ``k`` one of the
-radial distortion, and ``r`` the readout of a rolling shutter, by which directions slip by ``s``
-(see `readout`). Any lens whose calibration errs a little does so like this; where a distortion is
-stated, ``k`` is what is left of it. A wrong principal point looks like a turned camera.
+with ``a`` the error of the focal length (``f exp(a)`` instead of ``f``), ``k`` the error of the
+radial distortion, and ``r`` the readout of a rolling shutter, which shifts directions by ``r s``
+(see `readout`). Small errors of any lens model have about this form; if the calibration states a
+distortion, ``k`` is the error that remains. A wrong principal point looks like a rotated camera.
 
-*Derivatives* are taken at the expected directions, not at the measured ones: noise of these would
-fit itself, as all residuals shrink with a longer focal length. In a simulated flight, that ended at
-one 80% too long. Expected directions depend on differences of poses alone, so a motion of the whole
-map changes none of them, and linearization adds no false information about that.
+*Derivatives* are taken at the expected directions. At the measured ones, they would be correlated
+with the noise, and the estimate would run away, as all residuals shrink with a longer focal length
+(in a simulated flight it ended 80% too long). Expected directions depend only on differences
+between poses, so a motion of the whole map does not change them, and linearization adds no false
+information about it.
 
-*What shows them.* A rotation moves directions by as much as the gyroscope or the gimbal says, and a
-climb by ``v / d``, with ``v`` from the IMU; both times the focal length. A level flight over
-flat ground does not show it: then it is one with the depths. A longer focal length with larger
-depths sees the same; this must not depend on the estimate either. So a point of the state is the
-direction that the calibration gives, which stays, and the logarithm of its inverse depth, which
-changes by ``-a`` wherever it is. With true directions and inverse depths, a right focal length was
-found 7% too long, and 8 standard deviations off.
+*Observability.* In the image, a rotation moves points by the angle from the gyroscope or gimbal,
+and a climb moves them by ``v / d``, with ``v`` from the IMU. Both are multiplied by the focal
+length, and so show it. A level flight over flat ground does not: a longer focal length with
+larger depths gives the same images, and this must hold at every estimate. So a point of the state
+is the direction that the calibration gives, which stays the same, and the logarithm of its inverse
+depth, which changes by ``-a`` for all points. With true directions and inverse depths instead, a
+correct focal length was estimated 7% too long, 8 standard deviations off.
 
 Source: M. Li et al., High-fidelity sensor modeling and self-calibration in vision-aided inertial
 navigation, ICRA 2014 (the states); G. Huang et al., Observability-based rules for designing
@@ -38,8 +39,8 @@ from ros_visualise.data import CameraInfo, Floats
 COUNT = 3
 """Readout, focal length and radial distortion."""
 FOCAL_SIGMA = 0.03
-"""Standard deviation of a focal length if none is stated. A calibration is worth 0.5%, but nothing
-in a message tells how good it is; it is estimated, so a value too large costs little.
+"""Standard deviation of the focal length if none is stated. A good calibration is within 0.5%,
+but a message does not say how good it is. The error is estimated, so a large value costs little.
 """
 _RADIAL = 5 / 3  # standard deviation of k, as a multiple of that of a
 _WRONG = 2.0  # standard deviations before the flight,
@@ -119,14 +120,14 @@ class LensErrors(NamedTuple):
         return f"{focal:.0f} px, +-{focal * self.sigmas[0]:.0f}"
 
     def fault(self, info: CameraInfo, focal: float) -> str:
-        """A warning if the calibration is wrong, by its standard deviation ``focal``; or empty."""
+        """A warning if the calibration, of standard deviation ``focal``, is wrong; else empty."""
         stated = np.array([focal, radial_of(focal)])
         off = np.abs(self.values)
         is_wrong = (off > _WRONG * stated) & (off > _KNOWN * self.sigmas)
         if is_wrong[0]:
             what = f"a focal length of {self.words(info)}, not {info.K[0, 0]:.0f} px"
         elif is_wrong[1]:
-            what = f"another lens distortion (k1 {self.values[1]:+.2f})"
+            what = f"a different lens distortion (k1 differs by {self.values[1]:+.2f})"
         else:
             return ""
         return f"the images fit {what}: calibrate the camera (ros-visualise calibrate)"

@@ -14,11 +14,11 @@ from ros_visualise.geometry.se3 import about_itself, about_origin
 
 
 def places_in(found: SmoothedMap, places: Sequence[Detections]) -> list[LandmarkTrack]:
-    """Places as landmarks, where the smoothed views that they are have them.
+    """Places as landmarks, with poses from the smoothed views.
 
     Args:
         found: the map; views that nothing connects with it are missing, and so are their places.
-        places: the first sighting of each by the first camera, one a message.
+        places: the first sighting of each by the first camera, one per message.
     """
     if not places:
         return []

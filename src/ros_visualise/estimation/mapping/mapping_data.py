@@ -81,7 +81,7 @@ class MappingData:
 
     @property
     def places(self) -> list[Detections]:
-        """The first sighting of each place, one a message."""
+        """The first sighting of each place, one per message."""
         with self._lock:
             return list(self._places.values())
 
@@ -213,7 +213,7 @@ class MappingData:
             return None
 
     def _with_places(self, views: list[list[CameraImage]]) -> list[list[CameraImage]]:
-        """Views, and those of places between them, which tags before and after locate."""
+        """Views, and views of places between them, which the tags before and after locate."""
         known = {_stamp(images[0][1]) for images in views}
         places = {_stamp(one): one for one in self.places if _stamp(one) not in known}
         more = [[(0, replace(one, detections=()))] for one in places.values()]

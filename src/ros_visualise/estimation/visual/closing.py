@@ -90,9 +90,9 @@ def edge_errors(places: Sequence[SeenPlace], covariances: Floats) -> Floats:
 
 
 def _least(covariances: Floats, positions: Floats) -> Floats:
-    """(6, 6) the covariance of the best-known pose, which includes that of the first one.
+    """The covariance (6, 6) of the best-known pose, which includes that of the first pose.
 
-    That of the first one itself is from when it was new, before other views showed its scale.
+    The first pose's own covariance is older than the views that showed the scale.
     """
     changes = [se3.about_itself(p) for p in positions]
     spread = [np.trace((A @ P @ A.T)[:3, :3]) for A, P in zip(changes, covariances, strict=True)]

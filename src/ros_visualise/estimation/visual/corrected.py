@@ -2,8 +2,8 @@
 
 A pose between two keyframes is moved by the correction interpolated between theirs. Its covariance
 is interpolated likewise, which is exact where errors add up step by step; to it are added the
-pose's own error beside its keyframe, and the scale error that all lengths share. No loop shows that
-one: a loop that is 1% too large closes as well.
+pose's own error relative to its keyframe, and the scale error that all lengths share. No loop
+reveals the latter: a loop that is 1% too large closes as well.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The first map of a camera: by two views with enough parallax, and a third that checks them."""
+"""The first map of a camera: from two views with enough parallax, checked by a third."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ros_visualise.estimation.visual.window import KeyframeWindow
 from ros_visualise.geometry import se3
 
 LEAST_USED, AGREED = 12, 0.5
-"""Points that locate an image, and their part of those in view."""
+"""Fewest points that locate an image, and the least fraction of those in view."""
 NOWHERE: tuple[Floats, Floats] = np.eye(3), np.zeros(3)
 """The pose where a map begins."""
 _EXACT, _WEAK = 1e-3, 0.3  # fractions: of a baseline that defines the unit, or is replaced
@@ -38,7 +38,7 @@ class MapBegins(NamedTuple):
 
 
 class MapWaits(NamedTuple):
-    """Why there is no map yet, empty if nothing speaks against one; ``is_over``: wait anew."""
+    """Why there is no map yet; empty if no reason is known. ``is_over``: start waiting again."""
 
     reason: str
     is_over: bool
@@ -162,9 +162,9 @@ class FirstMap:
 
 
 def _is_ambiguous(window: KeyframeWindow) -> bool:
-    """True if the way is along the normal of a plane: both motions that fit it are alike then.
+    """True if the camera moved along the normal of a plane: both motions that fit are then alike.
 
-    A turn by degrees fits as well, with a plane and a way that are tilted.
+    A rotation by a few degrees, with a tilted plane and path, fits equally well.
     """
     rays, rho = np.insert(window.points.values[:, :2], 2, 1.0, axis=1), window.points.values[:, 2]
     m: Floats = np.zeros(3)

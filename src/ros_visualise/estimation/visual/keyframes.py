@@ -47,7 +47,7 @@ class KeyframeDistance(NamedTuple):
 
 @dataclass(eq=False)
 class PosePrior:
-    """Knowledge from before on keyframes: ``H x = g`` of the twists since their poses then."""
+    """Prior knowledge about keyframes: ``H x = g`` for the twists from their earlier poses."""
 
     keys: list[int]
     R: Floats

@@ -11,8 +11,8 @@ from ros_visualise.estimation.visual.bundle import HUBER, Mask, by_twist, projec
 from ros_visualise.geometry import se3
 
 ALIKE = 9.0
-"""Sightings that are as good as an independent one: those of a corner err alike, as its patch is
-dragged along. Measured by the errors of flights in simulation.
+"""Sightings that count as one independent sighting: the errors of a corner's sightings are alike,
+because its patch drifts. Measured by the errors of simulated flights.
 """
 OUTLIER = 3.5
 """Standard deviations of directions beyond which a sighting does not fit."""
@@ -36,7 +36,7 @@ class Located(NamedTuple):
 
 
 def locate(points: Floats, R: Floats, p: Floats, rays: Floats, sigma: float) -> Located | None:
-    """The pose from which points are seen in directions (N, 2), from a guess on.
+    """The pose from which points are seen in directions (N, 2), starting from a guess.
 
     Args:
         points: (N, 4), homogeneous, in the map.
@@ -66,7 +66,7 @@ def locate(points: Floats, R: Floats, p: Floats, rays: Floats, sigma: float) -> 
 
 
 def orthogonal(R: Floats) -> Floats:
-    """Rotations (..., 3, 3) without errors of rounding, which would double from image to image."""
+    """Rotations (..., 3, 3) without rounding errors, which would double from image to image."""
     U, _, Vt = np.linalg.svd(R)
     found: Floats = U @ Vt
     return found

@@ -1,7 +1,7 @@
 """Appearance of places, in a file beside the map that has their poses.
 
-The map ``field.yaml`` lists places as landmarks, with their poses and covariances, for whatever
-reads maps. Their features are in ``field.places.npz``, uncompressed arrays of NumPy:
+The map ``field.yaml`` lists places as landmarks, with their poses and covariances, for any
+reader of maps. Their features are in ``field.places.npz``, uncompressed arrays of NumPy:
 
     counts       (P,) int32       features of each place
     descriptors  (N, 32) uint8    of ORB
@@ -36,7 +36,7 @@ _DAMAGE = ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib
 _MOST_FEATURES = 3_000_000  # 132 MB
 _LARGEST = 1e6, 10.0  # inverse depth, 1/m, and slope of a ray
 _ADVICE = (
-    "write it again with landmarks --places or save_places, or copy it from where the map is from"
+    "write it again with landmarks --places or save_places, or copy it from where the map came from"
 )
 
 
@@ -114,7 +114,7 @@ def _looks(path: Path) -> Iterable[PlaceLook]:
         with open_file(path) as file, zipfile.ZipFile(file) as archive:
             counts = _array(archive, "counts", np.int32, (), MOST_PLACES)
             if (counts < 1).any() or counts.sum() > _MOST_FEATURES:
-                raise ValueError("a place without features, or too many of them")
+                raise ValueError("a place has no features, or the places have too many")
             total = int(counts.sum())
             arrays = {
                 name: _array(archive, name, kind, _SHAPES[name], total)
@@ -140,7 +140,7 @@ def _looks(path: Path) -> Iterable[PlaceLook]:
 def _array(
     archive: zipfile.ZipFile, name: str, kind: type, row: tuple[int, ...], most: int
 ) -> npt.NDArray[Any]:
-    """An array of the archive, if it is one of at most so many rows; nothing larger is read."""
+    """An array of the archive, if it has at most ``most`` rows; nothing larger is read."""
     info = archive.getinfo(f"{name}.npy")
     each = np.dtype(kind).itemsize * int(np.prod(row, dtype=int))
     if info.file_size > most * each + (1 << 12):
@@ -151,5 +151,5 @@ def _array(
         raise ValueError(f"{name} has an unknown format")
     shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(stream)
     if dtype != np.dtype(kind) or shape[1:] != row or len(shape) != 1 + len(row) or is_fortran:
-        raise ValueError(f"{name} has another type or shape")
+        raise ValueError(f"{name} has an unexpected type or shape")
     return np.frombuffer(stream.read(), dtype).reshape(shape)

@@ -61,7 +61,7 @@ class CameraSights:
         return np.stack([image.rays, right])
 
     def at_stamp(self, first: SeenImage, image: SeenImage) -> SeenImage:
-        """The first image, its corners as if all rows were read at once, by where they go then."""
+        """The first image, its corners corrected for the readout by their motion to the next."""
         _, a, b = np.intersect1d(first.corners.ids, image.corners.ids, True, return_indices=True)
         corners, after = first.corners.chosen(a), image.corners.pixels_uv[b]
         turned = FollowedCorners(corners.ids, corners.pixels_uv, 2 * corners.pixels_uv - after)
