@@ -22,6 +22,13 @@ class Straight(InertialFlight):
         return np.array([1.5 * t, 0.3 * t, 0, 0, 0, 0])
 
 
+class Pushed(InertialFlight):
+    """A flight at nearly constant velocity."""
+
+    def _sums(self, t):
+        return np.array([1.5 * t + 0.4 * np.sin(2 * t), 0.3 * t, 0, 0, 0, 0])
+
+
 def seen(flight, first, count=20):
     """Views from an image on, 10 a second, with the IMU measured up to the last."""
     flight.measure((first + count) / 10)
@@ -60,6 +67,12 @@ def test_velocity_and_gravity_are_found_in_flight(seed, first):
 
 def test_a_constant_velocity_does_not_show_the_scale():
     flight = Straight(2)
+    assert start_in_motion(flight.imu, seen(flight, 30), SETTINGS) is None
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_weak_push_shows_no_scale_in_coarse_images_even_with_an_exact_calibration(seed):
+    flight = Pushed(seed, noise_px=3)
     assert start_in_motion(flight.imu, seen(flight, 30), SETTINGS) is None
 
 

@@ -120,7 +120,7 @@ def test_panels_are_moved_and_closed_by_keys_and_the_focus_stays_on_tabs(browse)
     assert focused.inner_text() == "Topics"
     focused.press("Delete")
     wait_in(tab, lambda: focused.count() and focused.inner_text() == "Log")
-    assert side.count() == 0
+    wait_in(tab, lambda: side.count() == 0)
 
 
 def test_a_panel_is_dragged_to_another_side_and_made_as_large_as_all(browse):

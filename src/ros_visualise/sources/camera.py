@@ -11,6 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from glob import glob
 from pathlib import Path
+from shlex import quote
 
 import av
 from av.container import InputContainer
@@ -171,7 +172,7 @@ def _check_device(device: str) -> None:
 
 
 def _not_a_camera(uri: str) -> OpenError:
-    return OpenError(f"{uri}: not a camera; for a file run: ros-visualise video {uri}")
+    return OpenError(f"{uri}: not a camera; for a file run: ros-visualise video {quote(uri)}")
 
 
 class LiveCamera:

@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from shlex import quote
 
 import av
 from av.container import InputContainer
@@ -163,7 +164,8 @@ def _check_file(path: Path) -> None:
             raise OpenError.missing(path)
         if not (path.is_file() or is_of_the_shell(path)):
             raise OpenError(
-                f"{path}: not a regular file; for a camera run: ros-visualise camera {path}"
+                f"{path}: not a regular file; for a camera run: ros-visualise camera"
+                f" {quote(str(path))}"
             )
         if path.is_file() and path.stat().st_size == 0:
             raise OpenError(f"{path}: the file is empty; copy or record it again")

@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from ros_visualise.core.errors import OpenError
@@ -158,7 +159,8 @@ def _unknown_file(path: Path, what: str, hint: str) -> OpenError:
     if _head(path).startswith(_ARCHIVES):
         return OpenError(f"{path}: a compressed archive; unpack it first")
     if is_trajectory_file(path):
-        return OpenError(f"{path}: a trajectory; to show it: ros-visualise trajectory {path}")
+        command = f"ros-visualise trajectory {quote(str(path))}"
+        return OpenError(f"{path}: a trajectory; to show it: {command}")
     if meant := named(path):
         what = f"not a valid {meant}, despite its extension"
     return OpenError(f"{path}: {what}; {hint}")
@@ -169,7 +171,7 @@ def _open_file(path: Path) -> Recording:
         raise OpenError.missing(path)
     if not path.is_file():
         raise OpenError(
-            f"{path}: not a regular file; for a camera run: ros-visualise camera {path}"
+            f"{path}: not a regular file; for a camera run: ros-visualise camera {quote(str(path))}"
         )
     head = _head(path)
     if not head:
@@ -177,9 +179,8 @@ def _open_file(path: Path) -> Recording:
     known = format_of(head)
     if known is not None:
         return known.open(path)
-    raise _unknown_file(
-        path, f"not a recording ({kinds()})", f"if it is a video: ros-visualise video {path}"
-    )
+    hint = f"if it is a video: ros-visualise video {quote(str(path))}"
+    raise _unknown_file(path, f"not a recording ({kinds()})", hint)
 
 
 def _open_folder(path: Path) -> Recording:
@@ -214,7 +215,8 @@ def _nothing_in(folder: Path) -> str:
     if videos := videos_in(folder):
         return _several_in(folder, videos)
     if is_pictures(folder):
-        return f"{folder}: a folder of pictures; to play it: ros-visualise video {folder}"
+        command = f"ros-visualise video {quote(str(folder))}"
+        return f"{folder}: a folder of pictures; to play it: {command}"
     inside = (
         one for one in sorted(folder.iterdir()) if one.is_dir() and not one.name.startswith(".")
     )

@@ -46,7 +46,7 @@ class Film:
     def duration_ns(self) -> int | None:
         """Duration of the video, or of its telemetry if that is longer; None if unknown."""
         video_ns = self._video.duration_ns
-        ends_ns = (int(one.stamps_ns[-1]) for one in self._series if len(one.stamps_ns))
+        ends_ns = (int(one.stamps_ns.max()) for one in self._series if len(one.stamps_ns))
         return None if video_ns is None else max([video_ns, *ends_ns])
 
     def is_frame(self, item: FilmItem) -> bool:

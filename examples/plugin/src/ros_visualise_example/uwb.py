@@ -30,7 +30,9 @@ class UwbParams:
         try:
             x, y, z = map(float, self.uwb_anchor.split(","))
         except ValueError:
-            raise ParameterError(f"uwb_anchor={self.uwb_anchor}: give x, y, z: 0, 0, 2") from None
+            x = y = z = math.nan
+        if not math.isfinite(x + y + z):
+            raise ParameterError(f"uwb_anchor={self.uwb_anchor}: give x, y, z: 0, 0, 2")
         return np.array([x, y, z])
 
 

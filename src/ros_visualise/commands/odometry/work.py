@@ -81,14 +81,15 @@ def find_trajectory(options: OdometryOptions) -> int:
     poses, again = places.correct(poses, stamps_ns[0])
     save(_files(poses, stamps_ns, options), options.overwrite)
     report = {**_report(poses, stamps_ns, reasons, odometry), "places": again.as_dict()}
+    notes += [_PIECES] * bool(odometry.counts["losses"])
+    if isinstance(odometry, InertialSteps) and odometry.lens_fault:
+        notes.append(odometry.lens_fault)
+    notes += [*found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]
     if options.json:
         print_json({"path": options.input, **report, "notes": notes})
     else:
         print_result([*_lines(report), *again.lines(_unit(report["in_metres"]))])
-    notes += [_PIECES] * bool(odometry.counts["losses"])
-    if isinstance(odometry, InertialSteps) and odometry.lens_fault:
-        notes.append(odometry.lens_fault)
-    for note in [*notes, *found.notes, *([] if poses[0].in_metres else [_WITHOUT_UNIT])]:
+    for note in notes:
         print_status(f"ros-visualise: {options.input}: {note}")
     if request.asked:
         return STOPPED

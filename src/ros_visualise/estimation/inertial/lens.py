@@ -116,7 +116,7 @@ class LensErrors(NamedTuple):
 
     def words(self, info: CameraInfo) -> str:
         """The focal length, as text."""
-        focal = np.sqrt(info.K[0, 0] * info.K[1, 1]) * np.exp(self.values[0])
+        focal = _focal_px(info) * np.exp(self.values[0])
         return f"{focal:.0f} px, +-{focal * self.sigmas[0]:.0f}"
 
     def fault(self, info: CameraInfo, focal: float) -> str:
@@ -125,9 +125,13 @@ class LensErrors(NamedTuple):
         off = np.abs(self.values)
         is_wrong = (off > _WRONG * stated) & (off > _KNOWN * self.sigmas)
         if is_wrong[0]:
-            what = f"a focal length of {self.words(info)}, not {info.K[0, 0]:.0f} px"
+            what = f"a focal length of {self.words(info)}, not {_focal_px(info):.0f} px"
         elif is_wrong[1]:
             what = f"a different lens distortion (k1 differs by {self.values[1]:+.2f})"
         else:
             return ""
         return f"the images fit {what}: calibrate the camera (ros-visualise calibrate)"
+
+
+def _focal_px(info: CameraInfo) -> float:
+    return float(np.sqrt(info.K[0, 0] * info.K[1, 1]))

@@ -159,7 +159,7 @@ def _priors(settings: InertialSettings) -> tuple[Floats, Floats]:
     sigmas[6:15] = np.repeat([own.accel_bias, own.gyro_bias, camera.turn_rad], 3)
     sigmas[15:17] = camera.clock_s, settings.age_s
     sigmas[_LENS] = settings.readout.sigma_s, camera.focal, radial_of(camera.focal)
-    return x, np.maximum(sigmas, 1e-9)
+    return x, sigmas
 
 
 def _solved(window: _Window, settings: InertialSettings) -> _Solution | None:
@@ -215,7 +215,8 @@ def _fitted(
 ) -> _Solution | None:
     """The unknowns, the first ``count`` of them free, that fit what the images show."""
     x, sigma, P = x.copy(), np.inf, np.eye(count)
-    information = 1 / sigmas[:count] ** 2
+    is_known = np.isfinite(sigmas[:count])
+    scale = np.where(is_known, sigmas[:count], 1.0)  # one scale for all, or `pinv` drops unknowns
     for _ in range(_STEPS):
         found = _linearized(window, x, count)
         if found is None:
@@ -224,14 +225,15 @@ def _fitted(
         length = float(np.linalg.norm(x[3:6]))
         down, off = np.zeros(count), (length - GRAVITY_MS2) / _GRAVITY_SIGMA
         down[3:6] = x[3:6] / length / _GRAVITY_SIGMA
-        J = rows[:, :-1]
-        P = np.linalg.pinv(J.T @ J + np.diag(information) + np.outer(down, down), hermitian=True)
-        step = -P @ (J.T @ rows[:, -1] + information * (x - expected)[:count] + down * off)
+        J, change = rows[:, :-1] * scale, (x - expected)[:count]
+        change = np.divide(change, scale, np.zeros(count), where=is_known & (scale > 0))
+        P = np.linalg.pinv(J.T @ J + np.diag(is_known * 1.0) + np.outer(down, down), hermitian=True)
+        step = -scale * (P @ (J.T @ rows[:, -1] + change + down * off))
         far = float(np.abs(step[:3]).max())
         x[:count] += step * min(1.0, _LONGEST * _allowed(x[:3]) / max(far, 1e-12))
         if np.abs(step[:_MOTION]).max() < _DONE:
             break
-    return _Solution(x, sigma, P)
+    return _Solution(x, sigma, P * np.outer(scale, scale))
 
 
 def _linearized(window: _Window, x: Floats, count: int) -> tuple[Floats, float] | None:

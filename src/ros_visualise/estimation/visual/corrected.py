@@ -28,7 +28,8 @@ def without_scale(poses: Sequence[VisualPose], scale_sigma: float) -> list[Visua
         scale_sigma: its standard deviation, as a fraction.
     """
     return [
-        one._replace(covariance=one.covariance - _of_scale(one.p, scale_sigma)) for one in poses
+        one._replace(covariance=_positive(one.covariance - _of_scale(one.p, scale_sigma)))
+        for one in poses
     ]
 
 
