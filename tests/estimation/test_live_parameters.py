@@ -202,5 +202,5 @@ def test_another_map_takes_effect_in_flight(path):
 def test_the_map_is_saved_where_it_is_set_in_flight(tmp_path):
     first, then = (base(save_to=str(tmp_path / name)) for name in ("a.yaml", "b.yaml"))
     run = drive(events(), first, [(CHANGED_S, then)])
-    run.node.save_map()
+    run.node.save_map(then)
     assert [one.name for one in tmp_path.iterdir()] == ["b.yaml"]

@@ -127,7 +127,7 @@ def test_the_built_map_is_kept_when_time_goes_back(by, tmp_path):
     if by == "reset":
         run.node.reset()
     drive(events[:200], given, run=run, start=HERE)  # the recording begins again
-    run.node.save_map()
+    run.node.save_map(given)
     text = path.read_text() if path.exists() else ""
     kept = {name for name in built if f"name: {name}\n" in text}
     assert kept == built, f"{len(kept)} of {len(built)} landmarks"

@@ -16,10 +16,10 @@ def test_real_pictures_become_a_calibration(recordings, tmp_path):
         shown = node.step(image, params)
     assert (shown.width, shown.height, shown.header) == (640, 480, image.header)
     assert (shown.pixels != image.pixels).any()
-    before = node.save()
+    before = node.save(params)
     assert (before.pixels != shown.pixels).any()  # a notice: nothing to save yet
     node.calibrate()
-    node.save()
+    node.save(params)
     assert read_calibration(params.file).K[0, 0] == node.report()["K"][0]
     assert abs(node.report()["K"][0] - 532.8) < 1
 

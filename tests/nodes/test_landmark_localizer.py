@@ -18,6 +18,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.data.markers import MarkerAction, MarkerType
+from ros_visualise.estimation.localization import map_file
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix, from_rpy, to_matrix
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
@@ -225,10 +226,10 @@ def test_the_ground_is_where_it_is_said():
 def test_a_saved_map_loads_again(tmp_path, caplog):
     caplog.set_level(logging.INFO)
     path = tmp_path / "pads.yaml"
-    node = LandmarkLocalizer(replace(PARAMS, save_to=str(path)))
-    (before,) = observe(node, params=replace(PARAMS, save_to=str(path)))["landmarks"].detections
+    node, params = LandmarkLocalizer(PARAMS), replace(PARAMS, save_to=str(path))
+    (before,) = observe(node)["landmarks"].detections
     for _ in range(2):  # the second in the place of the first
-        node.save_map()
+        node.save_map(params)
     assert f"1 landmarks saved to {path}" in caplog.text
     again = LandmarkLocalizer(replace(PARAMS, map=str(path)))
     for _ in range(2):
@@ -244,8 +245,15 @@ def test_a_saved_map_loads_again(tmp_path, caplog):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_landmarks_in_odom_are_saved_in_the_frame_of_a_map(tmp_path):
+    node, params = LandmarkLocalizer(PARAMS), replace(PARAMS, save_to=str(tmp_path / "a.yaml"))
+    observe(node, frames=tree("odom"))
+    node.save_map(params)
+    assert map_file.load(tmp_path / "a.yaml").frame_id == "map"
+
+
 def test_without_landmarks_nothing_is_written(tmp_path, caplog):
-    LandmarkLocalizer(replace(PARAMS, save_to=str(tmp_path / "none.yaml"))).save_map()
+    LandmarkLocalizer(PARAMS).save_map(replace(PARAMS, save_to=str(tmp_path / "none.yaml")))
     assert "nothing saved" in caplog.text
     assert not list(tmp_path.iterdir())
 

@@ -181,10 +181,10 @@ def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
     path = tmp_path / "built.yaml"
     params = NavigatorParams(save_to=str(path), level_sigma=0.1, corner_floor=0.1, camera_turn=0.0)
     node = LandmarkNavigator(params)
-    node.save_map()
+    node.save_map(params)
     assert "nothing saved" in caplog.text
     run(node, params, count=40)
-    node.save_map()
+    node.save_map(params)
     frame_id, tracks, common = map_file.load(path)
     assert frame_id == "map"
     # of what both are off together, most is how level the map lies
@@ -240,7 +240,7 @@ def test_an_image_after_a_jump_of_time_waits_for_an_odometry(tmp_path):
     assert node.report()["landmarks"] == 2
     node.reset()
     assert node.step(params, detections=detections(1, np.array([1.0, 0, 5])), frames=tree()) is None
-    node.save_map()
+    node.save_map(params)
     assert len(map_file.load(tmp_path / "built.yaml")[1]) == 2  # what was built is kept
 
 

@@ -116,6 +116,6 @@ def test_without_a_position_or_a_file():
     assert node.step(params, image=image, frames=FrameTree()) is None
     node.finish()
     with pytest.raises(ParameterError, match="set save_to to a file name"):
-        node.save_mosaic()
+        node.save_mosaic(params)
     with pytest.raises(ParameterError, match=r"ends in \.tif"):
         update(MosaicParams(), {"save_to": "mosaic.png"})

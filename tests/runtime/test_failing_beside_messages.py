@@ -114,3 +114,25 @@ def test_a_source_that_raises_when_it_is_opened_anew_goes_on_as_before(caplog):
     run.runtime.stop()
     assert "cannot start: ValueError: none" in caplog.text
     assert not run.runtime.failed
+
+
+def test_an_action_gets_parameters_that_changed_since_the_last_message():
+    pressed = []
+
+    class Saving:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            return image
+
+        @action("keep the parameters")
+        def press(self, params):
+            pressed.append(params.frames)
+
+    ports = {"image": Image}
+    made = node("saving", params=CounterParams, inputs=ports, outputs=ports)(Saving)
+    run = Run(graph_of(made))
+    run.runtime.parameters["saving"].update({"frames": 7})
+    run.runtime.act("saving", "press")
+    assert pressed == [7]

@@ -27,7 +27,8 @@ and, as needed,
   returns what is due,
 - ``report()``, figures for the run report; ``lost`` and ``unplayed`` count data that could not be
   read or played, and set the exit status to 1,
-- methods decorated with `action`: buttons on the page, services on a ROS graph.
+- methods decorated with `action`: buttons on the page, services on a ROS graph; one that takes
+  ``params`` gets the present ones, even if they have changed since the last step.
 
 A node with several inputs declares how their messages are matched by stamp:
 

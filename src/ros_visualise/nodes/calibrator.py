@@ -98,16 +98,16 @@ class CameraCalibrator:
         return self._say(f"fx {fx:.1f}, fy {fy:.1f}, rms {found.fit.rms:.2f} px{halves}")
 
     @action("write the calibration to the file")
-    def save(self) -> Image | None:
+    def save(self, params: CalibratorParams) -> Image | None:
         """Save it to the file that the camera reads."""
         if self._found is None:
             return self._say("nothing to save yet: calibrate first")
         try:
             text = to_yaml(self._found.info, "camera", self._found.fit.covariance)
-            save_again(path_of(self._params.file), text.encode())
+            save_again(path_of(params.file), text.encode())
         except RosVisualiseError as error:
             return self._say(str(error))
-        return self._say(f"saved to {self._params.file}")
+        return self._say(f"saved to {params.file}")
 
     @action("discard all views")
     def clear(self) -> Image | None:

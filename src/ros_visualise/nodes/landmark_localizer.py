@@ -123,10 +123,14 @@ class LandmarkLocalizer:
         self._odometry: deque[Odometry] = deque(maxlen=_KEPT)
 
     @action("write the landmarks to the file that save_to names")
-    def save_map(self) -> None:
-        """Write the map; replace its former file when it is complete."""
-        frame_id = self._frame or self._params.fixed_frame
-        save_landmarks(self._params.save_to, frame_id, self._localizer.landmarks.values())
+    def save_map(self, params: LocalizerParams) -> None:
+        """Write the map; replace its former file when it is complete.
+
+        It is in ``fixed_frame``, even where that is unknown and the landmarks are in ``odom``,
+        which differs from run to run.
+        """
+        frame_id, tracks = self._params.fixed_frame, self._localizer.landmarks.values()
+        save_landmarks(params.save_to, frame_id, tracks)
 
     def step(
         self,

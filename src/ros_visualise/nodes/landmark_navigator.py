@@ -134,12 +134,12 @@ class LandmarkNavigator:
         self._forget()
 
     @action("write the landmarks to the file that save_to names")
-    def save_map(self) -> None:
+    def save_map(self, params: NavigatorParams) -> None:
         """Write the map; replace its former file when it is complete."""
         tracks, common = (
             messages.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
         )
-        save_landmarks(self._params.save_to, self._frame, tracks, common)
+        save_landmarks(params.save_to, self._frame, tracks, common)
 
     def step(
         self,

@@ -158,17 +158,17 @@ class Mosaicking:
     def finish(self) -> None:
         """Write the file, if any, at the end."""
         if self._params.save_to:
-            self.save_mosaic()
+            self.save_mosaic(self._params)
 
     def report(self) -> dict[str, Any]:
         """Number of images that were laid, and the side of a pixel, metres."""
         return {"laid": self._laid, "resolution": self._mosaic.resolution_m}
 
     @action("write the mosaic to the file that save_to names")
-    def save_mosaic(self) -> None:
+    def save_mosaic(self, params: MosaicParams) -> None:
         """Write the mosaic as GeoTIFF; raises ParameterError without a name."""
-        path, origin = Path(self._params.save_to), self._finder.origin
-        if not self._params.save_to:
+        path, origin = Path(params.save_to), self._finder.origin
+        if not params.save_to:
             raise ParameterError("set save_to to a file name, such as mosaic.tif")
         picture = self._mosaic.picture(_SAVED_PX)
         if picture is None or origin is None:

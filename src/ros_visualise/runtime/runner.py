@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import threading
 import time
@@ -104,8 +105,10 @@ class NodeRunner:
         refusals: list[UsageError] = []
 
         def ask() -> Any:
+            action = getattr(self._state, name)
+            takes_params = "params" in inspect.signature(action).parameters
             try:
-                return getattr(self._state, name)()
+                return action(self._parameters.current) if takes_params else action()
             except UsageError as refusal:
                 refusals.append(refusal)
                 return None
