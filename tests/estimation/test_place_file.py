@@ -70,14 +70,19 @@ def changed(**arrays):
 
 
 def bomb():
-    """A small file whose array has 64 MB when it is unpacked."""
+    """A small file whose array has 64 MB when it is unpacked, and says that it has 600 bytes."""
+    data = member(bytes(64 << 20), zipfile.ZIP_DEFLATED)
+    assert len(data) < 100_000
+    return data.replace((64 << 20).to_bytes(4, "little"), (600).to_bytes(4, "little"))
+
+
+def member(counts, method=zipfile.ZIP_STORED, others=0):
+    """An archive of one array, as these bytes, and of so many empty members."""
     stream = io.BytesIO()
-    with (
-        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive,
-        archive.open("counts.npy", "w") as file,
-    ):
-        for _ in range(64):
-            file.write(bytes(1 << 20))
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        archive.writestr("counts.npy", counts)
+        for number in range(others):
+            archive.writestr(str(number), b"")
     return stream.getvalue()
 
 
@@ -94,17 +99,44 @@ BAD = {
     "nan": changed(inverse=np.full(160, np.nan, np.float32)),
     "kind": changed(rays=np.zeros((160, 2))),
     "bomb": bomb(),
+    "lzma": member(bytes(600), zipfile.ZIP_LZMA),
+    "header": member(b"\x93NUMPY\x01\x00\x04\x00(((("),
+    "members": member(b"", others=200),
+    "none": changed(
+        counts=np.zeros(0, np.int32),
+        descriptors=np.zeros((0, 32), np.uint8),
+        rays=np.zeros((0, 2), np.float32),
+        inverse=np.zeros(0, np.float32),
+    ),
 }
 
 
-@pytest.mark.parametrize("data", BAD.values(), ids=BAD)
-def test_a_damaged_or_foreign_file_is_refused_in_one_line(tmp_path, data):
-    with pytest.raises(OpenError) as error:
-        load_places(saved(tmp_path, data=data))
+WHY = {
+    "bomb": "counts is compressed",
+    "lzma": "counts is compressed",
+    "members": "too large",
+    "none": "no places, or",
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_damaged_or_foreign_file_is_refused_in_one_line(tmp_path, name):
+    with pytest.raises(OpenError, match=WHY.get(name, "")) as error:
+        load_places(saved(tmp_path, data=BAD[name]))
     said = str(error.value)
     assert said.startswith(f"{tmp_path}/field.places.npz: ")
     assert "\n" not in said
     assert len(said) < 400
+
+
+def test_a_link_to_a_map_has_the_places_of_that_map(tmp_path):
+    saved(tmp_path)
+    link = tmp_path / "latest.yaml"
+    link.symlink_to("field.yaml")
+    assert len(load_places(link)) == 2
+    places_path(link).unlink()
+    with pytest.raises(OpenError, match=r"field\.places\.npz: no such file"):
+        load_places(link)
 
 
 def test_an_old_map_and_the_file_of_another_are_refused(tmp_path):

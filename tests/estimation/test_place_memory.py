@@ -5,19 +5,20 @@ import numpy as np
 import visual_flight
 from visual_flight import Flight
 
+from ros_visualise.estimation.visual.place_file import MappedPlace, PlaceLook
 from ros_visualise.estimation.visual.place_memory import PlaceMemory
 from ros_visualise.geometry import se3
 
 BACK = [*range(0, 40, 2), *range(37, 5, -2)]
 
 
-def looked(numbers, drift=0.0, carried=None, most=500):
+def looked(numbers, drift=0.0, carried=None, most=500, known=()):
     """A memory, and the errors (6,) of sightings beside the first one of each place, with NEES.
 
     The odometry errs by ``drift`` metres an image, and is 3 m off from image ``carried`` on.
     """
     flight = Flight()
-    memory, first, errors, normal = PlaceMemory(flight.info, most), {}, [], []
+    memory, first, errors, normal = PlaceMemory(flight.info, most, known), {}, [], []
     for k, n in enumerate(numbers):
         true = se3.from_parts(flight.R(n), flight.p(n))
         off = np.eye(4)
@@ -68,6 +69,21 @@ def test_the_memory_is_bounded():
     memory, _, _ = looked(range(0, 60, 3), most=2)
     assert memory.counts["places"] > 2
     assert len(memory) == 2
+
+
+def test_new_places_leave_those_of_a_map():
+    known = [MappedPlace(look(seed), np.eye(4)) for seed in range(4)]  # all at one point
+    memory, _, _ = looked(range(0, 60, 3), most=2, known=known)
+    assert memory.counts["places"] > 2
+    assert [one.id for one in memory.looks[:4]] == [one.look.id for one in known]
+    assert len(memory) == 6
+
+
+def look(seed):
+    """A place that no image shows."""
+    random = np.random.default_rng(seed)
+    descriptors = random.integers(0, 256, (60, 32), dtype=np.uint8)
+    return PlaceLook(descriptors, random.normal(0, 0.3, (60, 2)), np.ones(60))
 
 
 def test_images_without_features_are_no_views():

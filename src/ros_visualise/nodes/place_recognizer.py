@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.core.params import param
 from ros_visualise.data import (
     CameraInfo,
@@ -21,7 +22,13 @@ from ros_visualise.data import (
     Odometry,
 )
 from ros_visualise.estimation.camera_view import PLACE
-from ros_visualise.estimation.visual.place_file import load_places, places_path, to_bytes
+from ros_visualise.estimation.visual.place_file import (
+    MOST_PLACES,
+    MappedPlace,
+    load_places,
+    places_path,
+    to_bytes,
+)
 from ros_visualise.estimation.visual.place_memory import PlaceMemory, PlaceSighting
 from ros_visualise.geometry import rotations, se3
 from ros_visualise.geometry.frames import FrameTree
@@ -40,6 +47,7 @@ _LONGEST_NS = 1_000_000_000  # between messages of an odometry that goes on
 _FASTEST = 50.0  # m/s: faster odometry has jumped
 _MOST_WAITING = 30  # images, for the odometry
 _KEPT = 1000  # messages of the odometry
+_ONLY_NEW = "recognizing only new places"
 
 
 @dataclass(frozen=True)
@@ -51,9 +59,9 @@ class PlaceParams:
     )
     places: int = param(
         500,
-        "maximum number of places to remember",
+        "maximum number of new places to remember, besides those of the map",
         min=10,
-        max=5000,
+        max=MOST_PLACES,
         slider=(10, 1000),
         restart=True,
     )
@@ -102,18 +110,20 @@ class PlaceRecognizer:
         self._open(params)
 
     def _open(self, params: PlaceParams) -> None:
-        """Begin with the places of a map, or with none."""
+        """Begin with the places of a map, or with none, as if it raises OpenError."""
         self._params = params
-        self._known = load_places(Path(params.map)) if params.map else []
-        if params.map and not self._known:
-            log.warning("place_recognizer: %s has no places; recognizing only new ones", params.map)
+        self._known: list[MappedPlace] = []
         self.reset()
+        if params.map:
+            self._known = load_places(Path(params.map))
+            if not self._known:
+                log.warning("place_recognizer: %s has no places; %s", params.map, _ONLY_NEW)
 
     @action("write the appearance of the places beside the map that save_to names")
-    def save_places(self) -> None:
+    def save_places(self, params: PlaceParams) -> None:
         """Write the appearance of all places; their poses are in the navigator's map."""
         looks = [] if self._memory is None else self._memory.looks
-        map_path = Path(self._params.save_to)
+        map_path = Path(params.save_to)
         check_map_name(map_path)
         if not looks:
             log.warning("no places yet; nothing saved")
@@ -137,18 +147,21 @@ class PlaceRecognizer:
         *,
         frames: FrameTree,
     ) -> dict[str, Any] | None:
-        """The places in the newest image that the odometry has reached."""
+        """The places in the oldest image that the odometry has reached; one image a step."""
         if (params.places, params.map) != (self._params.places, self._params.map):
-            self._open(params)
+            try:
+                self._open(params)
+            except OpenError as error:
+                log.warning("place_recognizer: %s; until then %s", error, _ONLY_NEW)
         self._params = params
         if image is not None:
             self._wait(image)
         if odometry is not None:
             self._go_on(odometry)
-        answer = None
         while self._waiting and self._poses and self._is_reached(self._waiting[0]):
-            answer = self._see(self._waiting.popleft(), frames) or answer
-        return answer
+            if answer := self._see(self._waiting.popleft(), frames):
+                return answer
+        return None
 
     def report(self) -> dict[str, Any]:
         """Numbers of views and places."""

@@ -13,9 +13,12 @@ The name of a place is a checksum of its descriptors, so files of different maps
 
 from __future__ import annotations
 
+import os
+import struct
+import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,9 +34,14 @@ from ros_visualise.estimation.localization import map_file
 from ros_visualise.geometry import se3
 from ros_visualise.vision.places import Descriptors
 
-MOST_PLACES = 5000
-_DAMAGE = ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
-_MOST_FEATURES = 3_000_000  # 132 MB
+MOST_PLACES = 1500  # with 400 tags, as many as a map may list
+_MOST_FEATURES = 600 * MOST_PLACES
+_MOST_BYTES = 44 * _MOST_FEATURES + (1 << 16)
+_MEMBER, _MOST_MEMBERS = b"PK\x01\x02", 100  # in the directory of the archive
+_DAMAGE = (
+    *(ValueError, LookupError, TypeError, EOFError, RuntimeError, OverflowError, MemoryError),
+    *(SyntaxError, tokenize.TokenError, struct.error, zipfile.BadZipFile),
+)  # raised by zipfile, and by NumPy for the header of an array
 _LARGEST = 1e6, 10.0  # inverse depth, 1/m, and slope of a ray
 _ADVICE = (
     "write it again with landmarks --places or save_places, or copy it from where the map came from"
@@ -66,8 +74,9 @@ class MappedPlace(NamedTuple):
 
 
 def places_path(map_path: Path) -> Path:
-    """The file beside a map."""
-    return map_path.with_suffix(".places.npz")
+    """The file beside a map; for a symbolic link, beside the file that it leads to."""
+    path = Path(os.path.realpath(map_path)) if map_path.is_symlink() else map_path
+    return path.with_suffix(".places.npz")
 
 
 def to_bytes(looks: Sequence[PlaceLook]) -> bytes:
@@ -94,7 +103,7 @@ def load_places(map_path: Path) -> list[MappedPlace]:
     if not tracks:
         return []
     found = []
-    for look in _looks(path):
+    for look in load_looks(path):
         pose = tracks.get(f"{PLACE}{look.id}")
         if pose is not None:
             at = se3.from_parts(pose.R_fixed_landmark, pose.position_xyz)
@@ -108,14 +117,18 @@ _KINDS: dict[str, type] = {"descriptors": np.uint8, "rays": np.float32, "inverse
 _SHAPES: dict[str, tuple[int, ...]] = {"descriptors": (32,), "rays": (2,), "inverse": ()}
 
 
-def _looks(path: Path) -> Iterable[PlaceLook]:
-    """The places in a file."""
+def load_looks(path: Path) -> list[PlaceLook]:
+    """The places in a file; raises as `load_places`."""
     try:
-        with open_file(path) as file, zipfile.ZipFile(file) as archive:
+        with open_file(path) as file:
+            data = file.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES or data.count(_MEMBER) > _MOST_MEMBERS:
+            raise ValueError("too large")
+        with zipfile.ZipFile(BytesIO(data)) as archive:
             counts = _array(archive, "counts", np.int32, (), MOST_PLACES)
-            if (counts < 1).any() or counts.sum() > _MOST_FEATURES:
-                raise ValueError("a place has no features, or the places have too many")
-            total = int(counts.sum())
+            total = int(counts.sum(dtype=np.int64))
+            if not len(counts) or (counts < 1).any() or total > _MOST_FEATURES:
+                raise ValueError("no places, or places with no features or too many")
             arrays = {
                 name: _array(archive, name, kind, _SHAPES[name], total)
                 for name, kind in _KINDS.items()
@@ -140,11 +153,13 @@ def _looks(path: Path) -> Iterable[PlaceLook]:
 def _array(
     archive: zipfile.ZipFile, name: str, kind: type, row: tuple[int, ...], most: int
 ) -> npt.NDArray[Any]:
-    """An array of the archive, if it has at most ``most`` rows; nothing larger is read."""
+    """An array of the archive, if it has at most ``most`` rows, and is stored as it is."""
     info = archive.getinfo(f"{name}.npy")
     each = np.dtype(kind).itemsize * int(np.prod(row, dtype=int))
     if info.file_size > most * each + (1 << 12):
         raise ValueError(f"more than {most} rows of {name}")
+    if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size:
+        raise ValueError(f"{name} is compressed")
     stream = BytesIO(archive.read(info))
     version = np.lib.format.read_magic(stream)
     if version != (1, 0):

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats, Pixels
-from ros_visualise.estimation.visual.place_file import MappedPlace, PlaceLook
+from ros_visualise.estimation.visual.place_file import MOST_PLACES, MappedPlace, PlaceLook
 from ros_visualise.estimation.visual.views import (
     LEAST,
     SeenPlace,
@@ -100,8 +100,8 @@ class PlaceMemory:
 
     Args:
         info: calibration of the camera.
-        most: number of places; the one nearest to another is forgotten.
-        known: places of a map.
+        most: number of new places; then the one nearest to another is forgotten.
+        known: places of a map, which are never forgotten; with them, all are at most MOST_PLACES.
 
     Attributes:
         counts: numbers of views, places, sightings again, and of those that are ambiguous, or
@@ -111,7 +111,8 @@ class PlaceMemory:
     def __init__(
         self, info: CameraInfo, most: int = 500, known: Iterable[MappedPlace] = ()
     ) -> None:
-        self._info, self._most = info, most
+        known = list(known)
+        self._info, self._most = info, min(most, MOST_PLACES - len(known))
         self._focal = float(np.sqrt(info.K[0, 0] * info.K[1, 1]))
         self._size = np.array([info.width, info.height], float)
         self._index = PlaceIndex()
@@ -285,8 +286,9 @@ class PlaceMemory:
         beside = list(self._recent)[-2::-1]
         inverse = inverse_depths(view, beside, self._focal, _TURN)
         known = inverse > 0
-        if known.sum() < _LEAST_POINTS:
+        if known.sum() < _LEAST_POINTS or self._most < 1:
             return []
+        self._make_room()
         look = PlaceLook(view.features.descriptors[known], view.rays[known], inverse[known])
         of_place = SeenPlace(view.stamp_ns, 0, _features(look), look.rays, view.R, view.p)
         own = self._add(look, of_place, self._part)
@@ -296,18 +298,20 @@ class PlaceMemory:
         return [PlaceSighting(look.id, np.eye(3), own.ahead, np.diag(sigmas**2), len(look.inverse))]
 
     def _add(self, look: PlaceLook, view: SeenPlace, part: int) -> _KnownPlace:
-        if len(self._places) >= self._most:
-            self._forget()
         number = self._index.add(view.features)
         place = _KnownPlace(view, look, look.depth, part, self._way, self._part, self._way)
         self._places[number] = place
         return place
 
-    def _forget(self) -> None:
-        """Forget the place that is nearest to another one."""
-        numbers = list(self._places)
+    def _make_room(self) -> None:
+        """If there are too many new places, forget the one nearest to another of its part."""
+        numbers = [n for n, one in self._places.items() if one.part != _OF_MAP]
+        if len(numbers) < self._most:
+            return
         at = np.array([self._places[n].view.p for n in numbers])
-        apart = np.linalg.norm(at[:, None] - at, axis=2) + np.diag(np.full(len(at), np.inf))
+        parts = np.array([self._places[n].part for n in numbers])
+        apart = np.linalg.norm(at[:, None] - at, axis=2)
+        apart[(parts[:, None] != parts) | np.eye(len(at), dtype=bool)] = np.inf
         number = numbers[int(np.argmin(apart.min(axis=1)))]
         del self._places[number]
         self._index.drop(number)
