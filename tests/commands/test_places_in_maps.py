@@ -10,6 +10,7 @@ import visual_flight
 from visual_flight import Flight
 
 from ros_visualise.commands import main
+from ros_visualise.commands.landmarks import mapping
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.opening import open_recording
@@ -93,3 +94,27 @@ def test_places_need_a_map_to_write_and_odometry(mapped, monkeypatch, capsys):
     monkeypatch.setattr("signal.signal", lambda *_: None)
     assert main(["landmarks", str(mapped / "first.mcap"), "--places"]) == 2
     assert "--places: requires --map OUT.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("is_smoothed", [True, False])
+def test_a_map_without_places_says_why_it_has_none(
+    mapped, monkeypatch, tmp_path, capsys, is_smoothed
+):
+    def fail(*_):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    if is_smoothed:
+        monkeypatch.setattr(mapping, "places_in", lambda *_: [])
+    else:
+        monkeypatch.setattr(mapping, "map_of", fail)
+    out = tmp_path / "short.yaml"
+    options = ["--size", flown_places.SIDE_M, "--model", "none", "--duration", 0.5, "--map", out]
+    assert main(["landmarks", *map(str, [mapped / "first.mcap", *options, "--places"])]) == 0
+    why = "no place was found, or none that the tags locate"
+    why = why if is_smoothed else "the map was not smoothed"
+    assert f"{tmp_path}/short.places.npz: not written: {why}" in capsys.readouterr().err
+    values = load_yaml(out)
+    assert values["frame_id"] == "map"  # the recording has only odom
+    assert values["landmarks"]
+    assert [one.name for one in tmp_path.iterdir()] == ["short.yaml"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -41,16 +41,26 @@ _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
 
 @dataclass(frozen=True, eq=False)
 class MappedLandmarks:
-    """The smoothed map of tags; all landmarks in it; numbers of unused data by reason."""
+    """The smoothed map of tags; all landmarks in it; its frame; unused data by reason."""
 
     map: TagMap
     landmarks: Sequence[LandmarkTrack]
+    frame_id: str
     unused: Mapping[str, int]
 
     @property
     def has_places(self) -> bool:
         """True if some landmarks are places."""
         return any(one.class_id.startswith(PLACE) for one in self.landmarks)
+
+    def with_places(self, kept: Collection[str]) -> MappedLandmarks:
+        """The same without other places than these."""
+        landmarks = [
+            one
+            for one in self.landmarks
+            if one.class_id in kept or not one.class_id.startswith(PLACE)
+        ]
+        return replace(self, landmarks=landmarks)
 
 
 class LandmarkMapper:
@@ -100,7 +110,7 @@ class LandmarkMapper:
         """Make the map; None if no tag of a known size is seen with others.
 
         Args:
-            localized: the landmarks of the localizer; their frame is that of the map.
+            localized: the landmarks of the localizer, in ``odom`` if no frame ``map`` is known.
         """
         frame_id = localized.header.frame_id if localized else ""
         problem = self._gathered.problem(self._sizes, frame_id)
@@ -119,7 +129,7 @@ class LandmarkMapper:
         unused = dict(self._gathered.skipped)
         if unseen:
             unused["surveyed tags that were never seen"] = len(unseen)
-        return MappedLandmarks(made, landmarks, unused)
+        return MappedLandmarks(made, landmarks, self._localizer.fixed_frame, unused)
 
     def _frames(self, topic: str) -> Callable[[Transforms], None]:
         static = is_static(topic)

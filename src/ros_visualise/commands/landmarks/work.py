@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,10 @@ from ros_visualise.core.paths import given_folder, set_folder
 from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
+from ros_visualise.estimation.camera_view import PLACE
 from ros_visualise.estimation.localization import map_file
 from ros_visualise.estimation.localization.messages import LandmarkMessages
-from ros_visualise.estimation.visual.place_file import places_path
+from ros_visualise.estimation.visual.place_file import load_looks, places_path
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import LOCALIZER, PLACES
 from ros_visualise.nodes.landmark_localizer import check_map_name
@@ -34,9 +36,6 @@ from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
 
 _SPIN_S = 0.05
-MAP_FRAME = "map"
-ODOM = "odom"
-"""A frame that differs from run to run, so a map must not be stored in it."""
 
 
 def find_landmarks(options: LandmarksOptions) -> int:
@@ -123,13 +122,12 @@ def _save_map(
 ) -> None:
     """Write the map; that of a stopped run as far as it goes."""
     if mapped is not None and mapped.map.tracks:
-        header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
-        found.map = LandmarkMessages().detections(mapped.landmarks, header)
-        frame_id = MAP_FRAME if header.frame_id == ODOM else header.frame_id
-        text = map_file.to_text(frame_id, mapped.landmarks, mapped.map.common)
         assert options.map is not None
-        if mapped.has_places:
-            runtime.act(PLACES, "save_places")
+        if options.places:
+            mapped = _save_places(runtime, mapped, options.map)
+        header = found.map.header if found.map else Header(frame_id=mapped.frame_id)
+        found.map = LandmarkMessages().detections(mapped.landmarks, header)
+        text = map_file.to_text(mapped.frame_id, mapped.landmarks, mapped.map.common)
         write_file(options.map, text.encode(), options.overwrite)
         return
     is_empty = found.map is None or not found.map.detections
@@ -144,6 +142,26 @@ def _save_map(
     runtime.act(LOCALIZER, "save_map")
     if stopped:
         print_status(f"ros-visualise: {options.map}: contains unsmoothed landmarks")
+    if options.places:
+        _say_no_places(options.map, "the map was not smoothed")
+
+
+def _save_places(runtime: LocalRuntime, mapped: MappedLandmarks, path: Path) -> MappedLandmarks:
+    """Write the places of a map; the map without those that the node has forgotten."""
+    kept: set[str] = set()
+    if mapped.has_places:
+        runtime.act(PLACES, "save_places")
+        file = places_path(path)
+        kept = {f"{PLACE}{look.id}" for look in (load_looks(file) if file.exists() else [])}
+    mapped = mapped.with_places(kept)
+    if not mapped.has_places:
+        _say_no_places(path, "no place was found, or none that the tags locate")
+    return mapped
+
+
+def _say_no_places(path: Path | None, why: str) -> None:
+    if path is not None:
+        print_status(f"ros-visualise: {places_path(path)}: not written: {why}")
 
 
 def _print(
