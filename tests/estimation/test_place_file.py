@@ -121,7 +121,7 @@ WHY = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_damaged_or_foreign_file_is_refused_in_one_line(tmp_path, name):
-    with pytest.raises(OpenError, match=WHY.get(name, "")) as error:
+    with pytest.raises(OpenError, match=WHY.get(name, "places")) as error:
         load_places(saved(tmp_path, data=BAD[name]))
     said = str(error.value)
     assert said.startswith(f"{tmp_path}/field.places.npz: ")
