@@ -201,6 +201,8 @@ def declaration_of(target: Any) -> NodeType:
 def action(help: str) -> Callable[[T], T]:
     """Declare the decorated method as an action: a button, or a service on a graph.
 
+    A method of a node that has an argument ``params`` is given the node's present parameters.
+
     Args:
         help: what it does, in a few words.
     """

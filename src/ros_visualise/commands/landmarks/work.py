@@ -121,8 +121,8 @@ def _save_map(
     stopped: bool,
 ) -> None:
     """Write the map; that of a stopped run as far as it goes."""
+    assert options.map is not None
     if mapped is not None and mapped.map.tracks:
-        assert options.map is not None
         if options.places:
             mapped = _save_places(runtime, mapped, options.map)
         header = found.map.header if found.map else Header(frame_id=mapped.frame_id)
@@ -159,9 +159,8 @@ def _save_places(runtime: LocalRuntime, mapped: MappedLandmarks, path: Path) -> 
     return mapped
 
 
-def _say_no_places(path: Path | None, why: str) -> None:
-    if path is not None:
-        print_status(f"ros-visualise: {places_path(path)}: not written: {why}")
+def _say_no_places(path: Path, why: str) -> None:
+    print_status(f"ros-visualise: {places_path(path)}: not written: {why}")
 
 
 def _print(
