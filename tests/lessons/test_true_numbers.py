@@ -443,7 +443,10 @@ class TestLandmarks:
         if "No tag" in text:  # its picture is too small for one
             assert min(picture.shape[:2]) < 60
             return
-        sentence = "here they hold N % and N %. With N random dots N % more or less is usual"
+        sentence = (
+            "here they hold N % and N %. With N random dots, a difference of up to N percentage"
+            " points is usual"
+        )
         inner, outer, dots, chance = shown(text, sentence)
         share = 1 - math.exp(-2)
         assert chance == pytest.approx(200 * math.sqrt(share * (1 - share) / dots), abs=0.5)

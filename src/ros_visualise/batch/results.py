@@ -72,7 +72,9 @@ class Results:
         except OSError as error:
             raise OpenError(f"{self.folder}: {error.strerror}; choose another folder") from None
         except UnicodeEncodeError:
-            raise OpenError(f"{self.folder}: not UTF-8; choose another folder") from None
+            raise OpenError(
+                f"{self.folder}: its path is not valid UTF-8; choose another folder"
+            ) from None
 
     def write_plan(self, options: Mapping[str, Any], planned: Iterable[Planned]) -> None:
         """Replace the plan."""

@@ -17,7 +17,7 @@ class MapParams:
     save_to: str = param("landmarks.yaml", "YAML file that save_map writes", group="map", file=bool)
     class_prefix: str = param(
         "landmark_",
-        "prefix for tag classes that are only numbers, as on ROS 1, such as tag36h11_",
+        "prefix for tag classes that are bare numbers (as they are on ROS 1), such as tag36h11_",
         group="map",
     )
     object_prefix: str = param(

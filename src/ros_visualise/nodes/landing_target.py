@@ -48,7 +48,10 @@ class LandingTargetParams:
         " in the middle, such as pad, helipad",
     )
     rate: float = param(
-        20.0, "rate of messages predicted from odometry between images, Hz", min=0, max=200
+        20.0,
+        "rate at which predictions from odometry are published between images, Hz; 0: none",
+        min=0,
+        max=200,
     )
     timeout: float = param(
         1.0, "time after which an unseen target is lost, seconds", min=0.05, max=60

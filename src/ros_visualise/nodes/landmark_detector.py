@@ -73,8 +73,8 @@ class LandmarkParams:
     )
     stands_on: GroundPoint = param(
         GroundPoint.BOTTOM,
-        "the point of a box that is used as the object's point on the ground, if the network"
-        " reports none: the middle of the lower side, or the centre (for views from above)",
+        "where in its box an object touches the ground, if the network does not report the point:"
+        " the middle of the lower side, or the centre (for views from above)",
         group="direction",
     )
     box_sigma: float = param(

@@ -102,7 +102,7 @@ class CameraMotionParams:
     camera_turn: float = param(
         -1.0,
         "standard deviation of the error in the camera's attitude on the robot, degrees; below 0:"
-        " 1.5 if the IMU is used (the error is then estimated), and 0.5 if not",
+        " 1.5 with an IMU (the error is then estimated), 0.5 without",
         min=-1,
         max=10,
     )

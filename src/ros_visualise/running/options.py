@@ -76,7 +76,7 @@ class ViewingOptions:
         "show a web page (default), OpenCV windows, or nothing",
         choices=("web", "windows", "none"),
     )
-    host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
+    host: str = option("127.0.0.1", "address on which the page is served (default: %(default)s)")
     port: int = option(8080, "port of the page (default: %(default)s)", type=port)
     token: bool = option(
         True,

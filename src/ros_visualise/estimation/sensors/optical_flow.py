@@ -13,7 +13,7 @@ class OpticalFlowErrorParams:
     """Parameters of optical flow errors; its noise is that of its messages."""
 
     optical_flow: bool = param(
-        True, "use optical flow, together with an IMU, if available", group="optical flow"
+        True, "use optical flow, if available (only with an IMU)", group="optical flow"
     )
     optical_flow_scale: float = param(
         0.03,

@@ -13,7 +13,7 @@ class WheelSpeedErrorParams:
     """Parameters of wheel speed errors; its noise is that of its messages."""
 
     wheel_speed: bool = param(
-        True, "use wheel speed, together with an IMU, if available", group="wheel speed"
+        True, "use wheel speed, if available (only with an IMU)", group="wheel speed"
     )
     wheel_speed_scale: float = param(
         0.03,

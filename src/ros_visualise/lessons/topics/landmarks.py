@@ -182,9 +182,10 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
 
         The figure shows the position from above: each of the {trials} dots was computed from
         corners with random noise. In theory the inner ellipse holds 39 % of them, the outer one 86
-        %; here they hold {inner:.0f} % and {outer:.0f} %. With {trials} random dots {chance:.0f} %
-        more or less is usual; a larger difference is beyond this first-order theory. The
-        standard deviation is {x:.2f} mm sideways, and {z:.2f} mm along the camera's axis.
+        %; here they hold {inner:.0f} % and {outer:.0f} %. With {trials} random dots, a difference
+        of up to {chance:.0f} percentage points is usual; a larger one is beyond this first-order
+        theory. The standard deviation is {x:.2f} mm sideways, and {z:.2f} mm along the camera's
+        axis.
         """
     away = (tried - best.position_xyz)[:, [0, 2]]
     squared = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away)

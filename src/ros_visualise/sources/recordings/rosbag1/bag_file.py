@@ -103,7 +103,7 @@ class BagFile:
                 spans = common_spans(content, entries)
             stamps_ns = entries["stamp_ns"]
             if ((spans[2] >= 0) & (spans[2] != stamps_ns)).any():
-                self._lose(chunk, 0, -4, "stamps of its index and messages differ")
+                self._lose(chunk, 0, -4, "stamps in its index and messages differ")
             is_asked = np.isin(entries["connection"], list(wanted))
             is_asked &= (stamps_ns >= query.start_ns) & (stamps_ns < query.stop_ns)
             entries, spans = entries[is_asked], spans[:, is_asked]
