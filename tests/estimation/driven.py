@@ -157,6 +157,9 @@ def drive(
                 is_mounted = True
             while changes and event.arrival_s >= changes[0][0]:
                 run.params = changes.pop(0)[1]
+            if event.port == "tf":
+                given.add(event.message)
+                continue
             try:
                 answer = run.node.step(run.params, **{event.port: event.message}, frames=given)
             except NoTransform as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -227,6 +227,7 @@ class World:
         imu_turned: (from, to, (3, 3)): the IMU's axes are others.
         shakes_rad: the camera's attitude differs from its frame, anew in each image.
         mounted_rad: (3,) the same, in all images.
+        gimbal: keeps the camera level, its angles on tf ``gimbal_age_s`` old; None: it is fixed.
         pixel: standard deviation of corners, as their detector states.
         clutter: part of the images that has a false tag, each with a name of its own.
         size_factor: true sizes of tags are multiplied by it in detections.
@@ -258,6 +259,8 @@ class World:
     imu_turned: Sequence[tuple[float, float, Any]] = ()
     shakes_rad: float = 0.0
     mounted_rad: Any = (0.0, 0.0, 0.0)
+    gimbal: Sensor | None = None
+    gimbal_age_s: float = 0.0
     gyro: float = 3e-4
     accel: float = 3e-3
     pixel: float = 0.3
@@ -292,6 +295,7 @@ class World:
             "gps": (self.gps, self._gps),
             "barometer": (self.barometer, self._barometer),
             "magnetometer": (self.magnetometer, self._magnetometer),
+            "tf": (self.gimbal, self._gimbal),
         }
         several = []
         for number, (port, (sensor, maker)) in enumerate(makers.items()):
@@ -416,7 +420,9 @@ class World:
     def _images(self, times, random):
         for t in times:
             shaken = exp(self.mounted_rad) @ exp(self.shakes_rad * random.normal(size=3))
-            camera = self.truth(t) @ CAMERA @ Pose(shaken, np.zeros(3))
+            mount = self._level(t) if self.gimbal else CAMERA
+            camera = self.truth(t) @ mount @ Pose(shaken, np.zeros(3))
+            header = partial(_header, frame_id="gimbal" if self.gimbal else "camera")
             seen = [
                 one
                 for name, tag in self.tags.items()
@@ -425,7 +431,17 @@ class World:
             if random.random() < self.clutter:
                 seen.append(self._false(f"tag36h11_{random.integers(1000, 10**9)}", random))
             seen += self._see_posts(camera, random)
-            yield lambda ns, seen=tuple(seen): Detections(seen, _header(ns, "camera"), INFO)
+            yield lambda ns, seen=tuple(seen), at=header: Detections(seen, at(ns), INFO)
+
+    def _gimbal(self, times, random):
+        for t in times:
+            pose = self._level(t - self.gimbal_age_s)
+            yield lambda ns, pose=pose: frame("base_link", "gimbal", pose, ns)
+
+    def _level(self, t):
+        """T_body_camera of a level camera."""
+        R = self.path(t).R
+        return Pose(R.T @ exp([0, 0, np.arctan2(R[1, 0], R[0, 0])]) @ CAMERA.R, CAMERA.p)
 
     def _see(self, name, tag, camera, random):
         local = (tag.corners - camera.p) @ camera.R
@@ -517,8 +533,8 @@ def geodetic(enu):
     return np.degrees(new), longitude, ORIGIN[2] + up + (east**2 / N + north**2 / M) / 2
 
 
-def frame(parent, child, pose):
-    return TransformStamped(child, pose.p, quat_of(pose.R), Header(0, parent))
+def frame(parent, child, pose, ns=0):
+    return TransformStamped(child, pose.p, quat_of(pose.R), Header(ns, parent))
 
 
 def mounting():

@@ -21,6 +21,7 @@ PLACE = "place_"
 
 _CORNERS = 4  # of a tag
 _TURNED_NS = 20_000_000  # over which the turning of a camera on the robot is measured
+_AGE_S = 0.02  # standard deviation of the age of a gimbal's angles
 _NO_NOISE = np.zeros((8, 8))
 
 
@@ -96,6 +97,14 @@ class CameraView:
     print: bytes
     camera: int = 0
     turning: Floats = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def turn_variance(self) -> float:
+        """Variance of the camera's attitude about each axis, rad^2, anew in each image.
+
+        The angles of a gimbal are a little old: while it turns, they err by its turn since.
+        """
+        return _AGE_S**2 * float(self.turning @ self.turning)
 
 
 def turning_of(frames: FrameTree, base: str, header: Header, T_base_camera: Floats) -> Floats:

@@ -40,7 +40,7 @@ from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
 _WRONG_CLOCK_S = 0.02
-_STAYS_NS = 2_000_000_000  # for which a clock is wrong before the user is told
+_REPEATED = 20  # images with tags in a row by which a clock is wrong before the user is told
 _WRONG_SIZE = 0.02  # as a fraction
 _UNSEEN_NS = 10_000_000_000  # without a map tag in view, after which the user is told
 _SEARCHING = "not localized: needs one map tag in three images"
@@ -213,12 +213,13 @@ class Filter:
         self._age(belief)
         belief.map, belief.search = belief.map.copy(), belief.search.copy()
         belief.map.rules = self.settings.rules
-        self._name_clock(belief, view)
         if belief.is_located:
             if belief.rival is not None:
                 rivalry.judge_by_tags(belief, view)
             self._check_steadiness(belief, view)
             belief.state, belief.outcome = belief.map.take(belief.state, view)
+            if belief.outcome.used:
+                self._name_clock(belief, view)
             self._name_sizes(belief)
             self._verify(belief, view)
             return
@@ -261,11 +262,10 @@ class Filter:
         said = f"wrong {name}"
         late_s, rows = float(belief.state.robot[own][CLOCK]), clock_of(view.camera)
         sigma_s = float(np.sqrt(belief.state.P[rows, rows].item()))
-        if abs(late_s) <= max(_WRONG_CLOCK_S, 5 * sigma_s):
-            belief.remember(name, None)
-        elif belief.memory.get(name) is None:
-            belief.remember(name, belief.now_ns)
-        elif belief.now_ns - belief.memory[name] > _STAYS_NS and said not in belief.memory:
+        is_wrong = abs(late_s) > max(_WRONG_CLOCK_S, 5 * sigma_s)
+        count = belief.memory.get(name, 0) + 1 if is_wrong else 0
+        belief.remember(name, count)
+        if count >= _REPEATED and said not in belief.memory:
             belief.remember(said, True)
             where = "behind" if late_s > 0 else "ahead of"
             belief.note(f"the {name} is {abs(late_s) * 1e3:.0f} ms {where} that of the odometry")

@@ -9,7 +9,7 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.gates import Innovation
-from ros_visualise.estimation.measuring import CAMERAS, LinearizedPairs, Pair, measure
+from ros_visualise.estimation.measuring import CAMERAS, TURN, LinearizedPairs, Pair, measure
 from ros_visualise.estimation.resting import PER_LANDMARK, Indices
 from ros_visualise.estimation.robot import POSE, own_states
 from ros_visualise.estimation.state import Mask, State
@@ -23,6 +23,7 @@ _LEAST = 1e-9  # metres and radians
 _HUBER = 2.5  # Huber threshold of corners, standard deviations
 _BEHIND = 1e6  # squared distance of what is behind the camera
 _OF_CAMERA = slice(POSE.stop, POSE.stop + 5)
+_TURN = slice(POSE.stop + TURN.start, POSE.stop + TURN.stop)
 
 
 def fits(view: CameraView, pairs: Sequence[Pair], state: State) -> list[Innovation]:
@@ -33,8 +34,9 @@ def fits(view: CameraView, pairs: Sequence[Pair], state: State) -> list[Innovati
         each = _of_each(columns, several)
         H = np.concatenate([several.of_shared, several.of_landmark], axis=2)
         P = state.P[each[:, :, None], each[:, None, :]]
-        spread = H @ P @ np.swapaxes(H, 1, 2) + several.noise
-        compared = _innovations(several.residual, spread, several.noise)
+        noise = _noise_of_each(view, several)
+        spread = H @ P @ np.swapaxes(H, 1, 2) + noise
+        compared = _innovations(several.residual, spread, noise)
         found |= zip(several.places.tolist(), compared, strict=True)
     return [found[number] for number in range(len(pairs))]
 
@@ -45,7 +47,7 @@ def together(
     """The innovation of all pairs as one: of the state, and with more variance in some rows."""
     columns = _columns(view, pairs, state)
     several = measure(view, pairs, state)
-    H, noise = ImageJacobian(several), _noise(several)
+    H, noise = ImageJacobian(several), _noise(view, several)
     residual = np.concatenate([one.residual.ravel() for one in several])
     spread = H @ (H @ state.P[columns][:, columns]).T + noise
     more = H @ np.eye(len(columns))[:, (columns >= rows.start) & (columns < rows.stop)]
@@ -73,7 +75,7 @@ def update(
     moved = state
     for turn in range(_ROUNDS):
         several = _linearized(view, pairs, moved, turn)
-        H, noise = ImageJacobian(several), _noise(several)
+        H, noise = ImageJacobian(several), _noise(view, several)
         innovation = np.concatenate([one.residual.ravel() for one in several]) + H @ error
         if not np.isfinite(innovation).all():  # the camera got behind a landmark
             return state
@@ -102,7 +104,7 @@ def update_each(state: State, view: CameraView, pairs: Sequence[Pair]) -> State:
     own, every = columns[_OF_CAMERA.stop :], np.zeros(state.size)
     for turn in range(_ROUNDS):
         several = _linearized(view, pairs, moved, turn)
-        gains = [_own_gain(one, P) for one in several]
+        gains = [_own_gain(view, one, P) for one in several]
         before, error = error, np.empty_like(error)
         for one, gain in zip(several, gains, strict=True):
             innovation = one.residual[..., None] + one.of_landmark @ before[one.places, :, None]
@@ -116,16 +118,16 @@ def update_each(state: State, view: CameraView, pairs: Sequence[Pair]) -> State:
         moved = state.moved(every)
     H, gain = ImageJacobian(several), _diagonal(gains, several)
     HP = H @ state.joint[columns]
-    spread = H @ HP[:, columns].T + _noise(several)
+    spread = H @ HP[:, columns].T + _noise(view, several)
     return state.corrected_in(own, error.ravel(), gain @ HP, gain @ spread @ gain.T)
 
 
-def _own_gain(several: LinearizedPairs, P: Floats) -> Floats:
+def _own_gain(view: CameraView, several: LinearizedPairs, P: Floats) -> Floats:
     """(G, 7, k) gains of the landmarks alone; P is of the states that all pairs depend on."""
     each = _of_each(np.arange(len(P)), several)
     H = np.concatenate([several.of_shared, several.of_landmark], axis=2)
     HP = H @ P[each[:, :, None], each[:, None, :]]
-    spread = HP @ np.swapaxes(H, 1, 2) + several.noise
+    spread = HP @ np.swapaxes(H, 1, 2) + _noise_of_each(view, several)
     return np.swapaxes(np.linalg.solve(spread, HP[..., _OF_CAMERA.stop :]), 1, 2)
 
 
@@ -245,12 +247,20 @@ def _robust(one: LinearizedPairs) -> LinearizedPairs:
     return one._replace(noise=one.noise * factors[:, :, None] * factors[:, None, :])
 
 
-def _noise(several: Sequence[LinearizedPairs]) -> Floats:
-    """(k, k) noise of all pairs of an image."""
-    noise = np.zeros((sum(one.residual.size for one in several),) * 2)
+def _noise_of_each(view: CameraView, several: LinearizedPairs) -> Floats:
+    """(G, k, k) noise of pairs: of what was seen, and of the camera's attitude."""
+    by_turn = several.of_shared[..., _TURN]
+    noise: Floats = several.noise + view.turn_variance * (by_turn @ np.swapaxes(by_turn, 1, 2))
+    return noise
+
+
+def _noise(view: CameraView, several: Sequence[LinearizedPairs]) -> Floats:
+    """(k, k) noise of all pairs of an image, which share that of the camera's attitude."""
+    by_turn = np.concatenate([one.of_shared[..., _TURN].reshape(-1, 3) for one in several])
+    noise: Floats = view.turn_variance * (by_turn @ by_turn.T)
     start = 0
     for one in several:
         rows = start + np.arange(one.residual.size).reshape(one.residual.shape)
-        noise[rows[:, :, None], rows[:, None, :]] = one.noise
+        noise[rows[:, :, None], rows[:, None, :]] += one.noise
         start += one.residual.size
     return noise
