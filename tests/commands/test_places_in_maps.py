@@ -110,11 +110,15 @@ def test_a_map_without_places_says_why_it_has_none(
         monkeypatch.setattr(mapping, "map_of", fail)
     out = tmp_path / "short.yaml"
     options = ["--size", flown_places.SIDE_M, "--model", "none", "--duration", 0.5, "--map", out]
-    assert main(["landmarks", *map(str, [mapped / "first.mcap", *options, "--places"])]) == 0
+    options += ["--places", "--json"]
+    assert main(["landmarks", *map(str, [mapped / "first.mcap", *options])]) == 0
     why = "no place was found, or none that the tags locate"
     why = why if is_smoothed else "the map was not smoothed"
-    assert f"{tmp_path}/short.places.npz: not written: {why}" in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert f"{tmp_path}/short.places.npz: not written: {why}" in said.err
     values = load_yaml(out)
     assert values["frame_id"] == "map"  # the recording has only odom
+    found = json.loads(said.out)["landmarks"]
+    assert {one["frame_id"] for one in found if one["pose"]} == {"map"}
     assert values["landmarks"]
     assert [one.name for one in tmp_path.iterdir()] == ["short.yaml"]

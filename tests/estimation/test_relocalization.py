@@ -108,6 +108,16 @@ def test_the_only_tag_of_a_map_moves_no_robot_at_once():
     assert run.counted("loss") == 0
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_relocalizes_a_robot_depends_on_the_tags_of_its_map(tmp_path, count):
+    tags = tags_on_ground([(1, 0, -5), (2, 0, -5)][:count])
+    way = along((0, 0, 0), (6, 0, 0), speed=0.5)
+    world = World(way, tags, slides=[(3, 3.05, (100, 0, 0))])
+    run = drive(world.events(4), given(tmp_path, tags, 0.02, 0.01, 0))
+    needed = {1: "the only tag of the map is", 2: "two different map tags are"}[count]
+    assert run.says(f"lost: the odometry jumped; {needed} needed to relocalize")
+
+
 @pytest.mark.parametrize("there", ["one tag", "two tags"])
 def test_a_robot_that_was_moved_is_not_falsely_certain(there, tmp_path):
     """From 2 s after the first sight that contradicts it."""

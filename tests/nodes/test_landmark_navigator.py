@@ -132,6 +132,35 @@ def test_map_to_odom_and_the_pose_are_stamped_as_the_odometry(params, corners):
     assert (sigma < 0.1).all()
 
 
+def test_a_map_in_the_frame_of_the_odometry_is_renamed_and_saved_so(tmp_path, caplog):
+    path = tmp_path / "map.yaml"
+    written_map(path)
+    path.write_text(path.read_text().replace("frame_id: map", "frame_id: odom"))
+    params = NavigatorParams(mode=MapMode.FROZEN, map=str(path), save_to=str(tmp_path / "new.yaml"))
+    node = LandmarkNavigator(params)
+    last = [answer for answer in run(node, params) if "pose" in answer][-1]
+    (frame,) = last["tf"].transforms
+    assert (frame.header.frame_id, frame.child_frame_id) == ("map", "odom")
+    assert last["pose"].header.frame_id == "map"
+    said = [one.getMessage() for one in caplog.records if "frame odom is also" in one.getMessage()]
+    assert len(said) == 1
+    node.save_map(params)
+    assert map_file.load(tmp_path / "new.yaml").frame_id == "map"
+
+
+def test_odometry_in_the_frame_of_the_map_is_said_and_gets_no_transform(params, caplog):
+    node = LandmarkNavigator(params)
+    for number in range(20):
+        one = odometry(1 + number / 10, number / 20)
+        one = replace(one, header=replace(one.header, frame_id="map"))
+        answer = node.step(params, odometry=one, frames=tree())
+        seen = detections(1 + number / 10, np.array([1.0 + number / 20, 0, 5]))
+        node.step(params, detections=seen, frames=tree())
+    assert "pose" in answer
+    assert "tf" not in answer
+    assert caplog.text.count("publish the odometry in another frame, such as odom") == 1
+
+
 def test_what_a_whole_map_is_off_the_robot_is_off_too(tmp_path):
     common = np.diag([0.3, 0.2, 0.1, 0, 0, 0]) ** 2
     path = written_map(tmp_path / "map.yaml", common)

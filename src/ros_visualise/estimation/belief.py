@@ -32,6 +32,12 @@ class Note(NamedTuple):
     text: str
 
 
+def lost(why: str, tags: int) -> str:
+    """Why the robot is lost, and which of the map's tags relocalize it."""
+    needed = "two different map tags are" if tags > 1 else "the only tag of the map is"
+    return f"lost: {why}; {needed} needed to relocalize"
+
+
 @dataclass(frozen=True)
 class RefusalRun:
     """Measurements of one sensor refused in a row: since when, and how many."""
@@ -169,6 +175,6 @@ class Belief:
     def lose(self, why: str) -> None:
         """The robot is lost."""
         self.is_located = False
-        self.reason = f"lost: {why}; two different map tags are needed to relocalize"
+        self.reason = lost(why, self.map.tags)
         self.counts["losses"] += 1
         self.note(self.reason)

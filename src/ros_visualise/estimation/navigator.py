@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.belief import Belief, Note
+from ros_visualise.estimation.belief import Belief, Note, lost
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.filter import Filter, OdometryEvent
 from ros_visualise.estimation.imu import Mounting
@@ -81,15 +81,13 @@ class Navigator:
         self._dropped += self._window.dropped
         self._begin(settings, before.map.copy())
         if before.map.used:
-            log.warning(
-                "time jumped: keeping the map (%d landmarks); two of its tags relocalize the robot",
-                len(before.map.used),
-            )
+            reason = lost("time jumped", before.map.tags)
+            log.warning("keeping the map of %d landmarks; %s", len(before.map.used), reason)
             state, first = before.state.whole(), self.belief
             unknown = first.state
             first.state = state.with_robot_of(unknown)
             first.has_pose = True
-            first.reason = "lost: time jumped; two different map tags are needed to relocalize"
+            first.reason = reason
         else:
             self.belief.map.landmarks.clear()
         self._stamps = StampGuard()

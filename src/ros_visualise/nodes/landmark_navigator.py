@@ -53,6 +53,11 @@ _TWO_PUBLISH = (
     " Stop the other node or, if the transform comes from a recording, play it without this"
     " transform"
 )
+_RENAMED = "%s: its frame %s is also that of the odometry; using the frame %s for the map"
+_ODOMETRY_IN_MAP = (
+    "the odometry is in the frame map, which is that of the landmarks; publishing no transform;"
+    " publish the odometry in another frame, such as odom"
+)
 _NO_MOUNTING = "no transform to the robot"
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
 _UNKNOWN = 1e3  # variance above which an odometry says that it does not know
@@ -245,6 +250,7 @@ class LandmarkNavigator:
         header = odometry.header
         if not self._base_frame:
             self._odom_frame, self._base_frame = header.frame_id, odometry.child_frame_id
+            self._keep_frames_apart()
         if self._navigator is None:
             start = self._begun(frames, header)
             given = _known(self._given, self._common)
@@ -258,13 +264,23 @@ class LandmarkNavigator:
         self._now = now
         place, quat = se3.to_pose(now.T_map_odom)
         at = Header(header.stamp_ns, self._frame)
-        answer: dict[str, Any] = {
-            "tf": Transforms((TransformStamped(self._odom_frame, place, quat, at),))
-        }
+        answer: dict[str, Any] = {}
+        if self._frame != self._odom_frame:
+            answer["tf"] = Transforms((TransformStamped(self._odom_frame, place, quat, at),))
         if now.is_located:
             place, quat = se3.to_pose(now.T_map_base)
             answer["pose"] = PoseWithCovarianceStamped(place, quat, now.covariance, at)
         return answer
+
+    def _keep_frames_apart(self) -> None:
+        """Rename the map's frame if it is that of the odometry, as of maps made without tf."""
+        if self._frame != self._odom_frame:
+            return
+        if self._frame == _MAP:
+            log.warning("%s", _ODOMETRY_IN_MAP)
+            return
+        log.warning(_RENAMED, self._params.map, self._frame, _MAP)
+        self._frame = _MAP
 
     def _begun(self, frames: FrameTree, header: Header) -> rigid.Pose | None:
         """T_map_odom if the start of the odometry is published; None if it is not.

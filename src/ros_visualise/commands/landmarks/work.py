@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +126,8 @@ def _save_map(
     if mapped is not None and mapped.map.tracks:
         if options.places:
             mapped = _save_places(runtime, mapped, options.map)
-        header = found.map.header if found.map else Header(frame_id=mapped.frame_id)
+        stamp_ns = found.map.header.stamp_ns if found.map else 0
+        header = Header(stamp_ns, mapped.frame_id)
         found.map = LandmarkMessages().detections(mapped.landmarks, header)
         text = map_file.to_text(mapped.frame_id, mapped.landmarks, mapped.map.common)
         write_file(options.map, text.encode(), options.overwrite)
@@ -139,7 +141,10 @@ def _save_map(
             f"{options.map}: not written: no landmarks in the map; give the tag size with --size"
             f" or --tags, and the camera's calibration"
         )
+    assert found.map is not None
     runtime.act(LOCALIZER, "save_map")
+    header = replace(found.map.header, frame_id=map_file.load(options.map).frame_id)
+    found.map = replace(found.map, header=header)
     if stopped:
         print_status(f"ros-visualise: {options.map}: contains unsmoothed landmarks")
     if options.places:
