@@ -128,7 +128,7 @@ def show_at(
 
 def fill(text: str, numbers: Mapping[str, Any]) -> str:
     """A text with numbers for its ``{names}``."""
-    return dedent(text).format(**numbers)
+    return dedent(text).format(**numbers) if numbers else dedent(text)
 
 
 def work_of(image: Image, kind: type[W]) -> W:

@@ -45,26 +45,19 @@ def mosaic(image: Image, params: PixelParams) -> dict[str, Message]:
     y, x = np.unravel_index(error[4:-4, 4:-4].argmax(), error[4:-4, 4:-4].shape)
     place = params.pixel(truth.shape, (int(x) + 4, int(y) + 4))
     work = _Measured(truth, measured, place)
-    text = """
+    text = f"""
         In front of each pixel of the sensor is a colour filter: red, green or blue. In Bayer's
-        pattern (1976), here {pattern}, half of the filters are green, the colour that the eye sees
-        best:
+        pattern (1976), here {methods.PATTERN.upper()}, half of the filters are green, the colour
+        that the eye sees best:
 
             R G R G
             G B G B
 
-        So the sensor measures {numbers} of the {wanted} numbers of a colour picture. The two
-        missing colours of each pixel are estimated from its neighbours: this is called demosaicing.
+        So the sensor measures {measured.size} of the {truth.size} numbers of a colour picture. The
+        two missing colours of each pixel are estimated from its neighbours: this is called
+        demosaicing.
         """
-    return show(
-        image,
-        _draw(work, methods.colored(measured), None),
-        text,
-        work,
-        pattern=methods.PATTERN.upper(),
-        numbers=measured.size,
-        wanted=truth.size,
-    )
+    return show(image, _draw(work, methods.colored(measured), None), text, work)
 
 
 def _by(method: str, name: str, text: str) -> Any:

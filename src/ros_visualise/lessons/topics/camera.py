@@ -47,40 +47,27 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
     points = corners + np.array([params.aside, 0, params.distance])
     pixels = project(points, K)
     nearest = int(points[:, 2].argmin())
-    text = """
-        In a pinhole camera all light passes through one point. A point at (X, Y, Z), in metres to
-        the right, down and ahead, is seen at the pixel
-
-            u = fx X / Z + cx
-            v = fy Y / Z + cy
-
-        with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The cube has sides of 1
-        m. Its corner at ({x:.2f}, {y:.2f}, {z:.2f}) m, red, is seen at ({u:.1f}, {v:.1f}). At a
-        distance of {distance:g} m, one metre is {scale:.1f} pixels wide; at twice the distance, it
-        is half as wide. The camera's field of view is {angle:.0f}°.
-        """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), bgr)
     for one, other in product(range(8), repeat=2):
         if one < other and bin(one ^ other).count("1") == 1:
             figure.line(pixels[[one, other]], YELLOW, 2.5)
     figure.dot(pixels[nearest, 0], pixels[nearest, 1], 5, RED)
-    return show(
-        image,
-        figure,
-        text,
-        focal=K[0, 0],
-        cx=K[0, 2],
-        cy=K[1, 2],
-        x=points[nearest, 0],
-        y=points[nearest, 1],
-        z=points[nearest, 2],
-        u=pixels[nearest, 0],
-        v=pixels[nearest, 1],
-        distance=params.distance,
-        scale=K[0, 0] / params.distance,
-        angle=np.degrees(2 * np.arctan(width / 2 / K[0, 0])),
-    )
+    text = f"""
+        In a pinhole camera all light passes through one point. A point at (X, Y, Z), in metres to
+        the right, down and ahead, is seen at the pixel
+
+            u = fx X / Z + cx
+            v = fy Y / Z + cy
+
+        with fx = fy = {K[0, 0]:.1f} pixels, cx = {K[0, 2]:.1f} and cy = {K[1, 2]:.1f}. The cube has
+        sides of 1 m. Its corner at ({points[nearest, 0]:.2f}, {points[nearest, 1]:.2f},
+        {points[nearest, 2]:.2f}) m, red, is seen at ({pixels[nearest, 0]:.1f},
+        {pixels[nearest, 1]:.1f}). At a distance of {params.distance:g} m, one metre is
+        {K[0, 0] / params.distance:.1f} pixels wide; at twice the distance, it is half as wide. The
+        camera's field of view is {np.degrees(2 * np.arctan(width / 2 / K[0, 0])):.0f}°.
+        """
+    return show(image, figure, text)
 
 
 @dataclass(frozen=True)
@@ -116,7 +103,13 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
     bent = _through(bgr, K, D)
     corner = np.array([[0.0, 0.0]])
     moved = _to_pixels(distort(_to_rays(corner, K), D), K)[0]
-    text = """
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), bent)
+    for line in _grid(width, height):
+        figure.line(_to_pixels(distort(_to_rays(line, K), D), K), YELLOW, 1)
+    length = float(np.linalg.norm(moved))
+    work = _LensPictures(bgr, bent, K, D)
+    text = f"""
         A lens shifts each point in the picture: the farther from the centre, the larger the shift.
         With x = X/Z, y = Y/Z and r² = x² + y²:
 
@@ -125,15 +118,9 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
             y' = y R + p₁ (r² + 2 y²) + 2 p₂ x y
 
         The lines of the yellow grid are straight in the world. The corner of the picture, at (0, 0)
-        without the lens, is shifted to ({u:.1f}, {v:.1f}): {length:.1f} pixels away.
+        without the lens, is shifted to ({moved[0]:.1f}, {moved[1]:.1f}): {length:.1f} pixels away.
         """
-    figure = Figure(width, height)
-    figure.picture((0, 0, width, height), bent)
-    for line in _grid(width, height):
-        figure.line(_to_pixels(distort(_to_rays(line, K), D), K), YELLOW, 1)
-    length = float(np.linalg.norm(moved))
-    work = _LensPictures(bgr, bent, K, D)
-    return show(image, figure, text, work, u=moved[0], v=moved[1], length=length)
+    return show(image, figure, text, work)
 
 
 @node("undistorted", inputs=TAKES, outputs=GIVES)
@@ -143,15 +130,15 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
     back = cv2.undistort(seen.bent, seen.K, seen.D)
     valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
     difference = cv2.absdiff(back, seen.straight).mean(axis=2)
-    text = """
-        For each pixel of the undistorted picture we compute where the lens has moved it, and take
-        the colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} %
-        of the picture is recovered{rest}. The recovered part differs from the truth by
-        {difference:.2f} levels on average, because it was interpolated twice.
-        """
     rest = "" if valid.all() else "; the black part was outside the view of the lens"
-    return show(image, back, text, share=100 * valid.mean(), rest=rest,
-                difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
+    text = f"""
+        For each pixel of the undistorted picture we compute where the lens has moved it, and take
+        the colour from there. cv2.undistort does this, and so does the node rectify.
+        {100 * valid.mean():.1f} % of the picture is recovered{rest}. The recovered part differs
+        from the truth by {difference[valid].mean() if valid.any() else 0.0:.2f} levels on average,
+        because it was interpolated twice.
+        """
+    return show(image, back, text)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -37,17 +37,17 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
     gray = cv2.cvtColor(colors_of(image), cv2.COLOR_BGR2GRAY)
     smoothed = smooth(gray, params.sigma)
     change = float(np.abs(gray.astype(int) - smoothed).mean())
-    text = """
+    text = f"""
         Derivatives amplify noise, so the picture is smoothed first: each pixel becomes the mean of
         its neighbours, weighted by a Gaussian.
 
             G(x, y) = exp(-r² / 2σ²) / 2πσ²
-            r² = x² + y²,   σ = {sigma:g}
+            r² = x² + y²,   σ = {params.sigma:g}
 
         This changes a pixel of this picture by {change:.2f} gray levels on average. cv2.Canny does
         not smooth, so give it a smoothed picture. With σ = 0 this step is off.
         """
-    return show(image, smoothed, text, smoothed, sigma=params.sigma, change=change)
+    return show(image, smoothed, text, smoothed)
 
 
 @dataclass(frozen=True)
@@ -64,32 +64,20 @@ def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
     found = canny.gradient(work_of(image, np.ndarray), params.aperture.value, params.l2)
     size = _norm(found)
     y, x = np.unravel_index(size.argmax(), size.shape)
-    text = """
+    text = f"""
         Sobel's kernels measure how fast the gray changes to the right, Gx, and down, Gy. For 3x3:
 
                  −1  0  1             −1 −2 −1
             Gx:  −2  0  2       Gy:    0  0  0
                  −1  0  1              1  2  1
 
-            |G| = {norm},   θ = atan2(Gy, Gx)
+            |G| = {"√(Gx² + Gy²)" if params.l2 else "|Gx| + |Gy|"},   θ = atan2(Gy, Gx)
 
-        {kernel}The colour is the direction θ, the brightness √|G|. The largest |G| here is
-        {largest:.0f}, at ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
+        {_about_kernel(params.aperture.value)}The colour is the direction θ, the brightness √|G|.
+        The largest |G| here is {size[y, x]:.0f}, at ({x}, {y}): Gx = {found.dx[y, x]}, Gy =
+        {found.dy[y, x]}, θ = {direction(found.dx[y, x], found.dy[y, x]):.0f}°.
         """
-    return show(
-        image,
-        by_direction(direction(found.dx, found.dy), size),
-        text,
-        found,
-        norm="√(Gx² + Gy²)" if params.l2 else "|Gx| + |Gy|",
-        kernel=_about_kernel(params.aperture.value),
-        largest=size[y, x],
-        x=x,
-        y=y,
-        dx=found.dx[y, x],
-        dy=found.dy[y, x],
-        angle=direction(found.dx[y, x], found.dy[y, x]),
-    )
+    return show(image, by_direction(direction(found.dx, found.dy), size), text, found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,33 +99,20 @@ def suppression(image: Image, params: PixelParams) -> dict[str, Message]:
     kind = int(canny.direction_class(found)[y, x])
     towards = NEIGHBOURS[kind]
     neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
-    text = """
+    text = f"""
         A pixel stays only if its |G| is larger than that of its two neighbours in the direction of
         the gradient; θ is rounded to 0°, 45°, 90° or 135°. If two are equal, the left or upper one
         stays; on a diagonal, neither of them stays, as in cv2.Canny.
 
-        At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, rounded to {taken}°. Its two
-        neighbours, orange, have {before:.0f} and {after:.0f}, so the pixel {fate}.
+        At ({x}, {y}), blue: |G| = {size[y, x]:.0f}, θ =
+        {direction(found.dx[y, x], found.dy[y, x]):.0f}°, rounded to {45 * kind}°. Its two
+        neighbours, orange, have {neighbours[0]:.0f} and {neighbours[1]:.0f}, so the pixel
+        {"stays" if keeps[y, x] else "is suppressed"}.
 
-        Of {all} pixels with a gradient, {kept} stay ({share:.1f} %). Click another pixel.
+        Of {int((size > 0).sum())} pixels with a gradient, {int(keeps.sum())} stay
+        ({100 * keeps.sum() / max(1, int((size > 0).sum())):.1f} %). Click another pixel.
         """
-    return show(
-        image,
-        _draw_suppression(found, keeps, (x, y), towards),
-        text,
-        _Thin(found, keeps),
-        x=x,
-        y=y,
-        here=size[y, x],
-        angle=direction(found.dx[y, x], found.dy[y, x]),
-        taken=45 * kind,
-        before=neighbours[0],
-        after=neighbours[1],
-        fate="stays" if keeps[y, x] else "is suppressed",
-        all=int((size > 0).sum()),
-        kept=int(keeps.sum()),
-        share=100 * keeps.sum() / max(1, int((size > 0).sum())),
-    )
+    return show(image, _draw_suppression(found, keeps, (x, y), towards), text, _Thin(found, keeps))
 
 
 @dataclass(frozen=True)
@@ -163,26 +138,21 @@ def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
     thin = work_of(image, _Thin)
     edges = canny.hysteresis(thin.gradient, thin.keeps, params.low, params.high)
     weak = edges.rescued | edges.lost
-    text = """
+    low, high = sorted((params.low, params.high))
+    text = f"""
         Two thresholds sort the remaining pixels:
 
             strong:  |G| > {high}
             weak:    {low} < |G| ≤ {high}
 
-        Here {strong} pixels are strong (white) and {weak} are weak (orange). The other {none} are
-        not edges.
+        Here {int(edges.strong.sum())} pixels are strong (white) and {int(weak.sum())} are weak
+        (orange). The other {int(thin.keeps.sum() - edges.strong.sum() - weak.sum())} are not edges.
         """
-    low, high = sorted((params.low, params.high))
     return show(
         image,
         _colored([(edges.strong, (255, 255, 255)), (weak, ORANGE)]),
         text,
         _Sorted(thin.gradient, edges, params),
-        low=low,
-        high=high,
-        strong=int(edges.strong.sum()),
-        weak=int(weak.sum()),
-        none=int(thin.keeps.sum() - edges.strong.sum() - weak.sum()),
     )
 
 
@@ -193,24 +163,16 @@ def hysteresis(image: Image, params: object) -> dict[str, Message]:
     edges = found.edges
     theirs = canny.opencv_edges(found.gradient, found.params.low, found.params.high)
     differ = int((theirs != edges.pixels).sum())
-    text = """
-        A weak pixel is kept if a chain of weak neighbours connects it to a strong one; the others
-        count as noise. {rescued} are kept (green), {lost} are not (red).
-
-        So {edges} pixels are edges. cv2.Canny, given the same smoothed picture, differs in {differ}
-        of {all} pixels.
-        """
     masks = [(edges.strong, (255, 255, 255)), (edges.rescued, (90, 220, 90)), (edges.lost, RED)]
-    return show(
-        image,
-        _colored(masks),
-        text,
-        rescued=int(edges.rescued.sum()),
-        lost=int(edges.lost.sum()),
-        edges=int((edges.pixels > 0).sum()),
-        differ=differ,
-        all=theirs.size,
-    )
+    text = f"""
+        A weak pixel is kept if a chain of weak neighbours connects it to a strong one; the others
+        count as noise. {int(edges.rescued.sum())} are kept (green), {int(edges.lost.sum())} are not
+        (red).
+
+        So {int((edges.pixels > 0).sum())} pixels are edges. cv2.Canny, given the same smoothed
+        picture, differs in {differ} of {theirs.size} pixels.
+        """
+    return show(image, _colored(masks), text)
 
 
 LESSON = Lesson(

@@ -55,18 +55,17 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
     chosen = bgr.reshape(-1, 3)[::every]
     kinds = len(np.unique(bgr.reshape(-1, 3) @ np.array([1, 256, 65536])))
     axes = np.linalg.eigvalsh(np.cov(bgr.reshape(-1, 3).T.astype(float), ddof=0) + np.eye(3) * 1e-9)
-    text = """
+    text = f"""
         Red, green and blue are three directions in space, so each pixel is a point in a cube:
         black is at one corner, white at the opposite one, gray on the line between them. Turn it in
         the 3D view.
 
-        This picture has {kinds} of the 16777216 possible colours. {share:.0f} % of their variance
-        lies along one direction, the one in which they differ most. At 100 % all points would lie
-        on a line, and one number per pixel, as in a gray picture, would be enough.
+        This picture has {kinds} of the 16777216 possible colours. {100 * axes[-1] / axes.sum():.0f}
+        % of their variance lies along one direction, the one in which they differ most. At 100 %
+        all points would lie on a line, and one number per pixel, as in a gray picture, would be
+        enough.
         """
-    return show(image, _draw_cube(chosen), text, kinds=kinds, share=100 * axes[-1] / axes.sum()) | {
-        "markers": _markers(chosen, image.header)
-    }
+    return show(image, _draw_cube(chosen), text) | {"markers": _markers(chosen, image.header)}
 
 
 @node("hsv", params=PixelParams, inputs=TAKES, outputs=GIVES)
@@ -135,26 +134,15 @@ def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
     low = params.hue_low, params.saturation, params.value
     mask = hsv_mask(bgr, "BGR", low, (params.hue_high, 255, 255))
     dim = cv2.cvtColor(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY) // 3, cv2.COLOR_GRAY2BGR)
-    text = """
+    text = f"""
         Light and shadow change R, G and B together, but hardly the hue. So objects are selected by
-        their hue: here from {low} to {high}, that is {low_degrees}° to {high_degrees}°{through}.
-        Gray has no hue, so the saturation must be at least {saturation}, and the value at least
-        {value}. {share:.1f} % of the pixels are in this range and keep their colours; the others
-        are shown dark and gray.
+        their hue: here from {params.hue_low} to {params.hue_high}, that is {2 * params.hue_low}° to
+        {2 * params.hue_high}°{", through red" if params.hue_low > params.hue_high else ""}. Gray
+        has no hue, so the saturation must be at least {params.saturation}, and the value at least
+        {params.value}. {100 * (mask > 0).mean():.1f} % of the pixels are in this range and keep
+        their colours; the others are shown dark and gray.
         """
-    return show(
-        image,
-        np.where(mask[..., None] > 0, bgr, dim),
-        text,
-        low=params.hue_low,
-        high=params.hue_high,
-        low_degrees=2 * params.hue_low,
-        high_degrees=2 * params.hue_high,
-        through=", through red" if params.hue_low > params.hue_high else "",
-        saturation=params.saturation,
-        value=params.value,
-        share=100 * (mask > 0).mean(),
-    )
+    return show(image, np.where(mask[..., None] > 0, bgr, dim), text)
 
 
 @node("gray", inputs=TAKES, outputs=GIVES)

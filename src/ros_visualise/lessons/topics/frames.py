@@ -136,14 +136,14 @@ class Drift:
         stamps = np.array(self._odom.rows)[:, 0]
         if len(self._truth.rows) < 2:
             places, _ = self._odom.at(stamps)
-            text = """
-                The path from odometry is {length:.2f} m long so far. This recording does not
-                contain the true path, so the drift is unknown, and only odometry is drawn. A
-                simulated robot knows its true path; to see it, run this lesson without a file.
-                """
             figure = _draw_way([(places, BLUE)])
             figure.text(WIDTH - 20, 20, "odometry only; true path unknown", 13, "end", BLUE)
-            return show_at(odom.header, figure, text, length=_length(places))
+            text = f"""
+                The path from odometry is {_length(places):.2f} m long so far. This recording does
+                not contain the true path, so the drift is unknown, and only odometry is drawn. A
+                simulated robot knows its true path; to see it, run this lesson without a file.
+                """
+            return show_at(odom.header, figure, text)
         return self._compare(odom, stamps[stamps <= self._truth.rows[-1][0]])
 
     def _compare(self, odom: Odometry, stamps: Floats) -> dict[str, Message] | None:
@@ -156,26 +156,20 @@ class Drift:
         error = np.linalg.norm(places - true_places, axis=1)
         by_heading = error_by_heading(true_places, turned)
         length = _length(true_places)
-        text = """
+        text = f"""
             Odometry adds up small steps, measured by wheels or a camera. Each step is a little
             wrong, and nothing corrects it, so the error grows (for a while errors may cancel). The
             path from odometry is blue, the true path is green.
 
-            After {length:.2f} m the error is {error:.3f} m, {share:.2f} % of the path, and the
-            heading is off by {heading:+.2f}°. A heading that is wrong by ε turns every later step
-            Δp by ε. The wrong headings alone cause an error of
+            After {length:.2f} m the error is {error[-1]:.3f} m,
+            {100 * error[-1] / max(length, 1e-9):.2f} % of the path, and the heading is off by
+            {np.degrees(turned[-1]):+.2f}°. A heading that is wrong by ε turns every later step Δp
+            by ε. The wrong headings alone cause an error of
 
-                | Σ (R(ε) − I) Δp | = {by_heading:.3f} m
+                | Σ (R(ε) − I) Δp | = {by_heading[-1]:.3f} m
             """
         return show_at(
-            odom.header,
-            _draw_way([(true_places, GREEN), (places, BLUE)], (stamps, error)),
-            text,
-            length=length,
-            error=error[-1],
-            share=100 * error[-1] / max(length, 1e-9),
-            heading=np.degrees(turned[-1]),
-            by_heading=by_heading[-1],
+            odom.header, _draw_way([(true_places, GREEN), (places, BLUE)], (stamps, error)), text
         )
 
 

@@ -37,30 +37,19 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
     slope = central_difference(gray[row])
     steepest = int(np.abs(slope).argmax())
     x = steepest if params.x < 0 else min(params.x, width - 1)
-    text = """
+    text = f"""
         Along row {row} (yellow) the gray levels are a curve f (blue). Its derivative (red) is
         how fast it changes. A picture has no values between two pixels, so the derivative is half
         the difference between the two neighbours:
 
             f'(x) ≈ (f(x + 1) − f(x − 1)) / 2
 
-        At x = {x} (orange): ({after} − {before}) / 2 = {slope:+.1f} levels per pixel. In this row
-        it is farthest from zero at x = {steepest}, with {most:+.1f}: there is an edge. Click
+        At x = {x} (orange): ({int(gray[row, min(x + 1, width - 1)])} −
+        {int(gray[row, max(x - 1, 0)])}) / 2 = {slope[x]:+.1f} levels per pixel. In this row it is
+        farthest from zero at x = {steepest}, with {slope[steepest]:+.1f}: there is an edge. Click
         another pixel.
         """
-    return show(
-        image,
-        _draw_profile(gray, (x, row), slope),
-        text,
-        gray,
-        row=row,
-        x=x,
-        before=int(gray[row, max(x - 1, 0)]),
-        after=int(gray[row, min(x + 1, width - 1)]),
-        slope=slope[x],
-        steepest=steepest,
-        most=slope[steepest],
-    )
+    return show(image, _draw_profile(gray, (x, row), slope), text, gray)
 
 
 @dataclass(frozen=True)
@@ -120,25 +109,15 @@ def size(image: Image, params: object) -> dict[str, Message]:
     found = work_of(image, _Gradient)
     length = magnitude(found.dx, found.dy)
     y, x = np.unravel_index(length.argmax(), length.shape)
-    text = """
+    text = f"""
         Gx and Gy are the two components of an arrow, the gradient. Its length is
 
             |G| = √(Gx² + Gy²)
 
-        The largest length is √(({dx})² + ({dy})²) = {largest:.1f}, at ({x}, {y}). The mean is
-        {mean:.1f}.
+        The largest length is √(({found.dx[y, x]})² + ({found.dy[y, x]})²) = {length[y, x]:.1f}, at
+        ({x}, {y}). The mean is {length.mean():.1f}.
         """
-    return show(
-        image,
-        levels(length),
-        text,
-        largest=length[y, x],
-        x=x,
-        y=y,
-        dx=found.dx[y, x],
-        dy=found.dy[y, x],
-        mean=length.mean(),
-    )
+    return show(image, levels(length), text)
 
 
 @node("direction", inputs=TAKES, outputs=GIVES)
@@ -147,22 +126,17 @@ def towards(image: Image, params: object) -> dict[str, Message]:
     found = work_of(image, _Gradient)
     angle, length = direction(found.dx, found.dy), magnitude(found.dx, found.dy)
     weights = np.bincount((angle / 45 + 0.5).astype(int).ravel() % 8, length.ravel(), 8)
-    text = """
+    text = f"""
         The gradient points to where the picture gets brighter, across the edge:
 
             θ = atan2(Gy, Gx)
 
         The colour is θ: red 0° (right), yellow-green 90° (down), cyan 180° (left), violet 270°
-        (up); the brightness is √|G|. Of eight directions, {most}° is the most common in this
-        picture: {share:.0f} % of the gradient, weighted by |G|, points there.
+        (up); the brightness is √|G|. Of eight directions, {45 * int(weights.argmax())}° is the most
+        common in this picture: {100 * weights.max() / max(weights.sum(), 1e-9):.0f} % of the
+        gradient, weighted by |G|, points there.
         """
-    return show(
-        image,
-        by_direction(angle, length),
-        text,
-        most=45 * int(weights.argmax()),
-        share=100 * weights.max() / max(weights.sum(), 1e-9),
-    )
+    return show(image, by_direction(angle, length), text)
 
 
 @dataclass(frozen=True)
@@ -178,14 +152,14 @@ def edges(image: Image, params: EdgesParams) -> dict[str, Message]:
     """A threshold on |G| gives edges."""
     found = work_of(image, _Gradient)
     is_edge = magnitude(found.dx, found.dy) > params.threshold
-    text = """
-        The simplest edge detector: a pixel is white where |G| > {threshold}. That is {share:.1f} %
-        of the pixels. A low threshold keeps noise, a high one breaks edges, and where the gray
-        changes slowly, edges are thick. Canny's method solves all three problems (ros-visualise
-        explain canny).
-        """
     seen = np.where(is_edge, np.uint8(255), np.uint8(0))
-    return show(image, seen, text, threshold=params.threshold, share=100 * is_edge.mean())
+    text = f"""
+        The simplest edge detector: a pixel is white where |G| > {params.threshold}. That is
+        {100 * is_edge.mean():.1f} % of the pixels. A low threshold keeps noise, a high one breaks
+        edges, and where the gray changes slowly, edges are thick. Canny's method solves all three
+        problems (ros-visualise explain canny).
+        """
+    return show(image, seen, text)
 
 
 LESSON = Lesson(

@@ -26,32 +26,21 @@ def message(image: Image, params: object) -> dict[str, Message]:
     """A message: data of a known type, with a time stamp and a frame."""
     pixels = work_of(image, np.ndarray)
     height, width = pixels.shape[:2]
-    text = """
+    text = f"""
         Nodes send each other messages, each of a known type. This one is a sensor_msgs/Image:
 
-            header.stamp     {seconds}.{nanoseconds:09d}
-            header.frame_id  {frame_id}
+            header.stamp     {image.header.stamp_ns // 10**9}.{image.header.stamp_ns % 10**9:09d}
+            header.frame_id  {image.header.frame_id}
             height, width    {height}, {width}
             encoding         bgr8
-            step             {step}   bytes per row
-            data             {size} bytes
+            step             {3 * width}   bytes per row
+            data             {pixels.nbytes} bytes
 
         The stamp is the time at which the camera took the image, not the time at which it arrived.
         Nodes that process the image keep its stamp, so that you can find results that belong
         together.
         """
-    return show(
-        image,
-        pixels,
-        text,
-        seconds=image.header.stamp_ns // 10**9,
-        nanoseconds=image.header.stamp_ns % 10**9,
-        frame_id=image.header.frame_id,
-        height=height,
-        width=width,
-        step=3 * width,
-        size=pixels.nbytes,
-    )
+    return show(image, pixels, text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,28 +70,20 @@ class Rate:
         by_stamp, by_clock = (
             np.diff(np.array(one)) / 1e6 for one in (self._stamps, self._arrivals)
         )
-        text = """
-            {number} messages have arrived on this topic. The rate of the last {count}:
+        text = f"""
+            {self._number} messages have arrived on this topic. The rate of the last
+            {len(self._stamps)}:
 
                 by their stamps
-                {stamped}
+                {_rate(by_stamp)}
                 by this computer's clock
-                {arrived}
+                {_rate(by_clock)}
 
             A topic has a name and a type. A publisher does not know who subscribes to it, and a
             subscriber does not know who publishes, so any node can be replaced by another. The
             figure shows the intervals between arrivals (red) and between stamps (blue).
             """
-        return show(
-            image,
-            _draw_intervals(by_stamp, by_clock),
-            text,
-            _Counted(self._number),
-            number=self._number,
-            count=len(self._stamps),
-            stamped=_rate(by_stamp),
-            arrived=_rate(by_clock),
-        )
+        return show(image, _draw_intervals(by_stamp, by_clock), text, _Counted(self._number))
 
 
 @dataclass(frozen=True)
@@ -127,28 +108,18 @@ class Slow:
         self._taken += 1
         sleep(params.busy_ms / 1000)
         came = number - self._first + 1
-        text = """
-            This node spends {busy} ms on each message, so it can process {most}. While it
+        most = f"{1000 / params.busy_ms:.1f} per second" if params.busy_ms else "all messages"
+        text = f"""
+            This node spends {params.busy_ms} ms on each message, so it can process {most}. While it
             works, each new message replaces the one that is waiting, so the node always gets the
-            latest one. Of {came} messages it processed {taken}; {dropped} ({share:.0f} %) were
-            dropped.
+            latest one. Of {came} messages it processed {self._taken}; {came - self._taken}
+            ({100 * (came - self._taken) / came:.0f} %) were dropped.
 
             That is right for watching and steering, where only the newest message counts. A
             recording must not lose any: there the source waits for the slowest node. Drops are
             counted in the table of topics.
             """
-        most = f"{1000 / params.busy_ms:.1f} per second" if params.busy_ms else "all messages"
-        return show(
-            image,
-            _draw_share(self._taken, came),
-            text,
-            busy=params.busy_ms,
-            most=most,
-            came=came,
-            taken=self._taken,
-            dropped=came - self._taken,
-            share=100 * (came - self._taken) / came,
-        )
+        return show(image, _draw_share(self._taken, came), text)
 
 
 @node("nodes", inputs=TAKES, outputs=GIVES)

@@ -31,32 +31,18 @@ def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
     figure, zoom = magnified([bgr, gray], (x, y), _REACH)
     zoom.draw(bgr, gray)
     zoom.mark(x, y, YELLOW)
-    text = """
-        A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row 0
-        are at the top left. Each pixel here has three 8-bit numbers: how much blue,
-        green and red there is. At ({x}, {y}) these are blue {blue}, green {green}, red {red}. In
-        gray they become one number, {gray}; the figure shows this number for each pixel. Click
-        another pixel.
+    blue, green, red = bgr[y, x]
+    text = f"""
+        A picture is a grid of {width} columns and {height} rows: {gray.size} pixels. Column 0 and
+        row 0 are at the top left. Each pixel here has three 8-bit numbers: how much blue, green and
+        red there is. At ({x}, {y}) these are blue {blue}, green {green}, red {red}. In gray they
+        become one number, {gray[y, x]}; the figure shows this number for each pixel. Click another
+        pixel.
 
             {width} × {height} pixels
-            × 3 channels × 1 byte = {size} bytes
+            × 3 channels × 1 byte = {bgr.nbytes} bytes
         """
-    blue, green, red = bgr[y, x]
-    return show(
-        image,
-        figure,
-        text,
-        width=width,
-        height=height,
-        count=gray.size,
-        x=x,
-        y=y,
-        blue=blue,
-        green=green,
-        red=red,
-        gray=gray[y, x],
-        size=bgr.nbytes,
-    )
+    return show(image, figure, text)
 
 
 @node("channels", inputs=TAKES, outputs=GIVES)
@@ -87,29 +73,20 @@ def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
     """k bits give 2ᵏ gray levels."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     fewer = quantize(gray, params.bits)
-    text = """
+    height, width = gray.shape
+    quality = psnr(fewer, gray)
+    text = f"""
         With k bits a pixel can have 2ᵏ levels:
 
-            2^{bits} = {count} levels
-            {width} × {height} × {bits} / 8 = {size:.0f} bytes
+            2^{params.bits} = {2**params.bits} levels
+            {width} × {height} × {params.bits} / 8 = {gray.size * params.bits / 8:.0f} bytes
 
         Fewer levels need less memory, but where the gray changes slowly you see steps. Compared
-        with 8 bits, this picture has a PSNR (how near it is to the original) of {psnr:.1f} dB;
-        each additional bit adds about 6 dB. {used} of the {count} levels are used.
+        with 8 bits, this picture has a PSNR (how near it is to the original) of {quality:.1f} dB;
+        each additional bit adds about 6 dB. {len(np.unique(fewer))} of the {2**params.bits} levels
+        are used.
         """
-    quality = psnr(fewer, gray)
-    return show(
-        image,
-        fewer,
-        text,
-        bits=params.bits,
-        count=2**params.bits,
-        width=gray.shape[1],
-        height=gray.shape[0],
-        size=gray.size * params.bits / 8,
-        psnr=quality,
-        used=len(np.unique(fewer)),
-    )
+    return show(image, fewer, text)
 
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
@@ -125,15 +102,15 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     axes.draw("level", "pixels per channel")
     for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
         axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)
-    text = """
+    text = f"""
         The histogram counts how many pixels have each level: above for the gray picture, below for
-        the three channels. The mean, {mean:.1f}, is the brightness; the standard deviation,
-        {spread:.1f}, is the contrast. If all levels were equally frequent, each pixel would carry 8
-        bits of information. Here it carries less, the entropy
+        the three channels. The mean, {gray.mean():.1f}, is the brightness; the standard deviation,
+        {gray.std():.1f}, is the contrast. If all levels were equally frequent, each pixel would
+        carry 8 bits of information. Here it carries less, the entropy
 
-            H = −Σ p(v) log₂ p(v) = {entropy:.2f} bits
+            H = −Σ p(v) log₂ p(v) = {entropy(gray):.2f} bits
         """
-    return show(image, figure, text, mean=gray.mean(), spread=gray.std(), entropy=entropy(gray))
+    return show(image, figure, text)
 
 
 @dataclass(frozen=True)
@@ -153,23 +130,13 @@ def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
     size = max(1, width // params.factor), max(1, height // params.factor)
     small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
     large = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
-    text = """
-        Each block of {factor} × {factor} pixels is replaced by one pixel, their mean. Of the
-        {width} × {height} pixels, {small_width} × {small_height} remain: {share:.2f} % of the
-        bytes. Details smaller than two of the new pixels are lost, and enlarging the picture does
-        not bring them back.
+    text = f"""
+        Each block of {params.factor} × {params.factor} pixels is replaced by one pixel, their mean.
+        Of the {width} × {height} pixels, {size[0]} × {size[1]} remain:
+        {100 * small.size / bgr.size:.2f} % of the bytes. Details smaller than two of the new pixels
+        are lost, and enlarging the picture does not bring them back.
         """
-    return show(
-        image,
-        large,
-        text,
-        factor=params.factor,
-        small_width=size[0],
-        small_height=size[1],
-        width=width,
-        height=height,
-        share=100 * small.size / bgr.size,
-    )
+    return show(image, large, text)
 
 
 @node("encodings", inputs=TAKES, outputs=GIVES)

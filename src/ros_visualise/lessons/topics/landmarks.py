@@ -61,17 +61,17 @@ def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), seen.picture)
     figure.line(seen.corners[[0, 1, 2, 3, 0]], GREEN, 2)
-    text = """
-        A tag is a black square, which is easy to find, with black and white cells in it that encode
-        its number. Here is {name}, {origin}. The tags of this family differ from one another in at
-        least 11 cells, so even with five wrong cells the number is still clear.
-        """
     origin = (
         "found in your picture"
         if seen.truth is None
         else "drawn into your picture, which has no tag"
     )
-    return show(image, figure, text, seen, name=seen.name, origin=origin)
+    text = f"""
+        A tag is a black square, which is easy to find, with black and white cells in it that encode
+        its number. Here is {seen.name}, {origin}. The tags of this family differ from one another
+        in at least 11 cells, so even with five wrong cells the number is still clear.
+        """
+    return show(image, figure, text, seen)
 
 
 @node("corners", inputs=TAKES, outputs=GIVES)
@@ -173,34 +173,25 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
     tried = _tried(seen, params.sigma, best)
     spread = best.covariance[[0, 2]][:, [0, 2]]
     deviations = np.sqrt(np.diag(best.covariance))
-    text = """
-        If corners are off by {sigma:g} pixels, the tag's computed position is off too. The
+    away = (tried - best.position_xyz)[:, [0, 2]]
+    squared = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away)
+    text = f"""
+        If corners are off by {params.sigma:g} pixels, the tag's computed position is off too. The
         covariance of the pose is a measure of that (to first order):
 
             Σ = (Jᵀ J)⁻¹ σ²
             J: how the corners move with the pose
 
-        The figure shows the position from above: each of the {trials} dots was computed from
+        The figure shows the position from above: each of the {len(tried)} dots was computed from
         corners with random noise. In theory the inner ellipse holds 39 % of them, the outer one 86
-        %; here they hold {inner:.0f} % and {outer:.0f} %. With {trials} random dots, a difference
-        of up to {chance:.0f} percentage points is usual; a larger one is beyond this first-order
-        theory. The standard deviation is {x:.2f} mm sideways, and {z:.2f} mm along the camera's
+        %; here they hold {100 * (squared < 1).mean():.0f} % and {100 * (squared < 4).mean():.0f} %.
+        With {len(tried)} random dots, a difference of up to
+        {200 * np.sqrt(_OUTER * (1 - _OUTER) / max(len(tried), 1)):.0f} percentage points is usual;
+        a larger one is beyond this first-order theory. The standard deviation is
+        {1000 * deviations[0]:.2f} mm sideways, and {1000 * deviations[2]:.2f} mm along the camera's
         axis.
         """
-    away = (tried - best.position_xyz)[:, [0, 2]]
-    squared = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away)
-    return show(
-        image,
-        _draw_ellipse(away * 1000, spread * 1e6),
-        text,
-        sigma=params.sigma,
-        trials=len(tried),
-        x=1000 * deviations[0],
-        z=1000 * deviations[2],
-        inner=100 * (squared < 1).mean(),
-        outer=100 * (squared < 4).mean(),
-        chance=200 * np.sqrt(_OUTER * (1 - _OUTER) / max(len(tried), 1)),
-    )
+    return show(image, _draw_ellipse(away * 1000, spread * 1e6), text)
 
 
 LESSON = Lesson(

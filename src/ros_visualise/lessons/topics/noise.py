@@ -60,7 +60,10 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
     """The picture with noise."""
     clean = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     added = add_noise(clean, params.model, params.strength, params.seed)
-    text = """
+    work = _Noisy(clean, added)
+    error = mean_square(added, clean)
+    model = _MODELS[params.model].format(strength=params.strength)
+    text = f"""
         {model}
 
         How far a picture is from the truth is measured by the peak signal-to-noise ratio:
@@ -69,22 +72,11 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
 
         MSE is the mean of the squared differences.
 
-        Here the MSE is {square:.1f}, its square root {root:.1f} levels, and the PSNR {psnr:.2f} dB.
-        20 dB means an error of a tenth of the full range (255 / 10), 40 dB a hundredth.
+        Here the MSE is {error:.1f}, its square root {math.sqrt(error):.1f} levels, and the PSNR
+        {psnr(added, clean):.2f} dB. 20 dB means an error of a tenth of the full range (255 / 10),
+        40 dB a hundredth.
         """
-    work = _Noisy(clean, added)
-    error = mean_square(added, clean)
-    model = _MODELS[params.model].format(strength=params.strength)
-    return show(
-        image,
-        added,
-        text,
-        work,
-        model=model,
-        square=error,
-        root=math.sqrt(error),
-        psnr=psnr(added, clean),
-    )
+    return show(image, added, text, work)
 
 
 @dataclass(frozen=True)
@@ -99,19 +91,19 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
     """A Gaussian: the weighted mean of the neighbours."""
     work = work_of(image, _Noisy)
     smoothed = cv2.GaussianBlur(work.noisy, (0, 0), params.sigma)
-    text = """
+    weights = cv2.getGaussianKernel(round(6 * params.sigma + 1) | 1, params.sigma)
+    left = float((weights**2).sum())
+    text = f"""
         Noise makes a pixel too bright as often as too dark, so it averages out in a mean. Each
         pixel becomes the mean of its neighbours, weighted by a Gaussian of their distance d:
 
-            w(d) = exp(−d² / 2σ²),   σ = {sigma:g}
+            w(d) = exp(−d² / 2σ²),   σ = {params.sigma:g}
 
         This multiplies the standard deviation of independent noise by √(Σ w²) / Σ w = {left:.2f},
-        about 1 / (2σ√π) if σ is not small. But edges are averaged too, and become soft. {result}
+        about 1 / (2σ√π) if σ is not small. But edges are averaged too, and become soft.
+        {_result(work, smoothed)}
         """
-    weights = cv2.getGaussianKernel(round(6 * params.sigma + 1) | 1, params.sigma)
-    left = float((weights**2).sum())
-    return show(image, _beside(work, smoothed), text, sigma=params.sigma, left=left,
-                result=_result(work, smoothed))  # fmt: skip
+    return show(image, _beside(work, smoothed), text)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -128,13 +120,13 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
     work = work_of(image, _Noisy)
     size = params.size | 1
     smoothed = median(work.noisy, size)
-    text = """
-        The {count} levels in the {size} × {size} window around a pixel are sorted, and the middle
+    text = f"""
+        The {size**2} levels in the {size} × {size} window around a pixel are sorted, and the middle
         one is taken. A level that is far off, such as that of a broken pixel, has no influence.
-        Straight edges stay where they are; corners are rounded, and thin lines vanish. {result}
+        Straight edges stay where they are; corners are rounded, and thin lines vanish.
+        {_result(work, smoothed)}
         """
-    return show(image, _beside(work, smoothed), text, count=size**2, size=size,
-                result=_result(work, smoothed))  # fmt: skip
+    return show(image, _beside(work, smoothed), text)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -158,18 +150,17 @@ def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
     work = work_of(image, _Noisy)
     size = params.size | 1
     smoothed = bilateral(work.noisy, size, params.sigma_color, sigma_of(size))
-    text = """
+    text = f"""
         The nearer a neighbour is, and the more similar its level, the more it counts (Tomasi and
         Manduchi, 1998):
 
             w = exp(−d² / 2σ²) · exp(−l² / 2σ_c²)
-            l: difference in level,   σ_c = {sigma:g}
+            l: difference in level,   σ_c = {params.sigma_color:g}
 
         Pixels on the other side of an edge are not similar, so edges stay sharp. Salt and pepper
-        stays too: nothing near it is similar. {result}
+        stays too: nothing near it is similar. {_result(work, smoothed)}
         """
-    return show(image, _beside(work, smoothed), text, sigma=params.sigma_color,
-                result=_result(work, smoothed))  # fmt: skip
+    return show(image, _beside(work, smoothed), text)  # fmt: skip
 
 
 LESSON = Lesson(

@@ -92,7 +92,7 @@ class GridCorners:
         y, x = np.unravel_index(lesser.argmax(), lesser.shape)
         least = params.threshold / 100 * lesser[y, x]
         is_corner, is_flat = lesser > least, greater <= least
-        text = """
+        text = f"""
             A flat patch of a picture looks the same wherever it is moved to, and a patch of an edge
             looks the same along the edge. Only a corner differs from all its neighbours, so only
             corners can be found again. The derivatives of the gray levels, multiplied and added up
@@ -101,29 +101,16 @@ class GridCorners:
                 M = Σ [ Ix²   Ix Iy ]
                       [ Ix Iy  Iy²  ]
 
-            Its eigenvalues measure how much the patch changes when it is moved in the directions
-            of least and greatest change. If both are small, the patch is flat; if only one
-            is large, it is an edge; if both are large, it is a corner. The best corner here, at
-            ({x}, {y}), has the eigenvalues {lesser:.0f} and {greater:.0f}. If we call a value above
-            {least:.2f} large, {flat:.1f} % of the pixels are flat, {edge:.1f} % are edges and
-            {corner:.1f} % are corners. The picture is divided into a grid, and the best corner of
-            each cell is followed, so the corners cover the picture: {count} corners (green).
+            Its eigenvalues measure how much the patch changes when it is moved in the directions of
+            least and greatest change. If both are small, the patch is flat; if only one is large,
+            it is an edge; if both are large, it is a corner. The best corner here, at ({x}, {y}),
+            has the eigenvalues {lesser[y, x]:.0f} and {greater[y, x]:.0f}. If we call a value above
+            {least:.2f} large, {100 * is_flat.mean():.1f} % of the pixels are flat,
+            {100 * (~is_flat & ~is_corner).mean():.1f} % are edges and {100 * is_corner.mean():.1f}
+            % are corners. The picture is divided into a grid, and the best corner of each cell is
+            followed, so the corners cover the picture: {len(seen.corners.ids)} corners (green).
             """
-        return show(
-            image,
-            draw_dots(seen.bgr, seen.corners.pixels_uv),
-            text,
-            seen,
-            x=x,
-            y=y,
-            lesser=lesser[y, x],
-            greater=greater[y, x],
-            least=least,
-            flat=100 * is_flat.mean(),
-            edge=100 * (~is_flat & ~is_corner).mean(),
-            corner=100 * is_corner.mean(),
-            count=len(seen.corners.ids),
-        )
+        return show(image, draw_dots(seen.bgr, seen.corners.pixels_uv), text, seen)
 
     def _see(self, image: Image, params: FilmParams) -> _Seen:
         bgr, info = work_of(image, np.ndarray), image.camera_info
@@ -153,7 +140,8 @@ def flow(image: Image, params: object) -> dict[str, Message]:
     far = np.hypot(*moved.T)
     most = int(far.argmax())
     step = flow_step(seen.before, seen.gray, found.before_uv[most], PATCH)
-    text = """
+    times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
+    text = f"""
         When a patch moves by a small displacement d, its gray levels change by the slope times d.
         Each pixel of the patch gives one equation; the corner's matrix M, summed over all pixels
         of the patch, gives the best d:
@@ -163,28 +151,14 @@ def flow(image: Image, params: object) -> dict[str, Message]:
 
         This holds for motions of about a pixel. So the equations are first solved in small copies
         of the picture, and the solution is refined in several passes. The fastest corner, at
-        ({x:.0f}, {y:.0f}), moved by ({u:.1f}, {v:.1f}) pixels; solving the equations only once
-        gives ({first_u:.1f}, {first_v:.1f}). Each corner is also followed back, and dropped if it
-        does not return to where it began. {count} corners of the previous picture were found in
-        this one (arrows{times}). They moved by a median of {median:.1f} pixels, and by at most
-        {most:.1f}.
+        ({found.before_uv[most, 0]:.0f}, {found.before_uv[most, 1]:.0f}), moved by
+        ({moved[most, 0]:.1f}, {moved[most, 1]:.1f}) pixels; solving the equations only once gives
+        ({step[0]:.1f}, {step[1]:.1f}). Each corner is also followed back, and dropped if it does
+        not return to where it began. {len(found.ids)} corners of the previous picture were found in
+        this one (arrows{f", {times} times as long" if times > 1 else ""}). They moved by a median
+        of {np.median(far):.1f} pixels, and by at most {far[most]:.1f}.
         """
-    times = max(1, min(10, round(12 / max(float(np.median(far)), 0.1))))
-    return show(
-        image,
-        draw_flow(seen.bgr, found.before_uv, times * moved),
-        text,
-        x=found.before_uv[most, 0],
-        y=found.before_uv[most, 1],
-        u=moved[most, 0],
-        v=moved[most, 1],
-        first_u=step[0],
-        first_v=step[1],
-        count=len(found.ids),
-        times=f", {times} times as long" if times > 1 else "",
-        median=np.median(far),
-        most=far[most],
-    )
+    return show(image, draw_flow(seen.bgr, found.before_uv, times * moved), text)
 
 
 class _FirstView(NamedTuple):
@@ -297,31 +271,21 @@ def scale(image: Image, params: ScaleParams) -> dict[str, Message]:
         np.hypot(*(project(k * points @ R.T + k * t, pair.K) - pair.second_uv[used]).T).mean()
         for k in (1.0, params.factor)
     ]
-    text = """
+    is_near = z[used] <= np.median(z[used])
+    text = f"""
         A corner's point is where the rays of both views meet, so the motion gives each corner a
         depth, but only in units of the camera's own step. Eight out of ten points are {near:.1f} to
-        {far:.1f} steps away. If the step and all distances are {factor:g} times as long (orange),
-        both pictures stay the same: on average, the points appear {error:.3f} pixels from their
-        corners at the original distances, and {other:.3f} at the multiplied ones.
+        {far:.1f} steps away. If the step and all distances are {params.factor:g} times as long
+        (orange), both pictures stay the same: on average, the points appear {errors[0]:.3f} pixels
+        from their corners at the original distances, and {errors[1]:.3f} at the multiplied ones.
 
         So a single camera cannot measure metres. The scale has to come from the height above the
         ground, wheels, GPS, an IMU, or a second camera at a known distance. A depth also needs
-        parallax: an error of one pixel changes the depth by a median of {sure:.1f} % for the nearer
-        half of these points, and by {unsure:.1f} % for the other half.
+        parallax: an error of one pixel changes the depth by a median of
+        {100 * np.median(unsure[used][is_near]):.1f} % for the nearer half of these points, and by
+        {100 * np.median(unsure[used][~is_near]):.1f} % for the other half.
         """
-    is_near = z[used] <= np.median(z[used])
-    return show(
-        image,
-        draw_world(pair, points[points[:, 2] <= far], params.factor),
-        text,
-        near=near,
-        far=far,
-        factor=params.factor,
-        error=errors[0],
-        other=errors[1],
-        sure=100 * np.median(unsure[used][is_near]),
-        unsure=100 * np.median(unsure[used][~is_near]),
-    )
+    return show(image, draw_world(pair, points[points[:, 2] <= far], params.factor), text)
 
 
 @node("drift", inputs=TAKES, outputs=GIVES)
@@ -358,35 +322,23 @@ class WayDrift:
         ways = np.concatenate([[0.0], np.cumsum(steps)])
         half = int(np.searchsorted(ways, ways[-1] / 2))
         middle, last = (_deviations(self._poses[n]) for n in (half, -1))
-        text = """
+        text = f"""
             Each step is a little wrong, and begins where the previous one ended: the errors add
             up. To keep them small, corners are followed through many pictures, and the views that
             see the same corners (keyframes) are fitted together. The remaining error grows, and its
             covariance with it. Lengths are in units of the first step.
 
-            After {images} pictures with {keyframes} keyframes the trajectory is {length:.2f} long.
-            The standard deviation of the last pose is {end:.2f} ({share:.1f} % of the length) and
-            {angle:.2f}°; half-way it was {half:.2f} and {half_angle:.2f}°. Tracking was lost
-            {losses} times. The figure shows the trajectory in the first camera's axes, with
-            ellipses of two standard deviations.
+            After {counts["images"]} pictures with {counts["keyframes"]} keyframes the trajectory is
+            {ways[-1]:.2f} long. The standard deviation of the last pose is {last[0]:.2f}
+            ({100 * last[0] / max(ways[-1], 1e-9):.1f} % of the length) and {last[1]:.2f}°; half-way
+            it was {middle[0]:.2f} and {middle[1]:.2f}°. Tracking was lost {counts["losses"]} times.
+            The figure shows the trajectory in the first camera's axes, with ellipses of two
+            standard deviations.
 
             Only outside information stops the drift: GPS, a landmark on a map, or a known place
             that the camera sees again.
             """
-        return show(
-            image,
-            draw_way(self._poses),
-            text,
-            images=counts["images"],
-            keyframes=counts["keyframes"],
-            losses=counts["losses"],
-            length=ways[-1],
-            end=last[0],
-            share=100 * last[0] / max(ways[-1], 1e-9),
-            angle=last[1],
-            half=middle[0],
-            half_angle=middle[1],
-        )
+        return show(image, draw_way(self._poses), text)
 
 
 LESSON = Lesson(

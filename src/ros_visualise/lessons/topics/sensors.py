@@ -125,16 +125,16 @@ class _Samples:
 
     def wait(self, imu: Imu) -> dict[str, Message]:
         """The answer while there are too few samples."""
-        text = """
-            {count} measurements so far; at least {least} are needed. KITTI's drives have
-            10 per second, so choose one of 10 s or more, or any other recording
-            with an IMU.
-            """
         figure = Figure(WIDTH, 120)
         told = f"{self._count} of {_LEAST} measurements needed"
         figure.text(WIDTH / 2, 40, told, 16, "middle", RED)
         figure.text(WIDTH / 2, 80, "(10 s of a KITTI drive)", 14, "middle")
-        return show_at(imu.header, figure, text, count=self._count, least=_LEAST)
+        text = f"""
+            {self._count} measurements so far; at least {_LEAST} are needed. KITTI's drives have
+            10 per second, so choose one of 10 s or more, or any other recording
+            with an IMU.
+            """
+        return show_at(imu.header, figure, text)
 
 
 @node("measured", params=MeasuredParams, inputs={"imu": Imu}, outputs=GIVES)
@@ -155,34 +155,24 @@ class ImuReadings:
             return self._samples.wait(imu)
         times, values = self._samples.times_s, self._samples.values
         recent = times >= times[-1] - params.seconds
-        text = """
-            The IMU of this run gives {rate:.0f} measurements per second. In the last {seconds:.0f}
-            s:
+        mean, spread = values[recent].mean(axis=0), values[recent].std(axis=0)
+        text = f"""
+            The IMU of this run gives {1 / self._samples.period_s:.0f} measurements per second. In
+            the last {min(params.seconds, times[-1]):.0f} s:
 
                 angular velocity, rad/s
-                mean {turn}
-                dev. {turn_noise}
+                mean {_three(mean[:3])}
+                dev. {_three(spread[:3])}
                 acceleration, m/s²
-                mean {force}
-                dev. {force_noise}
+                mean {_three(mean[3:])}
+                dev. {_three(spread[3:])}
 
             For a sensor at rest the angular velocity should be zero, and the acceleration 9.81 m/s²
             upwards: an accelerometer feels the ground push against its weight. If the means differ
             from these values, the difference is the bias. The deviation (dev.) comes from noise and
             from the robot's own motion.
             """
-        mean, spread = values[recent].mean(axis=0), values[recent].std(axis=0)
-        return show_at(
-            imu.header,
-            _draw_measured(times[recent], values[recent]),
-            text,
-            rate=1 / self._samples.period_s,
-            seconds=min(params.seconds, times[-1]),
-            turn=_three(mean[:3]),
-            turn_noise=_three(spread[:3]),
-            force=_three(mean[3:]),
-            force_noise=_three(spread[3:]),
-        )
+        return show_at(imu.header, _draw_measured(times[recent], values[recent]), text)
 
 
 @node("allan", inputs={"imu": Imu}, outputs=GIVES)

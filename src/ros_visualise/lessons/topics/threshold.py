@@ -27,23 +27,14 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     counts = np.bincount(gray.ravel(), minlength=256)
     figure = Figure(WIDTH, 360)
     draw_histogram(figure, (70, 30, WIDTH - 90, 270), gray)
-    text = """
+    text = f"""
         A threshold compares gray levels, so first look at how often each level occurs: the
-        histogram. This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the
-        most frequent one is {mode}, with {count} pixels. If the histogram has two hills, a
-        threshold in the valley between them separates dark objects from bright ones.
+        histogram. This picture's levels go from {gray.min()} to {gray.max()}, with a mean of
+        {gray.mean():.1f}; the most frequent one is {counts.argmax()}, with {counts.max()} pixels.
+        If the histogram has two hills, a threshold in the valley between them separates dark
+        objects from bright ones.
         """
-    return show(
-        image,
-        figure,
-        text,
-        gray,
-        least=gray.min(),
-        most=gray.max(),
-        mean=gray.mean(),
-        mode=counts.argmax(),
-        count=counts.max(),
-    )
+    return show(image, figure, text, gray)
 
 
 @dataclass(frozen=True)
@@ -57,9 +48,10 @@ class TypesParams:
 def types(image: Image, params: TypesParams) -> dict[str, Message]:
     """Five types of threshold, each with its tone curve."""
     gray = work_of(image, np.ndarray)
-    text = """
-        OpenCV has five types of threshold. With T = {level}, each of them changes a level v as
-        follows:
+    seen = _draw_types(gray, params.level)
+    text = f"""
+        OpenCV has five types of threshold. With T = {params.level}, each of them changes a level v
+        as follows:
 
             binary             255 if v > T, else 0
             binary inverted    0 if v > T, else 255
@@ -67,10 +59,10 @@ def types(image: Image, params: TypesParams) -> dict[str, Message]:
             to zero            v if v > T, else 0
             to zero inverted   0 if v > T, else v
 
-        A level equal to T counts as below. {above:.1f} % of the pixels are above T.
+        A level equal to T counts as below. {100 * (gray > params.level).mean():.1f} % of the pixels
+        are above T.
         """
-    seen = _draw_types(gray, params.level)
-    return show(image, seen, text, level=params.level, above=100 * (gray > params.level).mean())
+    return show(image, seen, text)
 
 
 @node("otsu", inputs=TAKES, outputs=GIVES)
@@ -81,29 +73,19 @@ def by_otsu(image: Image, params: object) -> dict[str, Message]:
     level = otsu(counts)
     theirs, _ = cv2.threshold(gray, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     is_above = gray > level
-    text = """
+    text = f"""
         A threshold t splits the pixels into two classes. Otsu (1979) takes the t for which the
         variance between the classes is largest (green, below the histogram; ω: share of the pixels,
         μ: mean level of a class):
 
             σ²(t) = ω₀ ω₁ (μ₀ − μ₁)²
 
-        Here t = {level} (cv2.threshold finds {theirs:.0f}). {share:.1f} % of the pixels are below,
-        with a mean of {below:.1f}; the mean of those above is {above:.1f}. σ² is {variance:.0f},
-        out of a total variance of {whole:.0f}.
+        Here t = {level} (cv2.threshold finds {theirs:.0f}). {100 * (1 - is_above.mean()):.1f} % of
+        the pixels are below, with a mean of {_mean(gray[~is_above]):.1f}; the mean of those above
+        is {_mean(gray[is_above]):.1f}. σ² is {between_classes(counts).max():.0f}, out of a total
+        variance of {gray.var():.0f}.
         """
-    return show(
-        image,
-        _draw_otsu(gray, level),
-        text,
-        level=level,
-        theirs=theirs,
-        share=100 * (1 - is_above.mean()),
-        below=_mean(gray[~is_above]),
-        above=_mean(gray[is_above]),
-        variance=between_classes(counts).max(),
-        whole=gray.var(),
-    )
+    return show(image, _draw_otsu(gray, level), text)
 
 
 @dataclass(frozen=True)
@@ -122,16 +104,16 @@ def by_window(image: Image, params: AdaptiveParams) -> dict[str, Message]:
     gray = work_of(image, np.ndarray)
     size = params.size | 1
     seen = adaptive(gray, False, size, params.offset)
-    text = """
+    share = 100 * (seen > 0).mean()
+    text = f"""
         Where the light is uneven, no single threshold fits everywhere. So each pixel is compared
         with the mean of the {size} x {size} pixels around it:
 
-            255 if v > mean − {offset}, else 0
+            255 if v > mean − {params.offset}, else 0
 
         {share:.1f} % of the pixels become white.
         """
-    share = 100 * (seen > 0).mean()
-    return show(image, seen, text, size=size, offset=params.offset, share=share)
+    return show(image, seen, text)
 
 
 LESSON = Lesson(

@@ -90,23 +90,22 @@ def activations(image: Image, params: object) -> dict[str, Message]:
     maps = relu(seen.answers)
     active = (maps > 0).mean(axis=(1, 2))
     kinds = likeness(seen.layer.kernels)
-    text = """
+    shown = [
+        (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
+        for number in _order(kinds)
+    ]
+    text = f"""
         Each kernel w slides over the picture x, as Sobel's does, but two pixels at a time. Two
         things are new: a bias b is added, and results below zero become zero:
 
             y = max(0, b + Σ w (x − ½))
 
-        White is the maximum of each map. Kernel {most} responds at {share:.0f} % of the places,
-        more than any other; kernel {least} responds at {rare:.1f} %, fewer than any other; {silent}
-        of {count} kernels respond nowhere.
+        White is the maximum of each map. Kernel {int(active.argmax())} responds at
+        {100 * active.max():.0f} % of the places, more than any other; kernel {int(active.argmin())}
+        responds at {100 * active.min():.1f} %, fewer than any other;
+        {np.count_nonzero(active == 0)} of {len(active)} kernels respond nowhere.
         """
-    shown = [
-        (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
-        for number in _order(kinds)
-    ]
-    return show(image, picture_grid(shown, 4), text, most=int(active.argmax()),
-                share=100 * active.max(), least=int(active.argmin()), rare=100 * active.min(),
-                silent=np.count_nonzero(active == 0), count=len(active))  # fmt: skip
+    return show(image, picture_grid(shown, 4), text)  # fmt: skip
 
 
 @node("sobel", inputs=TAKES, outputs=GIVES)
