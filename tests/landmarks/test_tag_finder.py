@@ -10,8 +10,8 @@ import pytest
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.data import CameraInfo
 from ros_visualise.landmarks.tags import TagFinder, draw_cells, family, parse_families
+from ros_visualise.landmarks.tags.finder import clearness
 from ros_visualise.landmarks.tags.fitting import fit_tags
-from ros_visualise.landmarks.tags.reading import clearness
 
 FAMILIES = ("tag36h11", "tag25h9", "tag16h5", "tagStandard41h12", "tagStandard52h13")
 DICTIONARIES = ("4x4_50", "5x5_1000", "6x6_250", "7x7_100", "aruco_original")

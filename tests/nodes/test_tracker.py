@@ -19,8 +19,8 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph.pipelines import image_pipeline
-from ros_visualise.landmarks.tracking.association import assign, overlap
 from ros_visualise.landmarks.tracking.camera_motion import ImageMotion, ground_motion
+from ros_visualise.landmarks.tracking.tracker import assign, overlap
 from ros_visualise.nodes import find, find_node
 from ros_visualise.nodes.tracker import TrackerParams
 

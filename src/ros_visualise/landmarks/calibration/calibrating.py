@@ -11,8 +11,14 @@ from ros_visualise.core.errors import UsageError
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.landmarks.calibration.adjustment import BundleFit, adjust, begin, rms_of
 from ros_visualise.landmarks.calibration.finding import FEWEST, BoardPoints
-from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, project, to_info
-from ros_visualise.landmarks.calibration.uncertainty import Uncertainty, uncertainty_of
+from ros_visualise.landmarks.calibration.lenses import (
+    MODELS,
+    Lens,
+    LensModel,
+    project,
+    to_info,
+    to_rays,
+)
 from ros_visualise.landmarks.calibration.views import BoardView
 from ros_visualise.vision.rectification import model_of
 from ros_visualise.vision.reshape import Size
@@ -26,6 +32,9 @@ _MOST_OUTLYING = 0.2  # of the views
 _STRAY_PX = 0.3
 _STRAY = 7.0  # times the median of all: a mismatched point
 _ROUNDS = 3
+_COLUMNS, _ROWS = 9, 7  # odd, so that the centre is included
+_CLOSE_PX = 0.1  # largest error of back and forth projection, exceeded where a polynomial folds
+_SURE_PX2 = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +205,64 @@ def _without_stray(
         else:
             kept.append(view)
     return kept, stray
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Projection uncertainty, one standard deviation, pixels.
+
+    Attributes:
+        pixels: (rows, columns) over the image, from border to border; infinite where the model has
+            no ray for a pixel.
+    """
+
+    pixels: Floats
+
+    @property
+    def centre(self) -> float:
+        """In the centre of the image."""
+        rows, columns = self.pixels.shape
+        return float(self.pixels[rows // 2, columns // 2])
+
+    @property
+    def corners(self) -> float:
+        """In the worst corner of the image."""
+        return float(self.pixels[:: self.pixels.shape[0] - 1, :: self.pixels.shape[1] - 1].max())
+
+
+def uncertainty_of(fit: BundleFit, model: LensModel, size: Size) -> Uncertainty:
+    """The uncertainty from the covariance of the camera's numbers."""
+    assert fit.covariance is not None
+    u, v = np.meshgrid(np.linspace(0, size[0] - 1, _COLUMNS), np.linspace(0, size[1] - 1, _ROWS))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1)
+    rays = to_rays(uv, fit.numbers, model)
+    points = np.column_stack([rays, np.ones(len(rays))])
+    back, by_numbers, by_pose = project(points, np.zeros(6), fit.numbers, model)
+    is_seen = np.linalg.norm(back - uv, axis=1) < _CLOSE_PX
+    by_numbers, by_turn = (one.reshape(len(uv), 2, -1)[is_seen] for one in (by_numbers, by_pose))
+    variances = np.full(len(uv), np.inf)
+    variances[is_seen] = _without_turn(by_numbers, by_turn[..., :3], fit.covariance)
+    # the covariance of few views may be slightly negative
+    return Uncertainty(np.sqrt(np.maximum(variances, 0)).reshape(_ROWS, _COLUMNS))
+
+
+def _without_turn(by_numbers: Floats, by_turn: Floats, covariance: Floats) -> Floats:
+    """Variances (P,), pixels^2, at P points after the best compensating rotation of the camera.
+
+    Points are weighted by their certainty, so that an unseen corner does not affect the rotation.
+
+    Args:
+        by_numbers: (P, 2, n), pixels by the camera's numbers.
+        by_turn: (P, 2, 3), pixels by a rotation.
+        covariance: (n, n).
+    """
+    weights = 1 / np.sqrt(np.maximum(_variances(by_numbers, covariance), _SURE_PX2))[:, None, None]
+    wide, tall = (weights * by_turn).reshape(-1, 3), (weights * by_numbers)
+    turn = np.linalg.lstsq(wide, tall.reshape(len(wide), -1), rcond=None)[0]
+    return _variances(by_numbers - by_turn @ turn, covariance)
+
+
+def _variances(by_numbers: Floats, covariance: Floats) -> Floats:
+    """(P,) sums over both directions, pixels^2."""
+    variances: Floats = np.einsum("pij,jk,pik->p", by_numbers, covariance, by_numbers)
+    return variances

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from threading import Lock
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.calibration.boards import (
@@ -22,13 +23,6 @@ from ros_visualise.landmarks.calibration.boards import (
     Ints,
     marker_corners,
     points_xy,
-)
-from ros_visualise.landmarks.calibration.corners import (
-    Bools,
-    are_crossings,
-    are_in_place,
-    refine,
-    to_pixels,
 )
 from ros_visualise.landmarks.tags.families import Family
 from ros_visualise.landmarks.tags.finder import TagFinder
@@ -46,6 +40,11 @@ _GAP_SHARE = 0.9  # fraction of the white gap around a marker, or of its black b
 _HAMMING, _MARGIN = 1, 10.0  # loose, as the position of a marker is checked too
 _NEAREST = 2  # least number of markers that predict a neighbour
 _ONE_AT_A_TIME = Lock()
+Bools = npt.NDArray[np.bool_]
+_WINDOWS = (2, 20)
+_MOVED = (1.5, 0.06)  # largest refinement: pixels, and fraction of a square
+_CONTRAST = 20  # levels between black and white
+_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 
 
 class BoardPoints(NamedTuple):
@@ -220,3 +219,50 @@ def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats)
         if are_in_place(uv, start[None], np.array([side]))[0]:
             found[number] = uv[0]
     return BoardPoints(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
+
+
+def refine(gray: Pixels, uv: Floats, half: float) -> Floats:
+    """Refine corners (N, 2); NaN too near to the image border.
+
+    Args:
+        half: half the window, pixels.
+    """
+    window = int(np.clip(half, *_WINDOWS))
+    found = np.full(uv.shape, np.nan)
+    size = gray.shape[::-1]
+    is_inside = ((uv > window) & (uv < np.subtract(size, 1 + window))).all(axis=1)
+    if is_inside.any():
+        start = uv[is_inside].astype(np.float32).reshape(-1, 1, 2)
+        found[is_inside] = cv2.cornerSubPix(gray, start, (window,) * 2, (-1, -1), _STOP)[:, 0]
+    return found
+
+
+def are_in_place(uv: Floats, start: Floats, sides: Floats) -> Bools:
+    """Mask of corners that stayed where they were seen; ``sides``: of their squares, pixels."""
+    least, share = _MOVED
+    reach = np.maximum(least, share * sides)
+    return np.asarray(np.linalg.norm(uv - start, axis=1) <= reach)
+
+
+def are_crossings(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
+    """Mask of corners (4,) of a square that black and white surround as on a board.
+
+    Args:
+        square: (4, 2) on the board.
+        H: homography from the board to pixels.
+        share: distance from the corner to check, as a fraction of the square's side.
+    """
+    step = float(square[1, 0] - square[0, 0]) * share
+    around = square[:, None] + step * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    seen = np.rint(to_pixels(around.reshape(-1, 2), H)).astype(int)
+    u, v = (np.clip(seen[:, axis], 0, gray.shape[1 - axis] - 1) for axis in (0, 1))
+    level = gray[v, u].reshape(4, 4).astype(int)
+    inside = np.arange(4)
+    dark = [level[inside, (inside + turn) % 4] for turn in (0, 2)]
+    light = [level[inside, (inside + turn) % 4] for turn in (1, 3)]
+    return np.asarray(np.minimum(*light) - np.maximum(*dark) > _CONTRAST)
+
+
+def to_pixels(places: Floats, H: Any) -> Floats:
+    """Points (N, 2) on the board mapped by a homography, pixels."""
+    return np.asarray(cv2.perspectiveTransform(places[:, None], H), np.float64)[:, 0]
