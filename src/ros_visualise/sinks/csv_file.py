@@ -10,11 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from ros_visualise.core.errors import RecordingError, UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.messages.recorded import TopicType, as_ros, recorded_ns
-from ros_visualise.sinks import Recorder
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.one_file import FileRecorder
 
 _NS = 1_000_000_000
 
@@ -28,7 +27,7 @@ def topics_with_numbers(path: Path, topics: Mapping[str, TopicType]) -> list[str
     return found
 
 
-class CsvRecorder(Recorder):
+class CsvRecorder(FileRecorder):
     """Numbers by ``TOPIC:FIELD``, after the time since the first row and the stamp, seconds.
 
     Messages of equal stamps share a row. The columns are known at the end alone, so that it is
@@ -36,28 +35,14 @@ class CsvRecorder(Recorder):
     """
 
     def __init__(self, path: Path, topics: Sequence[str], overwrite: bool, live: bool) -> None:
-        self._topics = tuple(topics)
-        self._file = TargetFile(path, overwrite, live)
+        super().__init__(path, topics, overwrite, live)
         self._rows = TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
         self._columns: dict[str, int] = {}
         self._stamp_ns: int | None = None  # of the row that is not written yet
         self._row: dict[int, float] = {}
         self._taken: set[str] = set()  # topics in that row
-        self._closed = False
 
-    @property
-    def path(self) -> Path:
-        return self._file.path
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        return self._topics
-
-    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
-        if topic not in self._topics:
-            return
-        if self._closed:
-            raise RecordingError(f"{self.path}: the recording has ended")
+    def _take(self, topic: str, message: Any, stamp_ns: int | None) -> None:
         stamp_ns = recorded_ns(message) if stamp_ns is None else stamp_ns
         numbers = numeric_fields(as_ros(message))
         if stamp_ns != self._stamp_ns or topic in self._taken:
@@ -67,20 +52,10 @@ class CsvRecorder(Recorder):
         for name, number in numbers.items():
             self._row[self._columns.setdefault(f"{topic}:{name}", len(self._columns))] = number
 
-    def close(self, whole: bool = True) -> None:
-        if self._closed:
-            return
-        self._closed = True
+    def _end(self) -> None:
         self._end_row()
-        try:
-            with self._rows:
-                self._write_table()
-            self._file.close(whole)
-        except OSError as error:
-            raise self._file.give_up(error, 0) from None
-
-    def remove(self) -> None:
-        self._file.remove()
+        with self._rows:
+            self._write_table()
 
     def _end_row(self) -> None:
         if self._stamp_ns is None:
@@ -89,7 +64,7 @@ class CsvRecorder(Recorder):
             self._rows.write(f"{json.dumps([self._stamp_ns, [*self._row.items()]])}\n")
         except OSError as error:
             self._closed = True
-            raise self._file.give_up(error, 0) from None
+            raise self._file.give_up(error, self._written) from None
         self._stamp_ns, self._row, self._taken = None, {}, set()
 
     def _write_table(self) -> None:

@@ -19,8 +19,8 @@ from av.video.frame import PictureType
 from ros_visualise.core.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.data import MEASUREMENTS, Image
 from ros_visualise.messages.recorded import Recorded, TopicType, content
-from ros_visualise.sinks import Recorder
 from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.one_file import FileRecorder
 from ros_visualise.vision.measurements import to_picture
 
 log = logging.getLogger(__name__)
@@ -66,7 +66,7 @@ def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> st
     return images[-1]
 
 
-class Mp4Recorder(Recorder):
+class Mp4Recorder(FileRecorder):
     """One topic of images in an .mp4 that keeps the times of its images.
 
     All images take the size of the first one, 16-bit ones are scaled to 8 bit, mosaics become
@@ -75,26 +75,12 @@ class Mp4Recorder(Recorder):
 
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:
         _require_encoder(path)
-        self._topic = topic
-        self._file = TargetFile(path, overwrite, live=True)
+        super().__init__(path, [topic], overwrite, live=True)
         self._video: _Video | None = None
         self._timeline = VideoTimeline()
-        self._closed = False
         self._warned = False
 
-    @property
-    def path(self) -> Path:
-        return self._file.path
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        return (self._topic,)
-
-    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
-        if topic != self._topic:
-            return
-        if self._closed:
-            raise RecordingError(f"{self.path}: the recording has ended")
+    def _take(self, topic: str, message: Any, stamp_ns: int | None) -> None:
         if stamp_ns is None and isinstance(message, Recorded):
             stamp_ns = message.stamp_ns
         image, size, planes = self._planes(message)
@@ -126,9 +112,6 @@ class Mp4Recorder(Recorder):
             self._file.close(whole)
         except OSError as error:
             raise self._file.give_up(error, self._video.count) from None
-
-    def remove(self) -> None:
-        self._file.remove()
 
     def _planes(self, message: Any) -> tuple[Image, tuple[int, int], Bytes]:
         """An image, the size of the video, and the image as the encoder takes it.

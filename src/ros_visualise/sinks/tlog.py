@@ -9,7 +9,7 @@ from typing import Any
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Octets
 from ros_visualise.messages.recorded import TopicType, content
-from ros_visualise.sinks.appending import AppendingRecorder
+from ros_visualise.sinks.one_file import AppendingRecorder
 
 
 def mavlink_topics(path: Path, topics: Mapping[str, TopicType]) -> list[str]:
