@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +18,6 @@ from ros_visualise.batch.results import Results
 from ros_visualise.batch.tables import quoted
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import absolute_errors, associate, nees, pose_error
-
-if TYPE_CHECKING:
-    pass
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 

@@ -18,6 +18,7 @@ import numpy as np
 from ros_visualise.batch.comparison import METRICS, RATIOS, ResultChange, ResultComparison
 from ros_visualise.batch.pictures import images_at, with_boxes
 from ros_visualise.core.errors import OpenError, UsageError, did_you_mean
+from ros_visualise.core.printing import in_columns
 from ros_visualise.core.yaml_files import open_yaml
 from ros_visualise.data import Pixels
 from ros_visualise.plotting.colors import GREEN, ORANGE
@@ -97,11 +98,7 @@ def to_text(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The summary in columns."""
     heads = ("metric", "changes", "beyond", "median", "worst", "where")
     cells = [heads, *(_cells(one) for one in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    ]
+    return in_columns(cells)
 
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ros_visualise.core.errors import OpenError, TooLarge, UsageError
@@ -135,6 +136,15 @@ check_log = _limit("a flight log", 4)  # held twice
 check_model = _limit("a network", 4)  # its weights may be copied in another layout
 check_text = _limit("a text", 32)  # lines become objects of many times their size
 check_numbers = _limit("numbers", 128)  # each is a word, an object and an entry
+
+
+@contextmanager
+def within_limits(name: object) -> Iterator[None]:
+    """Within this, an input of that name that is TooLarge cannot be opened: raises OpenError."""
+    try:
+        yield
+    except TooLarge as error:
+        raise OpenError(f"{name}: {error}") from None
 
 
 def disk_reserve(total: int) -> tuple[int, str]:

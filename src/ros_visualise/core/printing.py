@@ -10,7 +10,7 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import Any
@@ -121,6 +121,16 @@ def print_json(found: Any, **how: Any) -> None:
     import json  # not at each --help
 
     print_result([json.dumps(found, **how)])
+
+
+def in_columns(rows: Sequence[Sequence[str]], numbers: bool = False) -> list[str]:
+    """Lines of cells, two blanks apart; with ``numbers``, all after the first end at the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    align = str.rjust if numbers else str.ljust
+    return [
+        "  ".join([row[0].ljust(widths[0]), *map(align, row[1:], widths[1:])]).rstrip()
+        for row in rows
+    ]
 
 
 def counted(number: int, noun: str) -> str:

@@ -87,14 +87,14 @@ class PlotAxes:
             self._figure.text(left - 6, y + 4, text, 11, "end")
 
 
-def draw_histogram(figure: Figure, box: Box, pixels: Pixels, color: Color = GRAY) -> PlotAxes:
+def draw_histogram(figure: Figure, box: Box, pixels: Pixels) -> PlotAxes:
     """Draw how many pixels have each of 256 levels; returns the axes."""
     counts = np.bincount(pixels.ravel(), minlength=256)
     axes = PlotAxes(figure, box, np.zeros(2), np.array([255.0, counts.max()]))
     axes.draw("level", "pixels")
     edges = np.repeat(np.arange(257) - 0.5, 2)
     heights = np.concatenate([[0], np.repeat(counts, 2), [0]])
-    figure.area(axes.places(np.stack([edges, heights], axis=1)), color)
+    figure.area(axes.places(np.stack([edges, heights], axis=1)), GRAY)
     return axes
 
 

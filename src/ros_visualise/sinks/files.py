@@ -6,12 +6,14 @@ import errno
 import io
 import os
 import shutil
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.limits import disk_reserve
 from ros_visualise.core.paths import may_replace
+from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.targets import Target, sync, take_over
 
 _own: dict[Path, tuple[int, ...] | None] = {}
@@ -120,6 +122,23 @@ class TargetFile(Target):
 
     def _delete(self) -> None:
         self.path.unlink()
+
+
+def check_new(files: Iterable[Path | None], overwrite: bool, *sources: str | Path | None) -> None:
+    """Reject files, of those that are given, that could not be written later.
+
+    Args:
+        files: to write; None: not given.
+        overwrite: existing ones may be replaced.
+        sources: what is read.
+
+    Raises:
+        OpenError, UsageError: as `Target.check` and `check_targets`.
+    """
+    given = [one for one in files if one is not None]
+    check_targets(given, *sources)
+    for one in given:
+        TargetFile.check(one, overwrite)
 
 
 def write_file(path: Path, data: bytes, overwrite: bool = False) -> None:

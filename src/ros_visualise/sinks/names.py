@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ros_visualise.core.errors import OpenError, UsageError
@@ -61,6 +61,12 @@ def check_targets(targets: Sequence[Path], *sources: str | Path | None) -> None:
             raise UsageError(
                 f"{target}: in use as the source, or a part of it; choose another name"
             )
+
+
+def check_suffix(option: str, path: Path | None, suffixes: Collection[str]) -> None:
+    """Reject a file, if one is given, whose name ends in none of these; raises UsageError."""
+    if path is not None and path.suffix.lower() not in suffixes:
+        raise UsageError(f"{option} {path}: give a name that ends in {' or '.join(suffixes)}")
 
 
 def _meet(one: Path, other: Path) -> bool:

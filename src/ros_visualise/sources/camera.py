@@ -19,7 +19,8 @@ from av.error import ExitError, FFmpegError
 from av.video.frame import VideoFrame
 
 from ros_visualise.core import supervision
-from ros_visualise.core.errors import OpenError, ParameterError, TooLarge
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.limits import within_limits
 from ros_visualise.core.params import Value
 from ros_visualise.core.printing import without_secrets
 from ros_visualise.core.rate import Clock, Steady, WallClock
@@ -113,10 +114,8 @@ def _prepare(container: InputContainer, name: str) -> None:
     stream = container.streams.video[0]
     if stream.codec_context is None:
         raise OpenError(f"{name}: unsupported codec; set the camera to H.264 or MJPEG")
-    try:
+    with within_limits(name):
         limit_frames(stream)
-    except TooLarge as error:
-        raise OpenError(f"{name}: {error}") from None
     stream.thread_type = "SLICE"  # threads by frame would keep frames back
 
 

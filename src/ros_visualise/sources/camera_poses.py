@@ -63,6 +63,17 @@ class CameraPoses:
         return np.asarray((latitudes <= 90) & (longitudes <= 180), bool)  # NaN is not
 
 
+def above_ground(altitudes: Floats, heights: Floats) -> tuple[Floats, float]:
+    """Altitudes (N,), by the heights above take-off (N,) where they are known, and the ground's.
+
+    What is unknown is NaN; where no altitude is known, the ground's is 0.
+    """
+    ground = altitudes - heights if np.isfinite(altitudes).any() else 0 * heights
+    known = ground[np.isfinite(ground)]
+    ground_m = float(known[0]) if len(known) else np.nan
+    return np.where(np.isfinite(heights), ground_m + heights, altitudes), ground_m
+
+
 def angle_quats(yaw_pitch_roll_deg: npt.ArrayLike) -> Floats:
     """(N, 4) of forward, right, down in north, east, down, of angles (N, 3) in degrees: yaw from
     north to east, pitch upwards, roll to the right.

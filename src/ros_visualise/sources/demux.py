@@ -16,8 +16,8 @@ from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_frame, frame_pixels, frames_at_once
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import check_frame, frame_pixels, frames_at_once, within_limits
 from ros_visualise.core.regular_files import is_of_the_shell, open_file, open_regular
 
 _UNKNOWN_BITS = 24  # of a pixel
@@ -72,10 +72,8 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
     if streams[0].codec_context is None:
         raise OpenError(f"{path}: unsupported codec; convert it: ffmpeg -i IN OUT")
     streams[0].thread_type = "AUTO"
-    try:
+    with within_limits(path):
         limit_frames(streams[0])
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     return streams[0]
 
 

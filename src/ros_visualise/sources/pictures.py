@@ -13,8 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_file
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import check_file, within_limits
 from ros_visualise.core.regular_files import natural, read_file
 from ros_visualise.data import Header, Image, Pixels
 from ros_visualise.sources.formats import VIDEOS
@@ -41,22 +41,18 @@ def is_pictures(path: str | os.PathLike[str]) -> bool:
 def read_picture(path: Path) -> Image:
     """A picture in gray or colours, turned upright, without its alpha; raises OpenError."""
     try:
-        check_file(path.stat().st_size)
+        with within_limits(path):
+            check_file(path.stat().st_size)
         file = read_file(path)
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     except FileNotFoundError:
         raise OpenError.missing(path) from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror or error}; {_GIVEN}") from None
     pixels: Any = None
-    try:
+    with within_limits(path), contextlib.suppress(cv2.error):
         whole = decodable(file)
         if whole is not None:
-            with contextlib.suppress(cv2.error):
-                pixels = cv2.imdecode(np.frombuffer(whole, np.uint8), _AS_SHOWN)
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
+            pixels = cv2.imdecode(np.frombuffer(whole, np.uint8), _AS_SHOWN)
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise OpenError(f"{path}: not a readable image; {_GIVEN}")
     found: Pixels = pixels

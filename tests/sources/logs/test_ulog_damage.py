@@ -10,7 +10,7 @@ from pyulog import ULog
 
 from ros_visualise.core import limits
 from ros_visualise.core.errors import OpenError
-from ros_visualise.sources.logs.ulog import read_ulog
+from ros_visualise.sources.logs.px4 import read_ulog
 from ros_visualise.sources.logs.ulog_records import Records
 from ros_visualise.sources.opening import open_recording
 

@@ -21,8 +21,8 @@ from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.sheet import SHEET_FORMATS, lay_out
 from ros_visualise.plotting.figure import FIGURE_FORMATS
-from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.names import check_targets
+from ros_visualise.sinks.files import check_new
+from ros_visualise.sinks.names import check_suffix
 from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration import to_yaml
@@ -53,18 +53,10 @@ def _check(options: CalibrateOptions) -> None:
     """Reject what cannot be done, before anything is read."""
     if not (options.input or options.board):
         raise UsageError("nothing to do: give pictures, a video or a camera, or --board FILE.pdf")
-    targets = [one for one in (options.board, options.output, options.plot) if one is not None]
-    kinds = (
-        ("--board", options.board, [*SHEET_FORMATS]),
-        ("--plot", options.plot, [*FIGURE_FORMATS]),
-    )
-    for option, target, formats in kinds:
-        if target is not None and target.suffix.lower() not in formats:
-            raise UsageError(f"{option} {target}: give a name that ends in {' or '.join(formats)}")
-    for source in options.input or (None,):
-        check_targets(targets, source)
-    for target in targets:
-        TargetFile.check(target, options.overwrite)
+    check_suffix("--board", options.board, SHEET_FORMATS)
+    check_suffix("--plot", options.plot, FIGURE_FORMATS)
+    files = (options.board, options.output, options.plot)
+    check_new(files, options.overwrite, *options.input)
 
 
 def _calibrate(options: CalibrateOptions, board: Board) -> int:

@@ -17,7 +17,14 @@ from ros_visualise.commands.landmarks.places import PlaceLog, save_places
 from ros_visualise.commands.landmarks.sightings import DetectionLog, image_json, landmarks_json
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.paths import given_folder, set_folder
-from ros_visualise.core.printing import counted, escaped, print_json, print_result, print_status
+from ros_visualise.core.printing import (
+    counted,
+    escaped,
+    in_columns,
+    print_json,
+    print_result,
+    print_status,
+)
 from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header
 from ros_visualise.estimation.camera_view import PLACE
@@ -30,9 +37,8 @@ from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.sinks.files import TargetFile, write_file
+from ros_visualise.sinks.files import TargetFile, check_new, write_file
 from ros_visualise.sinks.geography import check_geography
-from ros_visualise.sinks.names import check_targets
 from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
 
@@ -88,12 +94,10 @@ def _check(options: LandmarksOptions) -> None:
         raise UsageError("--tracks: requires --geo OUT")
     if options.geo is not None:
         check_geography(options.geo)
-        check_targets([options.geo], options.input)
-        TargetFile.check(options.geo, options.overwrite)
+        check_new([options.geo], options.overwrite, options.input)
     if options.map is not None:
         check_map_name(options.map)
-        check_targets([options.map], options.input)
-        TargetFile.check(options.map, options.overwrite)
+        check_new([options.map], options.overwrite, options.input)
         if options.places:
             TargetFile.check(places_path(options.map), options.overwrite)
         set_folder(given_folder(), options.overwrite)  # of what nodes save
@@ -230,12 +234,7 @@ def _table(rows: list[tuple[str, ...]], total: str) -> list[str]:
     """Lines in columns; the first row holds the heads."""
     if len(rows) == 1:
         return [f"no landmarks in {total.partition(' in ')[2]}"]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
-    return [*lines, total]
+    return [*in_columns(rows), total]
 
 
 def _place(pose: dict[str, Any] | None) -> tuple[str, str]:

@@ -28,8 +28,8 @@ from ros_visualise.geometry import rotations, se3
 from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.plotting.trajectory_plot import PlottedTrajectory, planes_of, plot_trajectories
 from ros_visualise.running.interruptible import interruptible
-from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.names import check_targets
+from ros_visualise.sinks.files import check_new
+from ros_visualise.sinks.names import check_suffix
 from ros_visualise.sinks.trajectory import FORMATS, save
 from ros_visualise.vision.threads import fit_threads
 
@@ -136,21 +136,15 @@ def _check(options: OdometryOptions) -> None:
     """Reject wrong usage before anything is read."""
     outs = [Path(name) for name in options.out]
     for one in outs:
-        if one.suffix.lower() not in _SUFFIXES:
-            raise UsageError(f"--out {one}: give a name that ends in {' or '.join(_SUFFIXES)}")
-    if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
-        kinds = " or ".join(FIGURE_FORMATS)
-        raise UsageError(f"--plot {options.plot}: give a name that ends in {kinds}")
+        check_suffix("--out", one, _SUFFIXES)
+    check_suffix("--plot", options.plot, FIGURE_FORMATS)
     if options.imu and (options.height or options.scale):
         raise UsageError("--imu gives the scale: omit --height and --scale")
     if options.readout is not None and options.readout > _LONGEST_MS:
         raise UsageError(f"--readout {options.readout:g}: give milliseconds, at most {_LONGEST_MS}")
     if options.corners < 50:
         raise UsageError(f"--corners {options.corners}: give at least 50")
-    targets = [*outs, *(one for one in (options.covariances, options.plot) if one)]
-    check_targets(targets, Path(options.input))
-    for target in targets:
-        TargetFile.check(target, options.overwrite)
+    check_new([*outs, options.covariances, options.plot], options.overwrite, options.input)
 
 
 def _settings(options: OdometryOptions) -> VisualSettings:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ros_visualise.commands.trajectory import TrajectoryOptions
-from ros_visualise.core.printing import counted
+from ros_visualise.core.printing import counted, in_columns
 from ros_visualise.data import Floats
 from ros_visualise.geometry.se3 import from_parts
 from ros_visualise.geometry.trajectory_errors import PoseErrors, statistics
@@ -81,11 +81,8 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
         numbers = statistics(errors)
         row = [name, *(f"{numbers[column]:.6f}" for column in _COLUMNS)]
         rows.append([*row, str(len(errors))])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth)}"]
-    lines += [
-        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
-    ]
+    lines += in_columns(rows, numbers=True)
     if not compared.turns:
         lines.append("(no rotation error and no RPE, because one of the two lacks attitudes)")
     elif compared.rpe is None:

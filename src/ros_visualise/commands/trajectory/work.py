@@ -25,8 +25,8 @@ from ros_visualise.plotting.trajectory_plot import (
     plot_trajectories,
 )
 from ros_visualise.running.interruptible import interruptible
-from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.names import check_targets, parse_target
+from ros_visualise.sinks.files import check_new
+from ros_visualise.sinks.names import parse_target
 from ros_visualise.sinks.trajectory import FORMATS, save
 from ros_visualise.sources.comparison import Comparison, compare
 from ros_visualise.sources.trajectories import Trajectory
@@ -70,16 +70,12 @@ def _check(options: TrajectoryOptions) -> None:
         raise UsageError(
             f"{options.output}: can store only one trajectory; choose one, or omit OUT"
         )
-    targets = [one for one in (options.output, options.plot) if one is not None]
-    for read in files_read(options):
-        check_targets(targets, read)
     if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
             f"{options.plot}: plots are PNG, SVG or PDF files; give a name that ends in {kinds}"
         )
-    for target in targets:
-        TargetFile.check(target, options.overwrite)
+    check_new((options.output, options.plot), options.overwrite, *files_read(options))
 
 
 def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:

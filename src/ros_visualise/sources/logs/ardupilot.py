@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_log
+from ros_visualise.core.limits import check_log, within_limits
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.dataflash import DataFlash
@@ -37,11 +36,9 @@ def open_dataflash(path: Path) -> SeriesRecording:
     Raises:
         OpenError: it holds no positions.
     """
-    try:
+    with within_limits(path):
         check_log(path.stat().st_size)
         log = DataFlash(read_file(path))
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     every = log.tables()
     tables = without_strays(_flight_columns(every), log.loss)
     utc_us = _utc_offset_us(every.get("GPS"))
@@ -103,12 +100,9 @@ def _fixes(gps: LogTable, accuracy: LogTable | None) -> dict[str, Column]:
 
 
 def _utc_offset_us(gps: LogTable | None) -> int | None:
-    """UTC minus the vehicle's clock; the median, as the latency of the receiver varies."""
+    """UTC minus the vehicle's clock."""
     if gps is None or not gps.has("GWk", "GMS"):
         return None
     weeks = gps.column("GWk")
-    known = weeks > 0
-    if not known.any():
-        return None
     utc_us = _GPS_EPOCH_US - _LEAP_US + weeks * _WEEK_US + gps.column("GMS") * 1000
-    return int(np.median(utc_us[known] - gps.times_us[known]))
+    return gps.offset_us(utc_us, weeks > 0)

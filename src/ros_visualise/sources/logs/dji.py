@@ -20,12 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_text
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import check_text, within_limits
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import CameraInfo
 from ros_visualise.sources.camera_poses import (
     CameraPoses,
+    above_ground,
     angle_quats,
     camera_series,
     lens_series,
@@ -104,10 +105,8 @@ def begins_srt(head: bytes) -> bool:
 
 def open_srt(path: Path) -> SeriesRecording:
     """Open a file of subtitles; those without a position become fixes whose status is "no fix"."""
-    try:
+    with within_limits(path):
         text, subtitles = _read(path)
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     if not any(one.has_fix for one in subtitles):
         raise OpenError(f"{path}: no GPS positions; DJI's subtitles have them if GPS was on")
     stamps_ns, clock, notes = _stamps_ns(subtitles)
@@ -140,10 +139,7 @@ def _camera(film: Path, subtitles: Sequence[_Subtitle]) -> list[Series]:
     quats = optical_quats(angle_quats([one.angles for one in subtitles]))
     altitudes = np.array([one.altitude for one in subtitles])
     heights = np.array([one.height for one in subtitles])
-    ground = altitudes - heights if np.isfinite(altitudes).any() else 0 * heights
-    known = ground[np.isfinite(ground)]
-    ground_m = float(known[0]) if len(known) else math.nan
-    up = np.where(np.isfinite(heights) & bool(len(known)), ground_m + heights, altitudes)
+    up, ground_m = above_ground(altitudes, heights)
     places = np.column_stack(
         [[one.latitude for one in subtitles], [one.longitude for one in subtitles], up]
     )

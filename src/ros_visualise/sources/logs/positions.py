@@ -24,12 +24,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_text
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import check_text, within_limits
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import Floats
 from ros_visualise.sources.camera_poses import (
     CameraPoses,
+    above_ground,
     angle_quats,
     camera_series,
     optical_quats,
@@ -112,10 +113,8 @@ def open_positions(path: Path) -> SeriesRecording:
 
 
 def _data(path: Path) -> bytes:
-    try:
+    with within_limits(path):
         check_text(path.stat().st_size)
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     return read_file(path)
 
 
@@ -136,11 +135,7 @@ def _recorded(
         name: np.array([row.get(name, math.nan) for row in rows], np.float64) for name in _COLUMNS
     }
     stamps_ns, notes = _stamps_ns(columns["time"])
-    altitudes, heights = columns["altitude"], columns["height"]
-    ground = altitudes - heights if np.isfinite(altitudes).any() else 0 * heights
-    known = ground[np.isfinite(ground)]
-    ground_m = float(known[0]) if len(known) else math.nan
-    up = np.where(np.isfinite(heights), ground_m + heights, altitudes)
+    up, ground_m = above_ground(columns["altitude"], columns["height"])
     places = np.column_stack([columns["latitude"], columns["longitude"], up])
     places[(places[:, :2] == 0).all(axis=1)] = np.nan
     angles = np.column_stack([columns["yaw"], columns["pitch"], columns["roll"]])

@@ -43,6 +43,13 @@ class LogTable:
     def __len__(self) -> int:
         return len(self.times_us)
 
+    def offset_us(self, times_us: Column, known: _Mask) -> int | None:
+        """Another clock minus this one, by its times (N,) where they are known; None: nowhere.
+
+        It is the median, as the latency of what knows the other clock varies.
+        """
+        return int(np.median((times_us - self.times_us)[known])) if known.any() else None
+
     def has(self, *fields: str) -> bool:
         """True if it has all of these fields."""
         return self.raw.keys() >= {*fields}

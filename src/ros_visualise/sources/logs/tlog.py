@@ -17,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.core.errors import OpenError, TooLarge
-from ros_visualise.core.limits import check_log
+from ros_visualise.core.limits import check_log, within_limits
 from ros_visualise.core.regular_files import read_file
 from ros_visualise.geometry import rotations
 from ros_visualise.links.mavlink import MARKS, frame_at, is_whole, layout
@@ -52,11 +51,9 @@ def open_tlog(path: Path) -> SeriesRecording:
     Raises:
         OpenError: it holds no positions, or pymavlink is missing.
     """
-    try:
+    with within_limits(path):
         check_log(path.stat().st_size)
         frames = _Frames(read_file(path))
-    except TooLarge as error:
-        raise OpenError(f"{path}: {error}") from None
     every, vehicles = frames.tables()
     own = {name: table for name, table in every.items() if "/" not in name}
     tables = without_strays(_flight_columns(own), frames.loss)
