@@ -48,29 +48,10 @@ def run_on_cluster(
         OpenError: no scheduler answers.
         Stopped: ``stopped`` returned True.
     """
-    try:
-        import dask.config
-
-        dask.config.set({"logging": {"distributed": "critical"}})  # failures are rows
-        from distributed import Client, LocalCluster, wait
-    except ImportError:
-        raise UsageError(
-            "--cluster needs Dask; install it: pip install 'ros_visualise[cluster]' (in a clone:"
-            " pip install '.[cluster]')"
-        ) from None
     with ExitStack() as undo:
-        if address == LOCAL:
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-            )
-            address = undo.enter_context(cluster).scheduler_address
-        try:
-            client = undo.enter_context(Client(address, timeout=_PATIENCE_S))
-        except (OSError, ValueError) as error:
-            raise OpenError(f"--cluster {address}: no scheduler answers ({error})") from None
+        client = _connected(address, workers, undo)
+        from distributed import wait
+
         waiting, sent = iter(tasks), dict[Any, Task]()
         while True:
             slots = max(1, sum(client.nthreads().values()))
@@ -84,6 +65,32 @@ def run_on_cluster(
             with suppress(asyncio.TimeoutError):
                 for future in wait([*sent], _LOOK_S, "FIRST_COMPLETED").done:
                     yield sent.pop(future), _outcome(future)
+
+
+def _connected(address: str, workers: int, undo: ExitStack) -> Any:
+    """A client of the cluster, and a cluster of so many workers if it is `LOCAL`."""
+    try:
+        import dask.config
+
+        dask.config.set({"logging": {"distributed": "critical"}})  # failures are rows
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise UsageError(
+            "--cluster needs Dask; install it: pip install 'ros_visualise[cluster]' (in a clone:"
+            " pip install '.[cluster]')"
+        ) from None
+    if address == LOCAL:
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+        address = undo.enter_context(cluster).scheduler_address
+    try:
+        return undo.enter_context(Client(address, timeout=_PATIENCE_S))
+    except (OSError, ValueError) as error:
+        raise OpenError(f"--cluster {address}: no scheduler answers ({error})") from None
 
 
 def attempt(work: Callable[[Task], Any], task: Task, limits: Limits) -> Any:

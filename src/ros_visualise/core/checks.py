@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from ros_visualise.core.errors import ParameterError, UsageError
@@ -20,7 +20,18 @@ def check_name(what: str, name: str) -> None:
         raise UsageError(f"{what}: invalid name; use letters, digits and _, starting with a letter")
 
 
-def check_kinds(name: str, ports: Mapping[str, Any]) -> None:
+def check_ports(
+    name: str, inputs: Mapping[str, Any], outputs: Mapping[str, Any], named: Iterable[str]
+) -> None:
+    """Check inputs and outputs, and that ``named`` ones are outputs."""
+    for port in named:
+        if port not in outputs:
+            raise UsageError(f"node {name}: no output {port!r}; choose from {', '.join(outputs)}")
+    _check_kinds(name, inputs)
+    _check_kinds(name, outputs)
+
+
+def _check_kinds(name: str, ports: Mapping[str, Any]) -> None:
     """Check the names of inputs or outputs, and that their types are messages."""
     for port, kind in ports.items():
         check_name(f"node {name}: {port}", port)

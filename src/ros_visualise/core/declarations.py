@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 from ros_visualise.core.checks import (
     check_calibrated,
     check_inputs,
-    check_kinds,
     check_made,
     check_name,
     check_params,
+    check_ports,
     check_sync,
     check_topics,
 )
@@ -132,11 +132,7 @@ def node(
         deprecated(f"node {name}: join=", "sync=")
         sync = join
     check_name(f"node {name}", name)
-    for port in (*on_demand, *latched, *(topics or {})):
-        if port not in outputs:
-            raise UsageError(f"node {name}: no output {port!r}; choose from {', '.join(outputs)}")
-    check_kinds(name, inputs)
-    check_kinds(name, outputs)
+    check_ports(name, inputs, outputs, (*on_demand, *latched, *(topics or {})))
     check_sync(name, sync, inputs)
     check_params(f"node {name}", params)
     check_topics(name, topics or {})
@@ -147,20 +143,16 @@ def node(
     def declare(target: T) -> T:
         check_made(name, target)
         check_inputs(name, target, [*inputs], sync, extras)
-        is_class = isinstance(target, type)
-        make: Any = lambda _: _Function(target)  # noqa: E731
-        if is_class:
-            make = completed(target, _OptionalMethods)  # type: ignore[arg-type]
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
-            make,
+            _maker(target),
             params,
             {**inputs, **transforms},
             outputs,
             frozenset(on_demand),
             drops,
             timed,
-            stateless=not is_class,
+            stateless=not isinstance(target, type),
             doc=first_line(target),
             latched=frozenset(latched),
             actions=actions_of(target),
@@ -176,6 +168,13 @@ def node(
         return target
 
     return declare
+
+
+def _maker(target: Any) -> Callable[[Any], Any]:
+    """A function that creates the node from its parameters."""
+    if isinstance(target, type):
+        return completed(target, _OptionalMethods)
+    return lambda _: _Function(target)
 
 
 def _optional(target: Any, inputs: Mapping[str, type[Message]]) -> frozenset[str]:

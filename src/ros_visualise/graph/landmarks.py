@@ -124,26 +124,18 @@ def with_landmarks(
         for number, topic in enumerate(topics[1:], 2)
         for name in detectors
     ]
-    visual = visual_odometry_of(graph)
     odometry = _first(graph, Odometry, "/odom")
     beside = inputs | ({"odom": odometry} if odometry else {})
     if navigate:
-        graph = graph if visual else _leaving_odom(graph)
-        found.append(_navigator(graph, inputs, visual or odometry))
-        if visual:  # which has used the IMU
-            found[-1] = found[-1].configured({"imu": False})
-        found += _pose_error(graph, found[-1])
+        graph, navigating = _navigating(graph, inputs, odometry)
+        found += navigating
     elif has_frames(graph):
         found.append(place(find_node(LOCALIZER), beside))
     if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
         found = _with_landing(found, beside)
     earth = _first(graph, NavSatFix) is not None and has_frames(graph)
     if on_earth or (on_earth is None and earth and not _is_simulated(graph)):
-        if follow and "objects" in inputs:
-            seen = {"detections": inputs["objects"], "image": topics[0]}
-            found.append(place(find_node(_TRACKER), seen))
-            inputs = {**inputs, "objects": found[-1].outputs["tracks"]}
-        found.append(_georeference(graph, inputs))
+        found += _on_earth(graph, inputs, topics[0] if follow else "")
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(
             f"the recording already has {made}: exclude it with --topics, or omit --landmarks"
@@ -249,6 +241,18 @@ def _leaving_odom(graph: Graph) -> Graph:
     return graph.configured({source.name: {"map_to_odom": False}})
 
 
+def _navigating(
+    graph: Graph, inputs: Mapping[str, str], odometry: str | None
+) -> tuple[Graph, list[Node]]:
+    """The same graph, and the nodes that localize its robot by landmarks."""
+    visual = visual_odometry_of(graph)
+    graph = graph if visual else _leaving_odom(graph)
+    navigator = _navigator(graph, inputs, visual or odometry)
+    if visual:  # which has used the IMU
+        navigator = navigator.configured({"imu": False})
+    return graph, [navigator, *_pose_error(graph, navigator)]
+
+
 def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) -> Node:
     """The node that corrects the odometry by landmarks, and by all other sensors it knows."""
     if odometry is None or not has_frames(graph):
@@ -263,6 +267,19 @@ def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) ->
         if own or alone:
             found[sensor.name] = [*own, *alone][0]
     return place(find_node(NAVIGATOR), {**inputs, "odometry": odometry, **found})
+
+
+def _on_earth(graph: Graph, inputs: Mapping[str, str], followed: str) -> list[Node]:
+    """The nodes that place landmarks on the Earth; objects followed in a topic of images, if any.
+
+    Raises:
+        UsageError: nothing says where the camera is.
+    """
+    if not (followed and "objects" in inputs):
+        return [_georeference(graph, inputs)]
+    seen = {"detections": inputs["objects"], "image": followed}
+    tracker = place(find_node(_TRACKER), seen)
+    return [tracker, _georeference(graph, {**inputs, "objects": tracker.outputs["tracks"]})]
 
 
 def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:

@@ -12,7 +12,6 @@ from ros_visualise.data import Image, Message, Pixels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, show
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
-from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.reshape import resized
 
 NAME = "picture"
@@ -37,7 +36,7 @@ def picture_of(lesson: Lesson) -> Any:
     @node(NAME, params=PictureParams, inputs=TAKES, outputs=GIVES)
     def picture(image: Image, params: PictureParams) -> dict[str, Message]:
         """The picture."""
-        pixels = fit(colors_of(image), params.longest)
+        pixels = fit(color.bgr_of(image), params.longest)
         height, width = pixels.shape[:2]
         shown = show(image, pixels, lesson.intro, pixels, width=width, height=height)
         result, info = shown["image"], image.camera_info
@@ -47,17 +46,6 @@ def picture_of(lesson: Lesson) -> Any:
         return {**shown, "image": replace(result, camera_info=info)}
 
     return picture
-
-
-def colors_of(image: Image) -> Pixels:
-    """An image in BGR of 8 bits.
-
-    Raises:
-        UnsupportedImage: it holds measurements, such as depth.
-    """
-    color.refuse_measurements(image.encoding)
-    pixels = color.demosaiced(image.pixels, image.encoding)
-    return color.to_bgr(to_8_bit(pixels), color.order_of(image.encoding))
 
 
 def fit(pixels: Pixels, longest: int) -> Pixels:

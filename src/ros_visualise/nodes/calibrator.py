@@ -14,13 +14,14 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Image
 from ros_visualise.landmarks.calibration.boards import BoardKind, board_of
 from ros_visualise.landmarks.calibration.calibrating import CameraCalibration, calibrate
-from ros_visualise.landmarks.calibration.collecting import ViewCollector, to_gray_8
+from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.progress import draw_progress
 from ros_visualise.landmarks.calibration.views import BoardView
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import path_of, to_yaml
+from ros_visualise.vision.color import gray_of
 
 log = logging.getLogger(__name__)
 
@@ -152,7 +153,7 @@ class CameraCalibrator:
 
 
 def _draw(image: Image, *progress: Any) -> Any:
-    return draw_progress(to_gray_8(image), *progress)
+    return draw_progress(gray_of(image), *progress)
 
 
 def _board(params: CalibratorParams) -> tuple[Any, ...]:

@@ -28,7 +28,7 @@ from ros_visualise.data import (
 from ros_visualise.estimation.localization.seen import UNKNOWN
 from ros_visualise.geometry.aircraft import R_body_camera
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.geometry.se3 import turn_between
+from ros_visualise.geometry.se3 import from_parts, turn_between
 from ros_visualise.landmarks.georeferencing.course import HEADING_RAD, TILT_RAD, Course
 from ros_visualise.landmarks.georeferencing.ground import (
     LevelSurface,
@@ -259,15 +259,15 @@ class Georeference:
         if origin is None:
             self._reject(len(several), "no position yet: give fixes, as on /fix")
             return None
+        fixed, T = params.fixed_frame, None
         if is_by_course:
-            fixed = params.fixed_frame
-            T_fixed_camera = self._course.pose(origin, stamp_ns, params.camera_pitch)
-            if T_fixed_camera is None:
-                self._reject(len(several), "no course: it has not moved yet, or has no fixes")
-                return None
+            T = self._course.pose(origin, stamp_ns, params.camera_pitch)
         else:
             fixed = map_frame(params.fixed_frame, frames)
-            T_fixed_camera = self._camera_pose(fixed, stamp_ns, params, frames)
+            T = self._camera_pose(fixed, stamp_ns, params, frames)
+        if T is None:
+            self._reject(len(several), "no course: it has not moved yet, or has no fixes")
+            return None
         info, lens_sigma = self._lens_of(found, params)
         errors = self._errors(params, origin, lens_sigma, frames, fixed, stamp_ns)
         surface = self._surface_at(origin, params)
@@ -275,26 +275,10 @@ class Georeference:
             why = "the height above the ground is unknown: set ground_height or terrain"
             self._reject(len(several), why)
             return None
-        placed: list[Detection3D] = []
-        rays = []
-        for one in several:
-            near = _ranged(one)
-            if near is not None:
-                placed.append(_placed(one, *measured_point(near, T_fixed_camera, errors)))
-            else:
-                rays.append(one)
-        if rays and info is None:
-            self._reject(len(rays), "no lens: give a calibration, or set lens")
-        elif rays and info is not None:
-            pixels, covariances = _pixels(rays, info, T_fixed_camera)
-            points = ground_points(pixels, covariances, info, T_fixed_camera, errors, surface)
-            for one, reason, position, covariance in zip(
-                rays, points.rejected, points.positions_xyz, points.covariances_m2, strict=True
-            ):
-                if reason:
-                    self._reject(1, reason)
-                else:
-                    placed.append(_placed(one, position, covariance))
+        ranged = [(one, near) for one in several if (near := _ranged(one)) is not None]
+        rays = [one for one in several if _ranged(one) is None]
+        placed = [_placed(one, *measured_point(near, T, errors)) for one, near in ranged]
+        placed += self._on_ground(rays, info, T, errors, surface)
         self._placed += len(placed)
         header = Header(stamp_ns, fixed)
         return {
@@ -302,6 +286,31 @@ class Georeference:
             "geojson": Text(to_geojson(geo_places(placed, origin, stamp_ns)), header),
             "map_origin": origin.message(stamp_ns, fixed),
         }
+
+    def _on_ground(
+        self,
+        rays: Sequence[Detection],
+        info: CameraInfo | None,
+        T_fixed_camera: Floats,
+        errors: ViewErrors,
+        surface: Surface,
+    ) -> list[Detection3D]:
+        """Detections whose distance is not measured, where their rays meet the ground."""
+        if rays and info is None:
+            self._reject(len(rays), "no lens: give a calibration, or set lens")
+        if not rays or info is None:
+            return []
+        pixels, covariances = _pixels(rays, info, T_fixed_camera)
+        points = ground_points(pixels, covariances, info, T_fixed_camera, errors, surface)
+        placed = []
+        for one, reason, position, covariance in zip(
+            rays, points.rejected, points.positions_xyz, points.covariances_m2, strict=True
+        ):
+            if reason:
+                self._reject(1, reason)
+            else:
+                placed.append(_placed(one, position, covariance))
+        return placed
 
     def _camera_pose(
         self, fixed: str, stamp_ns: int, params: GeoreferenceParams, frames: FrameTree
@@ -313,15 +322,13 @@ class Georeference:
             self._remarks.say(
                 f"no frame {self._camera}: camera assumed to point the same way as {GIMBAL}"
             )
-            T_gimbal_camera = np.eye(4)
-            T_gimbal_camera[:3, :3] = R_body_camera(0.0)
+            T_gimbal_camera = from_parts(R_body_camera(0.0), np.zeros(3))
             return frames.lookup(fixed, GIMBAL, stamp_ns) @ T_gimbal_camera
         self._remarks.say(
             f"no frame {self._camera}: camera assumed fixed to {BODY}, {params.camera_pitch:g}"
             " degrees below the horizon (camera_pitch)"
         )
-        T_base_camera = np.eye(4)
-        T_base_camera[:3, :3] = R_body_camera(params.camera_pitch)
+        T_base_camera = from_parts(R_body_camera(params.camera_pitch), np.zeros(3))
         return frames.lookup(fixed, BODY, stamp_ns) @ T_base_camera
 
     def _reject(self, count: int, why: str) -> None:

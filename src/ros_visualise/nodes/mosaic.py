@@ -31,7 +31,6 @@ from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
 from ros_visualise.vision import color
-from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.lens_table import find_lens
 from ros_visualise.vision.rectification import Interpolation, model_of, rectify
 from ros_visualise.vision.reshape import resized
@@ -232,9 +231,7 @@ class Mosaicking:
 
 def _without_distortion(image: Image, info: CameraInfo) -> Pixels:
     """The image in colour, as a lens without distortion would show it by the same K."""
-    color.refuse_measurements(image.encoding)
-    pixels = color.demosaiced(image.pixels, image.encoding)
-    bgr = color.to_bgr(to_8_bit(pixels), color.order_of(image.encoding))
+    bgr = color.bgr_of(image)
     model = model_of(info, -1)
     plain = np.column_stack((info.K, np.zeros(3)))
     model = model._replace(R=np.eye(3), P=plain)

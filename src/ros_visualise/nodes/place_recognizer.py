@@ -37,7 +37,6 @@ from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.sinks.files import save_again
 from ros_visualise.vision import color
-from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.threads import fit_threads
 
 log = logging.getLogger(__name__)
@@ -197,10 +196,8 @@ class PlaceRecognizer:
         info = image.camera_info
         if T_odom_base is None or info is None:
             return None
-        color.refuse_measurements(image.encoding)
         fit_threads(image.pixels)
-        pixels = color.demosaiced(image.pixels, image.encoding)
-        gray = to_8_bit(color.to_gray(pixels, color.order_of(image.encoding)))
+        gray = color.gray_of(image)
         header = image.header
         T = T_odom_base @ frames.lookup(self._base, header.frame_id, header.stamp_ns)
         if self._memory is None:

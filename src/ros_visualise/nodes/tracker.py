@@ -34,7 +34,6 @@ from ros_visualise.landmarks.tracking.tracker import STILL, ByteTracker, Trackin
 from ros_visualise.landmarks.tracking.tracks import Numbers
 from ros_visualise.nodes import Exact, node
 from ros_visualise.vision import color
-from ros_visualise.vision.depth import to_8_bit
 
 _MARKERS_NS = 100_000_000
 _MARKER = 0.02  # size, of the camera's height
@@ -311,10 +310,7 @@ class Tracker:
             return ground_motion(info.K, former, self._pose, params.ground_height)
         if image is None or params.camera_motion is CameraMotion.ODOMETRY:
             return None
-        color.refuse_measurements(image.encoding)
-        pixels = color.demosaiced(image.pixels, image.encoding)
-        gray = to_8_bit(color.to_gray(pixels, color.order_of(image.encoding)))
-        return self._motion.step(gray, self._tracker.tracks.boxes)
+        return self._motion.step(color.gray_of(image), self._tracker.tracks.boxes)
 
     def _pose_at(self, header: Header, params: TrackerParams, frames: FrameTree) -> Floats | None:
         if params.camera_motion in (CameraMotion.IMAGE, CameraMotion.NONE):

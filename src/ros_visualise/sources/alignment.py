@@ -17,11 +17,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.core.errors import DamagedMessage, UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import print_status
 from ros_visualise.data import Floats, Imu, Pixels
-from ros_visualise.messages.recorded import content
-from ros_visualise.sources.recordings import ImageAt, Recording
+from ros_visualise.sources.recordings import ImageAt, Recording, readable
 from ros_visualise.sources.recordings.joined import JoinedRecording, parse_offsets
 from ros_visualise.sources.video import Video
 
@@ -164,15 +163,10 @@ def _motion(before: Pixels, after: Pixels) -> Floats | None:
 def _rates(recording: Recording, topic: str, shift_ns: int) -> tuple[Floats, Floats]:
     """Times (M,) in seconds and angular velocities (M, 3) of a gyroscope."""
     times, rates = [], []
-    with closing(recording.read(topics=[topic])) as entries:
-        for _, stamp_ns, message in entries:
-            try:
-                imu = content(message)
-            except DamagedMessage:
-                continue
-            if imu.angular_covariance[0, 0] != -1 and np.isfinite(imu.angular_xyz).all():
-                times.append((stamp_ns + shift_ns) / 1e9)
-                rates.append(imu.angular_xyz)
+    for _, stamp_ns, imu in readable(recording, [topic]):
+        if imu.angular_covariance[0, 0] != -1 and np.isfinite(imu.angular_xyz).all():
+            times.append((stamp_ns + shift_ns) / 1e9)
+            rates.append(imu.angular_xyz)
     return np.array(times), np.array(rates).reshape(-1, 3)
 
 

@@ -73,14 +73,8 @@ def compare(
     Raises:
         UsageError: no matching poses, or they cannot be aligned like that.
     """
-    if how not in ALIGNMENTS:
-        raise UsageError(f"no alignment {how!r}{did_you_mean(how, ALIGNMENTS)}")
+    _check_alignment(found, truth, how)
     turns = found.turns and truth.turns
-    if how == "origin" and not turns:
-        without = found if truth.turns else truth
-        raise UsageError(
-            f"{without.topic} has no attitudes, which align=origin needs; use align=se3"
-        )
     of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
@@ -105,6 +99,16 @@ def compare(
         relative_errors(T_truth, T[of_found], begins) if has_pairs else None,
         turns,
     )
+
+
+def _check_alignment(found: Trajectory, truth: Trajectory, how: str) -> None:
+    if how not in ALIGNMENTS:
+        raise UsageError(f"no alignment {how!r}{did_you_mean(how, ALIGNMENTS)}")
+    if how == "origin" and not (found.turns and truth.turns):
+        without = found if truth.turns else truth
+        raise UsageError(
+            f"{without.topic} has no attitudes, which align=origin needs; use align=se3"
+        )
 
 
 def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices, Indices]:

@@ -65,7 +65,7 @@ class SourceType:
 
 
 class Source(Protocol):
-    """An open source; all methods but `messages` and `close` are optional."""
+    """An open source; all methods but `messages` and `close` have defaults."""
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """Iterate over (output name, message) until the end."""
@@ -81,6 +81,7 @@ class Source(Protocol):
 
         Each answer is then passed to `receive` before the next message is requested.
         """
+        return False
 
     def configure(self, params: Any, changed: Collection[str]) -> None:
         """Apply changed parameters, or raise ParameterError; may be called from any thread."""
@@ -90,31 +91,10 @@ class Source(Protocol):
 
     def report(self) -> dict[str, Any]:
         """Figures for the run report."""
-
-    def publish(self, topic: str, message: Recorded) -> None:
-        """Publish a message where the source comes from; may be called from any thread."""
-
-
-class _SourceDefaults:
-    """Defaults of a source's optional methods."""
-
-    def receive(self, port: str, message: Any) -> None:
-        pass
-
-    def awaits(self, port: str) -> bool:
-        return False
-
-    def configure(self, params: Any, changed: Collection[str]) -> None:
-        pass
-
-    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
-        pass
-
-    def report(self) -> dict[str, Any]:
         return {}
 
     def publish(self, topic: str, message: Recorded) -> None:
-        pass
+        """Publish a message where the source comes from; may be called from any thread."""
 
 
 def source(
@@ -142,7 +122,7 @@ def source(
     def declare(target: T) -> T:
         target.declared = SourceType(  # type: ignore[attr-defined]
             name,
-            completed(target, _SourceDefaults),  # type: ignore[arg-type]
+            completed(target, Source),  # type: ignore[arg-type]
             params,
             outputs,
             live,

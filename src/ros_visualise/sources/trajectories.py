@@ -31,7 +31,7 @@ from ros_visualise.data import (
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import PLANE_FRAME, FramePair, Locator
 from ros_visualise.messages.recorded import content
-from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings import Recording, readable
 
 log = logging.getLogger(__name__)
 
@@ -171,10 +171,10 @@ def need_motion(recording: Recording, pair: NamedPair) -> None:
     """Read until the child is seen to move in the parent; raises UsageError if it does not."""
     tree = FrameTree(_HISTORY_S)
     topics = [pair.topic, *([pair.static] if pair.static else [])]
-    with closing(recording.read(topics=topics)) as entries:
+    with closing(readable(recording, topics)) as entries:
         for entry in entries:
-            with suppress(DamagedMessage, ValueError):  # has no frames
-                tree.add(content(entry.message), entry.topic == pair.static)
+            with suppress(ValueError):  # has no frames
+                tree.add(entry.message, entry.topic == pair.static)
             with suppress(NoTransform):
                 if tree.newest_ns(pair.parent, pair.child) is not None:
                     return
@@ -184,10 +184,9 @@ def need_motion(recording: Recording, pair: NamedPair) -> None:
 def ask_for_pair(recording: Recording, topic: str) -> str:
     """A message on how to follow a frame by tf, with the names of all frames."""
     tree = FrameTree(_HISTORY_S)
-    with closing(recording.read(topics=_topics_of(recording, (Transforms,)))) as entries:
-        for entry in entries:
-            with suppress(DamagedMessage, ValueError):
-                tree.add(content(entry.message), False)
+    for entry in readable(recording, _topics_of(recording, (Transforms,))):
+        with suppress(ValueError):
+            tree.add(entry.message, False)
     frames = ", ".join(tree.frames())
     if not frames:
         return f"{recording.path}: contains neither poses nor readable transforms"

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.core.errors import UnsupportedImage
-from ros_visualise.data import MEASUREMENTS, Pixels
+from ros_visualise.data import MEASUREMENTS, Image, Pixels
 from ros_visualise.vision.depth import to_8_bit
 
 
@@ -75,6 +75,24 @@ def demosaic(mosaic: Pixels, encoding: str) -> Pixels:
 def demosaiced(pixels: Pixels, encoding: str) -> Pixels:
     """The pixels as colours or gray: mosaics are demosaiced."""
     return demosaic(pixels, encoding) if is_bayer(encoding) else pixels
+
+
+def gray_of(image: Image) -> Pixels:
+    """An image in gray of 8 bits.
+
+    Raises:
+        UnsupportedImage: it holds measurements, such as depth.
+    """
+    refuse_measurements(image.encoding)
+    pixels = demosaiced(image.pixels, image.encoding)
+    return to_8_bit(to_gray(pixels, order_of(image.encoding)))
+
+
+def bgr_of(image: Image) -> Pixels:
+    """An image in BGR of 8 bits; raises as `gray_of`."""
+    refuse_measurements(image.encoding)
+    pixels = demosaiced(image.pixels, image.encoding)
+    return to_bgr(to_8_bit(pixels), order_of(image.encoding))
 
 
 def refuse_measurements(encoding: str) -> None:

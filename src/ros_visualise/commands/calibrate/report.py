@@ -78,17 +78,8 @@ def to_json(
     """All results; the keys are described in the documentation."""
     info, coverage, halves = found.info, collector.coverage, found.halves
     names = found.model.numbers
-    board = collector.finder.board
-    assert board is not None
     return {
-        "board": {
-            "pattern": board.kind.value,
-            "columns": board.columns,
-            "rows": board.rows,
-            "dictionary": board.dictionary,
-            "as_said": not _differences(collector),
-            "words": board.words,
-        },
+        "board": _board(collector),
         "images": collector.seen,
         "found": collector.found,
         "alike": collector.alike,
@@ -121,6 +112,19 @@ def to_json(
         "next": coverage.advice,
         "better_model": better and better.value,
         "warnings": warnings_of(found, better),
+    }
+
+
+def _board(collector: ViewCollector) -> dict[str, Any]:
+    board = collector.finder.board
+    assert board is not None
+    return {
+        "pattern": board.kind.value,
+        "columns": board.columns,
+        "rows": board.rows,
+        "dictionary": board.dictionary,
+        "as_said": not _differences(collector),
+        "words": board.words,
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.core.printing import counted, escaped
 from ros_visualise.estimation.mapping.mapping import TagMap
@@ -135,20 +136,9 @@ def _outliers(made: TagMap) -> list[str]:
 def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
     """Report for programs."""
     found = made.smoothed
-    tags = np.array([one.tag for one in found.problem.sightings])
     return {
         "views": _views(made),
-        "landmarks": [
-            {
-                "name": name,
-                "sightings": int((tags == tag).sum()),
-                "refused": int((~found.inliers[tags == tag]).sum()),
-                "rms_px": _rms(found.residuals_px[(tags == tag) & found.inliers]),
-                "size_m": found.problem.sightings[int(np.argmax(tags == tag))].size_m,
-                "two_poses": bool(found.undecided[tag]),
-            }
-            for tag, name in enumerate(found.problem.names)
-        ],
+        "landmarks": _landmarks(found),
         "outliers": [
             {"name": one.name, "kind": one.kind, "text": one.text} for one in made.outliers
         ],
@@ -182,19 +172,37 @@ def report_values(made: TagMap, unused: Mapping[str, int]) -> dict[str, Any]:
     }
 
 
+def _landmarks(found: SmoothedMap) -> list[dict[str, Any]]:
+    sightings = found.problem.sightings
+    tags = np.array([one.tag for one in sightings])
+    return [
+        {
+            "name": name,
+            **_counts(found, tags == tag),
+            "size_m": sightings[int(np.argmax(tags == tag))].size_m,
+            "two_poses": bool(found.undecided[tag]),
+        }
+        for tag, name in enumerate(found.problem.names)
+    ]
+
+
 def _views(made: TagMap) -> list[dict[str, Any]]:
     found = made.smoothed
     views = np.array([one.view for one in found.problem.sightings])
     return [
-        {
-            "stamp": int(stamp_ns) / 1e9,
-            "sightings": int((views == view).sum()),
-            "refused": int((~found.inliers[views == view]).sum()),
-            "rms_px": _rms(found.residuals_px[(views == view) & found.inliers]),
-        }
+        {"stamp": int(stamp_ns) / 1e9, **_counts(found, views == view)}
         for view, stamp_ns in enumerate(found.problem.stamps_ns)
         if (views == view).any()
     ]
+
+
+def _counts(found: SmoothedMap, chosen: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    """Numbers of some sightings, and of those that are refused, and the error of the others."""
+    return {
+        "sightings": int(chosen.sum()),
+        "refused": int((~found.inliers[chosen]).sum()),
+        "rms_px": _rms(found.residuals_px[chosen & found.inliers]),
+    }
 
 
 def _rms(residuals_px: Any) -> float | None:

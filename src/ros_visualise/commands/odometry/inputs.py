@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ros_visualise.commands.odometry import OdometryOptions
-from ros_visualise.core.errors import DamagedMessage, OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.regular_files import read_text
 from ros_visualise.data import (
     CameraInfo,
@@ -26,14 +26,12 @@ from ros_visualise.estimation.visual.stereo import StereoPairs, right_of
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import Locator
 from ros_visualise.messages.calibrations import calibration_topic
-from ros_visualise.messages.recorded import content
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.pictures import Pictures, is_pictures
-from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings import Recording, readable
 from ros_visualise.sources.recordings.images import image_topic
 from ros_visualise.vision import color
-from ros_visualise.vision.depth import to_8_bit
 
 _CALIB = "calib.txt"
 _WHEELS = 0.02  # m, of positions that have no covariance
@@ -108,7 +106,7 @@ class _Folder(CameraInput):
 
     def read(self) -> Iterator[CameraImage | Position | Imu]:
         for stamp_ns, image in self._pictures.read():
-            yield CameraImage(stamp_ns, _gray(image))
+            yield CameraImage(stamp_ns, color.gray_of(image))
         self.notes = self._pictures.faults
 
 
@@ -163,32 +161,28 @@ class _Recorded(CameraInput):
         topics = [one for one in several if one]
         locator, pairs = Locator(), StereoPairs[CameraImage]()
         with closing(open_source(self._path)) as recording:
-            with closing(recording.read(topics=topics)) as entries:
-                for entry in entries:
-                    try:
-                        message: Any = content(entry.message)
-                    except DamagedMessage:
-                        continue
-                    if isinstance(message, Transforms):
-                        with suppress(WrongTransforms):
-                            self.frames.add(message)
-                        continue
-                    if isinstance(message, Imu):
-                        yield message
-                        continue
-                    stamp_ns = message.header.stamp_ns or entry.stamp_ns
-                    if entry.topic == self._scale:
-                        found = locator.locate(message)
-                        if found is not None:
-                            yield Position(stamp_ns, found[:3], _sigma(message))
-                        continue
-                    view = CameraImage(stamp_ns, _gray(message), frame=message.header.frame_id)
-                    if not self._right:
-                        yield view
-                        continue
-                    pair = pairs.add(stamp_ns, view, entry.topic == self._right)
-                    if pair is not None:
-                        yield pair[0]._replace(right=pair[1].gray)
+            for topic, recorded_ns, message in readable(recording, topics):
+                if isinstance(message, Transforms):
+                    with suppress(WrongTransforms):
+                        self.frames.add(message)
+                    continue
+                if isinstance(message, Imu):
+                    yield message
+                    continue
+                stamp_ns = message.header.stamp_ns or recorded_ns
+                if topic == self._scale:
+                    found = locator.locate(message)
+                    if found is not None:
+                        yield Position(stamp_ns, found[:3], _sigma(message))
+                    continue
+                gray = color.gray_of(message)
+                view = CameraImage(stamp_ns, gray, frame=message.header.frame_id)
+                if not self._right:
+                    yield view
+                    continue
+                pair = pairs.add(stamp_ns, view, topic == self._right)
+                if pair is not None:
+                    yield pair[0]._replace(right=pair[1].gray)
             self.notes = list(recording.loss.notes)
 
 
@@ -206,10 +200,9 @@ def _pictures(path: Path) -> Path | None:
 def _static_frames(recording: Recording) -> FrameTree:
     tree = FrameTree()
     topics = [name for name in recording.topics if name.lstrip("/") == "tf_static"]
-    with closing(recording.read(topics=topics)) as entries:
-        for entry in entries:
-            with suppress(DamagedMessage, WrongTransforms):
-                tree.add(content(entry.message), True)
+    for entry in readable(recording, topics):
+        with suppress(WrongTransforms):
+            tree.add(entry.message, True)
     return tree
 
 
@@ -218,12 +211,8 @@ def _look(recording: Recording, topic: str) -> tuple[CameraInfo | None, tuple[in
     types = {name: one.type for name, one in recording.topics.items()}
     of_info = calibration_topic(topic, types)
     info, size = None, None
-    with closing(recording.read(topics=[one for one in (topic, of_info) if one])) as entries:
-        for entry in entries:
-            try:
-                message = content(entry.message)
-            except DamagedMessage:
-                continue
+    with closing(readable(recording, [one for one in (topic, of_info) if one])) as entries:
+        for _, _, message in entries:
             if isinstance(message, CameraInfo):
                 info = message if message.K[0, 0] > 0 else None
             elif isinstance(message, Image):
@@ -234,12 +223,6 @@ def _look(recording: Recording, topic: str) -> tuple[CameraInfo | None, tuple[in
     if size is None:
         raise OpenError(f"{recording.path}: no readable image on {topic}")
     return info if info and info.K[0, 0] > 0 else None, size
-
-
-def _gray(image: Image) -> Pixels:
-    color.refuse_measurements(image.encoding)
-    pixels = color.demosaiced(image.pixels, image.encoding)
-    return to_8_bit(color.to_gray(pixels, color.order_of(image.encoding)))
 
 
 def _sigma(message: Any) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from ros_visualise.commands.odometry.inputs import CameraImage, CameraInput, Pos
 from ros_visualise.commands.odometry.places import PlaceRecorder
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import counted, print_json, print_result, print_status
-from ros_visualise.core.signals import STOPPED, noticed
+from ros_visualise.core.signals import STOPPED, StopRequest, noticed
 from ros_visualise.data import Header, Imu
 from ros_visualise.data import Path as PosePath
 from ros_visualise.estimation.visual.background import MOVING_THINGS
@@ -58,22 +59,8 @@ def find_trajectory(options: OdometryOptions) -> int:
         settings = replace(settings, is_guessed=True)
     odometry = _odometry(found, options, settings)
     places = PlaceRecorder()
-    stamps_ns: list[int] = []
-    reasons: dict[str, int] = {}
     with noticed() as request:
-        for one in tqdm(_part(found, options), unit=" images", disable=None, leave=False):
-            if request.asked:
-                break
-            if isinstance(one, CameraImage):
-                fit_threads(one.gray)
-                stamps_ns.append(one.stamp_ns)
-            _take(odometry, one)
-            if not isinstance(one, CameraImage):
-                continue
-            if isinstance(odometry, VisualOdometry) and not options.keep_drift:
-                places.look(odometry)
-            if odometry.reason:
-                reasons[odometry.reason] = reasons.get(odometry.reason, 0) + 1
+        stamps_ns, reasons = _follow(odometry, found, options, places, request)
     poses = [one for one in odometry.finish() if one.in_metres or not _has_unit(options, found)]
     if not poses:
         why = _main_reason(odometry, reasons)
@@ -103,6 +90,32 @@ def _odometry(
         readout_s = None if options.readout is None else settings.readout_s
         return InertialSteps(found, options.corners, readout_s)
     return VisualOdometry(found.infos, found.cameras, settings)
+
+
+def _follow(
+    odometry: VisualOdometry | InertialSteps,
+    found: CameraInput,
+    options: OdometryOptions,
+    places: PlaceRecorder,
+    request: StopRequest,
+) -> tuple[list[int], dict[str, int]]:
+    """Process the input, up to a stop request; stamps of images, and why some have no pose."""
+    stamps_ns: list[int] = []
+    reasons: Counter[str] = Counter()
+    for one in tqdm(_part(found, options), unit=" images", disable=None, leave=False):
+        if request.asked:
+            break
+        if isinstance(one, CameraImage):
+            fit_threads(one.gray)
+            stamps_ns.append(one.stamp_ns)
+        _take(odometry, one)
+        if not isinstance(one, CameraImage):
+            continue
+        if isinstance(odometry, VisualOdometry) and not options.keep_drift:
+            places.look(odometry)
+        if odometry.reason:
+            reasons[odometry.reason] += 1
+    return stamps_ns, dict(reasons)
 
 
 def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, int]) -> str:

@@ -6,12 +6,11 @@ from collections import Counter
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import counted
-from ros_visualise.data import Image, Pixels
+from ros_visualise.data import Image
 from ros_visualise.landmarks.calibration.boards import Board
 from ros_visualise.landmarks.calibration.finder import BoardFinder
 from ros_visualise.landmarks.calibration.views import BoardView, Coverage, Gallery, cover
-from ros_visualise.vision.color import demosaic, is_bayer, order_of, refuse_measurements, to_gray
-from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.color import gray_of
 from ros_visualise.vision.reshape import Size
 
 
@@ -46,7 +45,7 @@ class ViewCollector:
             UnsupportedImage: its pixels are measurements.
         """
         self.seen += 1
-        view = self.finder.look(to_gray_8(image), name, thorough)
+        view = self.finder.look(gray_of(image), name, thorough)
         if view is None:
             self.missed.append(name)
             return None
@@ -90,16 +89,3 @@ class ViewCollector:
     def coverage(self) -> Coverage:
         """Coverage of the views."""
         return cover(self.views, self.size or (1, 1))
-
-
-def to_gray_8(image: Image) -> Pixels:
-    """An image as 8-bit gray.
-
-    Raises:
-        UnsupportedImage: its pixels are measurements.
-    """
-    refuse_measurements(image.encoding)
-    pixels = to_8_bit(image.pixels)
-    if is_bayer(image.encoding):
-        return to_gray(demosaic(pixels, image.encoding), "BGR")
-    return to_gray(pixels, order_of(image.encoding))

@@ -14,10 +14,10 @@ from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import canny
 from ros_visualise.lessons.methods.canny import NEIGHBOURS, Edges, Gradient, Mask
 from ros_visualise.lessons.methods.sobel import direction
-from ros_visualise.lessons.picture import colors_of
 from ros_visualise.nodes import node
 from ros_visualise.plotting.colors import BLUE, GREEN, ORANGE, RED, by_direction, levels
 from ros_visualise.plotting.figure import Figure
+from ros_visualise.vision.color import bgr_of
 from ros_visualise.vision.edges import Aperture, smooth
 
 _REACH = 3
@@ -34,7 +34,7 @@ class SmoothingParams:
 @node("smoothing", params=SmoothingParams, inputs=TAKES, outputs=GIVES)
 def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
     """Step 1: gray, smoothed by a Gaussian."""
-    gray = cv2.cvtColor(colors_of(image), cv2.COLOR_BGR2GRAY)
+    gray = cv2.cvtColor(bgr_of(image), cv2.COLOR_BGR2GRAY)
     smoothed = smooth(gray, params.sigma)
     change = float(np.abs(gray.astype(int) - smoothed).mean())
     text = f"""

@@ -162,9 +162,9 @@ class Drift:
             path from odometry is blue, the true path is green.
 
             After {length:.2f} m the error is {error[-1]:.3f} m,
-            {100 * error[-1] / max(length, 1e-9):.2f} % of the path, and the heading is off by
-            {np.degrees(turned[-1]):+.2f}°. A heading that is wrong by ε turns every later step Δp
-            by ε. The wrong headings alone cause an error of
+            {100 * error[-1] / max(length, 1e-9):.2f} % of the path, and the heading is
+            off by {np.degrees(turned[-1]):+.2f}°. A heading that is wrong by ε turns every later
+            step Δp by ε. The wrong headings alone cause an error of
 
                 | Σ (R(ε) − I) Δp | = {by_heading[-1]:.3f} m
             """

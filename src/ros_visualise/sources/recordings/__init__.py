@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -14,7 +15,8 @@ import numpy as np
 from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.messages.recorded import TopicType, content
 
 Extra = Attachment | Metadata
 """Content of a recording beside its messages: a file, or texts by name, in the form of MCAP."""
@@ -158,3 +160,14 @@ class Recording(Protocol):
 
     def close(self) -> None:
         """Close its files; may be called from any thread, and ends all reading."""
+
+
+def readable(recording: Recording, topics: Collection[str]) -> Generator[Entry, None, None]:
+    """The messages of some topics in order, decoded as ours; damaged ones are skipped."""
+    with closing(recording.read(topics=topics)) as entries:
+        for topic, stamp_ns, message in entries:
+            try:
+                found = content(message)
+            except DamagedMessage:
+                continue
+            yield Entry(topic, stamp_ns, found)
