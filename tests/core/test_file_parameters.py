@@ -18,7 +18,7 @@ from ros_visualise.sinks.files import save_again
 TEXTS = {"size", "frame_id", "world", "tf_prefix", "board", "dictionary", "target", "frame"}
 TEXTS |= {"fixed_frame", "ground_frame", "classes", "database_location", "class_prefix"}
 TEXTS |= {"object_prefix", "moving", "gps_origin", "tf_parent", "tf_child", "families", "ignore"}
-TEXTS |= {"address", "camera", "lens", "lines", "zones", "scale_by", "base_frame"}
+TEXTS |= {"address", "camera", "lens", "lines", "zones", "scale_by", "base_frame", "start"}
 """Parameters that are texts, and no names of files."""
 
 

@@ -51,8 +51,11 @@ VALUES = {
     "min_parallax": 3.0,
     "level_sigma": 5.0,
     "corner_floor": 2.0,
+    "start": "1, 2, 0, 30",
 }
 """Other values than a switched, multiplied or next one, by name."""
+
+STARTED = {"start": "0, 0, 0, 0"}
 
 
 def other(spec: Spec):
@@ -186,8 +189,9 @@ def by_default():
 
 @pytest.mark.parametrize("name", [name for name, spec in SPECS.items() if not spec.file("x")])
 def test_a_parameter_changed_in_flight_takes_effect(name, path):
-    spec, before = SPECS[name], base(map=path) if name == "mode" else base()
-    kept = tuple(flown(before)) if name == "mode" else by_default()
+    needs = {"mode": {"map": path}, "start_sigma": STARTED, "start_yaw_sigma": STARTED}
+    spec, before = SPECS[name], base(**needs.get(name, {}))
+    kept = tuple(flown(before)) if name in needs else by_default()
     changed = update(before, {name: other(spec)})
     if not spec.restart and differ(flown(before, changed), kept):
         return

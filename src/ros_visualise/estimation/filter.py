@@ -6,19 +6,19 @@ with it (`ros_visualise.estimation.rivalry`); else by the odometry.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation import rivalry
+from ros_visualise.estimation import findings, rivalry
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
+from ros_visualise.estimation.initial_pose import InitialPose
 from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap, MapMode
-from ros_visualise.estimation.measuring import CAMERAS, CLOCK, camera_of, clock_of, turn_of
+from ros_visualise.estimation.measuring import camera_of, clock_of, turn_of
 from ros_visualise.estimation.odometry import (
     GAP_NS,
     OdometryBuffer,
@@ -39,10 +39,6 @@ from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 
 _LOST_AFTER = 3  # images in a row that contradict the estimate
 _PATIENCE_NS = 5_000_000_000  # after which one map tag alone is believed again
-_WRONG_CLOCK_S = 0.02
-_REPEATED = 20  # images with tags in a row by which a clock is wrong before the user is told
-_WRONG_SIZE = 0.02  # as a fraction
-_UNSEEN_NS = 10_000_000_000  # without a map tag in view, after which the user is told
 _SEARCHING = "not localized: needs one map tag in three images"
 
 
@@ -52,7 +48,14 @@ class OdometryEvent(NamedTuple):
     stamp_ns: int
 
 
-Event = OdometryEvent | CameraView | Reading
+class StatedPose(NamedTuple):
+    """A pose of the robot that the user states, at the time of an odometry message."""
+
+    stamp_ns: int
+    pose: InitialPose
+
+
+Event = OdometryEvent | CameraView | Reading | StatedPose
 
 
 class Filter:
@@ -102,6 +105,8 @@ class Filter:
             self._compare(belief, event.stamp_ns)
         elif isinstance(event, Reading):
             self._read(belief, event)
+        elif isinstance(event, StatedPose):
+            self._place(belief, event)
         else:
             self._see(belief, event)
         return belief
@@ -178,6 +183,16 @@ class Filter:
         belief.is_by_imu = True
         belief.after_odometry = None
 
+    def _place(self, belief: Belief, event: StatedPose) -> None:
+        """Put the robot where the user states."""
+        settings, odometry = self.settings, self.odometer.at(event.stamp_ns)
+        belief.state = event.pose.placed(
+            belief.state, odometry, settings.level_rad, settings.odometry
+        )
+        belief.is_by_imu = False  # its previous pose is none of odometry's
+        belief.counts["initial poses"] += 1
+        belief.locate()
+
     # other sensors, and images
 
     def _read(self, belief: Belief, reading: Reading) -> None:
@@ -219,12 +234,12 @@ class Filter:
             self._check_steadiness(belief, view)
             belief.state, belief.outcome = belief.map.take(belief.state, view)
             if belief.outcome.used:
-                self._name_clock(belief, view)
-            self._name_sizes(belief)
+                findings.name_clock(belief, view)
+            findings.name_sizes(belief)
             self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))
-        self._name_missing_tags(belief, bool(self._search(belief, view)))
+        findings.name_missing_tags(belief, bool(self._search(belief, view)))
         self._recover(belief, 2 if belief.has_pose else 1)
         if belief.reason and view.sights:
             belief.outcome.advice["the robot"] = belief.reason
@@ -254,45 +269,6 @@ class Filter:
                 f"camera {view.camera + 1} is less steady than camera_turn says; "
                 + words(now.turn_rad, now.turn_s)
             )
-
-    @staticmethod
-    def _name_clock(belief: Belief, view: CameraView) -> None:
-        """Report once that a camera's clock is wrong, if it stays wrong."""
-        own, name = CAMERAS[view.camera], f"clock of camera {view.camera + 1}"
-        said = f"wrong {name}"
-        late_s, rows = float(belief.state.robot[own][CLOCK]), clock_of(view.camera)
-        sigma_s = float(np.sqrt(belief.state.P[rows, rows].item()))
-        is_wrong = abs(late_s) > max(_WRONG_CLOCK_S, 5 * sigma_s)
-        count = belief.memory.get(name, 0) + 1 if is_wrong else 0
-        belief.remember(name, count)
-        if count >= _REPEATED and said not in belief.memory:
-            belief.remember(said, True)
-            where = "behind" if late_s > 0 else "ahead of"
-            belief.note(f"the {name} is {abs(late_s) * 1e3:.0f} ms {where} that of the odometry")
-
-    @staticmethod
-    def _name_sizes(belief: Belief) -> None:
-        """Say once for each tag that it has another size than stated."""
-        for name in (*belief.outcome.used, *belief.outcome.pending):
-            tag = belief.map.landmarks.get(name)
-            is_known = f"size of {name}" in belief.memory
-            if tag is None or is_known or tag.key not in belief.state.keys:
-                continue
-            larger, sigma = belief.state.size_error(tag.key)
-            if abs(larger) > max(_WRONG_SIZE, 5 * sigma):
-                belief.remember(f"size of {name}", True)
-                by = f"{abs(larger):.1%} {'larger' if larger > 0 else 'smaller'}"
-                belief.note(f"{name} is {by} than stated: check the tag size given to the detector")
-
-    @staticmethod
-    def _name_missing_tags(belief: Belief, is_seen: bool) -> None:
-        """Say once that the robot is not localized because no tag of the map is in view."""
-        last_ns = belief.memory.get("map tags")
-        if is_seen or last_ns is None:
-            belief.remember("map tags", belief.now_ns)
-        elif belief.now_ns - last_ns > _UNSEEN_NS:
-            belief.remember("map tags", math.inf)  # until one is seen
-            belief.note(f"no map tag in view for {_UNSEEN_NS // 10**9} s; {belief.reason}")
 
     def _search(self, belief: Belief, view: CameraView) -> dict[str, str]:
         """Look for other poses; names and keys of the map's tags in view."""

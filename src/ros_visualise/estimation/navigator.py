@@ -12,8 +12,9 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.belief import Belief, Note, lost
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.filter import Filter, OdometryEvent
+from ros_visualise.estimation.filter import Filter, OdometryEvent, StatedPose
 from ros_visualise.estimation.imu import Mounting
+from ros_visualise.estimation.initial_pose import InitialPose
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.landmark_map import ImageOutcome, LandmarkMap
 from ros_visualise.estimation.odometry import OdometryPose
@@ -174,6 +175,13 @@ class Navigator:
         if belief is None or not belief.has_pose:
             return None
         return self._estimate(belief, pose)
+
+    def place(self, pose: InitialPose) -> None:
+        """Put the robot where the user states, at the newest odometry; there is one."""
+        newest_ns = self._window.filter.odometer.newest_ns
+        assert newest_ns is not None
+        self._window.add(StatedPose(newest_ns, pose))
+        self._window.run()
 
     def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> None:
         """Process an angular velocity (3,), rad/s, and specific force (3,), m/s^2, in the IMU's

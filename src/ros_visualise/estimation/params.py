@@ -9,6 +9,7 @@ from typing import Any
 
 from ros_visualise.core.params import param
 from ros_visualise.estimation.imu import ImuNoise
+from ros_visualise.estimation.initial_pose import InitialPose, pose_of_text
 from ros_visualise.estimation.landmark_map import MapMode, MapRules
 from ros_visualise.estimation.odometry import OdometryNoise
 from ros_visualise.estimation.points import GroundPlane
@@ -254,6 +255,31 @@ class NavigatorParams(
         "use of the map: build a new one, extend the given one, or leave it unchanged (frozen)",
         restart=True,
     )
+    start: str = param(
+        "",
+        "initial pose of the robot in the map: x, y, z in metres and yaw in degrees; empty: unknown"
+        " (unless given on the topic initialpose)",
+        group="map",
+        restart=True,
+    )
+    start_sigma: float = param(
+        0.5,
+        "standard deviation of the position in 'start', metres",
+        min=1e-3,
+        max=1e3,
+        slider=(0.01, 5),
+        group="map",
+        restart=True,
+    )
+    start_yaw_sigma: float = param(
+        15.0,
+        "standard deviation of the yaw in 'start', degrees",
+        min=0.01,
+        max=180,
+        slider=(1, 90),
+        group="map",
+        restart=True,
+    )
     min_sightings: int = param(
         5,
         "sightings needed before a new landmark is used to correct the robot's pose",
@@ -280,6 +306,20 @@ class NavigatorParams(
         slider=(0.01, 1),
         group="ground",
     )
+
+    def __post_init__(self) -> None:
+        """Reject an invalid start, or parameters of sensors."""
+        super().__post_init__()
+        _ = self.stated
+
+    @property
+    def stated(self) -> InitialPose | None:
+        """The initial pose given by `start`.
+
+        Raises:
+            ParameterError: it is invalid.
+        """
+        return pose_of_text(self.start, self.start_sigma, math.radians(self.start_yaw_sigma))
 
     def settings(self) -> NavigatorSettings:
         """The same in the units of the filter."""

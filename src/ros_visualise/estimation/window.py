@@ -14,7 +14,7 @@ import numpy as np
 
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView
-from ros_visualise.estimation.filter import Event, Filter, OdometryEvent
+from ros_visualise.estimation.filter import Event, Filter, OdometryEvent, StatedPose
 from ros_visualise.estimation.rivalry import ImuIsWrong
 from ros_visualise.estimation.settings import NavigatorSettings
 
@@ -173,4 +173,6 @@ def _kind(event: Event) -> str:
 def _name(event: Event) -> str:
     if isinstance(event, OdometryEvent):
         return "odometry"
+    if isinstance(event, StatedPose):
+        return "initial pose"
     return f"images of camera {event.camera + 1}" if isinstance(event, CameraView) else event.sensor

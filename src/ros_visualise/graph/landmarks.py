@@ -15,6 +15,7 @@ from ros_visualise.data import (
     Message,
     NavSatFix,
     Odometry,
+    PoseWithCovarianceStamped,
     Transforms,
     TwistWithCovarianceStamped,
 )
@@ -36,7 +37,7 @@ DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 LANDING_INPUT = "landing_target_odom"
 """Input of a source: the pad that it is to land on."""
 
-_ORIGIN, LENS = "/map_origin", "/lens"
+_ORIGIN, LENS, _STATED = "/map_origin", "/lens", "/initialpose"
 _NO_POSES = (
     "--geo: needs {}, which this source lacks: positions and attitudes, as in pictures of drones, a"
     " video with KLV, or a log beside it"
@@ -260,6 +261,8 @@ def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) ->
         raise UsageError(f"--navigate: needs {what}, which this source lacks")
     imu = _first(graph, Imu, SOURCE_TOPICS["imu"])
     found = {"imu": imu} if imu else {}
+    stated = [one for one in graph.topics_of(PoseWithCovarianceStamped) if one.endswith(_STATED)]
+    found |= {"initialpose": stated[0]} if stated else {}
     for sensor in SENSORS.all():
         topics = graph.topics_of(sensor.message)
         own = [topic for topic in topics if topic.endswith(f"/{sensor.topic}")]

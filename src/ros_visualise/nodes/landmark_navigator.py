@@ -30,6 +30,7 @@ from ros_visualise.data import (
 from ros_visualise.estimation import messages
 from ros_visualise.estimation.camera_view import PLACE, turning_of, view_of
 from ros_visualise.estimation.imu import Mounting
+from ros_visualise.estimation.initial_pose import InitialPose, pose_of_message
 from ros_visualise.estimation.landmark import KnownLandmark
 from ros_visualise.estimation.landmark_map import MapMode
 from ros_visualise.estimation.localization import map_file
@@ -38,9 +39,10 @@ from ros_visualise.estimation.measuring import CAMERAS
 from ros_visualise.estimation.navigator import Navigator, RobotEstimate
 from ros_visualise.estimation.params import NavigatorParams
 from ros_visualise.estimation.rejections import Rejections
+from ros_visualise.estimation.reported_errors import reported_variances
 from ros_visualise.estimation.sensors import SENSORS, Reading
 from ros_visualise.estimation.settings import NavigatorSettings
-from ros_visualise.geometry import rigid, rotations, se3
+from ros_visualise.geometry import rigid, se3
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import save_landmarks
@@ -60,7 +62,6 @@ _ODOMETRY_IN_MAP = (
 )
 _NO_MOUNTING = "no transform to the robot"
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
-_UNKNOWN = 1e3  # variance above which an odometry says that it does not know
 _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
 
 
@@ -73,6 +74,7 @@ _RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
         "places": Detections,
         "odometry": Odometry,
         "imu": Imu,
+        "initialpose": PoseWithCovarianceStamped,
         **{sensor.name: sensor.message for sensor in SENSORS.all()},
     },
     outputs={
@@ -108,6 +110,7 @@ class LandmarkNavigator:
         self._navigator: Navigator | None = None
         self._start: rigid.Pose | None = None
         self._forget()
+        self._stated: InitialPose | PoseWithCovarianceStamped | None = params.stated
         if params.mode is MapMode.BUILD:
             return
         if not params.map:
@@ -121,6 +124,7 @@ class LandmarkNavigator:
     def _forget(self) -> None:
         self._odom_frame = self._base_frame = ""
         self._now: RobotEstimate | None = None
+        self._stated = None
         self._last: Odometry | None = None
         self._shown_ns: int | None = None
         self._state, self._images, self._is_due = "", 0, False
@@ -154,6 +158,7 @@ class LandmarkNavigator:
         places: Detections | None = None,
         odometry: Odometry | None = None,
         imu: Imu | None = None,
+        initialpose: PoseWithCovarianceStamped | None = None,
         *,
         frames: FrameTree,
         **others: Any,
@@ -164,6 +169,10 @@ class LandmarkNavigator:
         answer: dict[str, Any] = {}
         if odometry is not None:
             answer = self._go_on(odometry, frames)
+            self._place_robot()
+        elif initialpose is not None:
+            self._stated = initialpose
+            self._place_robot()
         elif self._navigator is None or not self._base_frame:  # no odometry since the last reset
             return None
         elif imu is not None:
@@ -178,6 +187,22 @@ class LandmarkNavigator:
             self._read(name, message, frames)
         is_image = any(one is not None for one in (detections, objects, places))
         return (answer | ({} if is_image else self._landmarks()) | self._shown()) or None
+
+    def _place_robot(self) -> None:
+        """Put the robot where the user states, once there is odometry."""
+        stated, navigator = self._stated, self._navigator
+        if stated is None or navigator is None or self._last is None:
+            return
+        self._stated = None
+        if isinstance(stated, PoseWithCovarianceStamped):
+            found = pose_of_message(stated, self._frame)
+            if isinstance(found, str):
+                log.warning("ignoring the initial pose: %s", found)
+                return
+            stated = found
+        navigator.place(stated)
+        x, y, _ = stated.position_xyz
+        log.info("initial pose: x %.2f, y %.2f m in %s", x, y, self._frame)
 
     def _see(
         self, navigator: Navigator, detections: Detections, prefix: str, frames: FrameTree
@@ -256,7 +281,7 @@ class LandmarkNavigator:
             given = _known(self._given, self._common)
             self._navigator = Navigator(self._settings, given, start, self._common)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
-        variances = _variances(odometry, self._last)
+        variances = reported_variances(odometry, self._last)
         self._last = odometry
         now = self._navigator.odometry(header.stamp_ns, pose, variances)
         if now is None:
@@ -329,41 +354,6 @@ class LandmarkNavigator:
         at = Header(self._now.stamp_ns, self._frame)
         landmarks, markers = self._messages.of(navigator, self._now, at)
         return {"landmarks": landmarks, "markers": markers}
-
-
-def _variances(odometry: Odometry, last: Odometry | None) -> Floats:
-    """(4,) variances of velocity and yaw rate, as an odometry reports them; 0 if it does not.
-
-    Where it does not report them for the velocity, or as unknown, those of its pose count by what
-    they have grown since the last message: an odometry by eye that is lost reports them so.
-    """
-    values = np.diag(odometry.twist_covariance)[[0, 1, 2, 5]]
-    known = np.isfinite(values) & (values > 0) & (values < _UNKNOWN)
-    if known.all() or last is None:
-        return np.where(known, values, 0.0)
-    return np.where(known, values, _growth(odometry, last))
-
-
-def _growth(odometry: Odometry, last: Odometry) -> Floats:
-    """(4,) growth of the covariance of a pose as that of velocities; at least 0.
-
-    It is that of the twists: a heading error alone does not grow while the robot moves.
-    """
-    seconds = (odometry.header.stamp_ns - last.header.stamp_ns) / 1e9
-    both = (odometry.pose_covariance, odometry), (last.pose_covariance, last)
-    if seconds <= 0 or not all(np.isfinite(one).all() for one, _ in both):
-        return np.zeros(4)
-    now, before = (
-        change @ covariance @ change.T
-        for covariance, one in both
-        for change in (se3.about_origin(one.position_xyz),)
-    )
-    here = se3.about_itself(odometry.position_xyz)
-    grown = here @ (now - before) @ here.T
-    R = rotations.to_matrix(odometry.quat_xyzw)
-    linear, angular = (np.diag(R.T @ grown[part, part] @ R) for part in (slice(3), slice(3, 6)))
-    values: Floats = np.maximum([*linear, angular[2]], 0.0) / seconds**2
-    return values
 
 
 def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:
