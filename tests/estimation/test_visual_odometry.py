@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from visual_flight import HEIGHT, Flight
 
-from ros_visualise.estimation.visual.bundle import BundleScene, linearize, normal
+from ros_visualise.estimation.visual.bundle import BundleScene, linearize
+from ros_visualise.estimation.visual.equations import Sightings
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
 from ros_visualise.geometry import se3
 from ros_visualise.geometry.trajectory_errors import nees
@@ -129,22 +130,26 @@ def test_derivatives_of_sightings_are_those_of_differences():
     cameras = np.stack([np.eye(4), se3.from_parts(np.eye(3), [0.5, 0, 0])])
     scene = BundleScene(R, p, noise.integers(0, 2, 6), points, cameras)
     rays = np.zeros((6, 6, 2))  # views and cameras, points
+    rays[5, 2], rays[2, 4] = np.nan, np.nan
 
     def expected(x):
         moved = scene.moved(x[:18].reshape(3, 6), x[18:].reshape(6, 3))
         return -linearize(moved, rays).residuals.ravel()
 
-    step = 1e-6 * np.eye(36)
+    step, x = 1e-6 * np.eye(36), noise.normal(size=18)
     J = np.column_stack([(expected(one) - expected(-one)) / 2e-6 for one in step])
-    found = normal(scene, rays, 1.0)
-    weights = np.minimum(1, 2 / np.linalg.norm(expected(np.zeros(36)).reshape(-1, 2), axis=1))
-    JJ = J.T @ (J * np.repeat(weights, 2)[:, None])
-    assert np.allclose(found.H, JJ[:18, :18], atol=1e-4)
-    assert np.allclose(found.W.swapaxes(0, 1).reshape(18, 18), JJ[:18, 18:], atol=1e-4)
-    of_points = JJ[18:, 18:].reshape(6, 3, 6, 3)[np.arange(6), :, np.arange(6)]
-    assert np.allclose(found.V, of_points, atol=1e-4)
-    right = J.T @ (-expected(np.zeros(36)) * np.repeat(weights, 2))
-    assert np.allclose(np.concatenate([found.g, found.v.ravel()]), right, atol=1e-4)
+    lengths = np.linalg.norm(expected(np.zeros(36)).reshape(-1, 2), axis=1)
+    weights = np.minimum(1, 2 / np.maximum(lengths, 1e-9)).repeat(2)
+    H, g = J.T @ (J * weights[:, None]), -J.T @ (weights * expected(np.zeros(36)))
+    found = Sightings(rays, scene.host, 2).normal(scene, 1.0)
+    assert np.allclose(found.H, H[:18, :18], atol=1e-4)
+    assert np.allclose(found.g, g[:18], atol=1e-4)
+    alone = found.reduced(0.0)
+    gain = np.linalg.solve(H[18:, 18:], H[18:, :18]).T
+    assert np.allclose(alone.H, H[:18, :18] - gain @ H[18:, :18], atol=1e-4)
+    assert np.allclose(alone.g, g[:18] - gain @ g[18:], atol=1e-4)
+    points = np.linalg.solve(H[18:, 18:], g[18:] - H[18:, :18] @ x)
+    assert np.allclose(alone.points_of(x).ravel(), points, atol=1e-4)
 
 
 def test_fast_images_of_flat_ground_begin_with_the_right_one_of_two_motions():

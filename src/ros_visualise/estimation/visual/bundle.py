@@ -6,12 +6,11 @@ that points at any distance are alike. Errors of poses are twists of the map, as
 depends on the difference of their twists, and on nothing that depends on where they are. A right
 camera moves with the left one by the same twist.
 
-Sightings are an array of all views and points, NaN where a view does not see a point: few are, and
-all at once are faster than one by one.
+Sightings are an array of all views and points, NaN where a view does not see a point. See
+`ros_visualise.estimation.visual.equations` for the solution.
 
-Source: B. Triggs et al., Bundle adjustment, a modern synthesis, 2000 (the elimination of points);
-J. Civera et al., Inverse depth parametrization for monocular SLAM, 2008; P. Huber, Robust
-statistics, 1981.
+Source: B. Triggs et al., Bundle adjustment, a modern synthesis, 2000; J. Civera et al., Inverse
+depth parametrization for monocular SLAM, 2008; P. Huber, Robust statistics, 1981.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ Mask = npt.NDArray[np.bool_]
 
 HUBER = 2.0
 """Residuals above so many standard deviations count less."""
-_NEAR = 1e-3  # least depth, in units of that of the host
-_EYE = np.eye(3)
+NEAR = 1e-3
+"""Least depth, in units of that of the host."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +96,7 @@ def project(points: Floats, R: Floats, p: Floats, rays: Floats) -> tuple[Floats,
     """
     seen = points[:, :3] @ R - points[:, 3:] * (p[:, None] @ R)
     depth = seen[..., 2]
-    is_valid = (depth > _NEAR) & np.isfinite(rays[..., 0])
+    is_valid = (depth > NEAR) & np.isfinite(rays[..., 0])
     depth = np.where(is_valid, depth, 1.0)
     residuals = np.where(is_valid[..., None], rays - seen[..., :2] / depth[..., None], 0.0)
     return residuals, depth, is_valid
@@ -137,77 +136,6 @@ def linearize(scene: BundleScene, rays: Floats) -> Linearized:
     invalid = ~is_valid
     by_view[invalid], by_point[invalid] = 0, 0
     return Linearized(residuals, is_valid, by_view, by_point)
-
-
-class Normal(NamedTuple):
-    """Normal equations of views and points: H x = g, that of points apart.
-
-    Attributes:
-        H, g: (6 F, 6 F) and (6 F,).
-        V, v: (P, 3, 3) and (P, 3) of the points.
-        W: (P, 6 F, 3) between both.
-        cost: half of the sum of squares.
-    """
-
-    H: Floats
-    g: Floats
-    V: Floats
-    v: Floats
-    W: Floats
-    cost: float
-
-    def reduced(self, damping: float) -> tuple[Floats, Floats, Floats]:
-        """H and g of the views alone, and the (P, 3, 3) inverses of what was eliminated."""
-        V = self.V * (1 + damping * _EYE) + 1e-9 * _EYE
-        inverse = np.asarray(np.linalg.inv(V), np.float64)
-        shape = len(self.H), 3 * len(V)
-        WV = (self.W @ inverse).swapaxes(0, 1).reshape(shape)
-        H = self.H - WV @ self.W.swapaxes(0, 1).reshape(shape).T
-        return H, self.g - WV @ self.v.ravel(), inverse
-
-    def points_of(self, x: Floats, inverse: Floats) -> Floats:
-        """(P, 3) changes of points after the views were moved by x (6 F,)."""
-        left = self.v - x @ self.W
-        changes: Floats = (inverse @ left[..., None])[..., 0]
-        return changes
-
-
-def normal(scene: BundleScene, rays: Floats, sigma: float, alike: float = 1.0) -> Normal:
-    """The normal equations of all sightings, as `linearize` takes them.
-
-    Args:
-        sigma: standard deviation of directions.
-        alike: sightings that are as good as an independent one.
-    """
-    r, _, A, B = linearize(scene, rays)
-    off = np.sqrt((r * r).sum(axis=2)) / sigma
-    w = np.sqrt(np.minimum(1.0, HUBER / np.maximum(off, 1e-9)) / alike) / sigma
-    cost = np.where(off < HUBER, off**2 / 2, HUBER * (off - HUBER / 2)).sum() / alike
-    A, B, r = A * w[..., None, None], B * w[..., None, None], r * w[..., None]
-    F, P = len(scene.R), len(scene.points)
-    H, g = _of_views(scene, np.concatenate([A, r[..., None]], axis=3))
-    by_points = np.swapaxes(B, 0, 1).reshape(P, 2 * len(B), 3)
-    V = np.swapaxes(by_points, 1, 2) @ by_points
-    v = (np.swapaxes(r, 0, 1).reshape(P, 1, 2 * len(B)) @ by_points)[:, 0]
-    AB = A[:, :, 0, :, None] * B[:, :, 0, None] + A[:, :, 1, :, None] * B[:, :, 1, None]
-    AB = AB.reshape(F, len(scene.cameras), P, 6, 3).sum(axis=1)
-    AB[scene.host, np.arange(P)] -= AB.sum(axis=0)
-    return Normal(H, g, V, v, AB.swapaxes(0, 1).reshape(P, 6 * F, 3), float(cost))
-
-
-def _of_views(scene: BundleScene, J: Floats) -> tuple[Floats, Floats]:
-    """H and g of derivatives by views, with residuals as the last column (F C, P, 2, 7)."""
-    F = len(scene.R)
-    pairs = np.zeros((F, F, 7, 7))  # of hosts and views
-    for host in np.unique(scene.host):
-        own = J[:, scene.host == host].reshape(len(J), -1, 7)
-        pairs[host] = (np.swapaxes(own, 1, 2) @ own).reshape(F, -1, 7, 7).sum(axis=1)
-    across = pairs[..., :6, :6] + pairs[..., :6, :6].swapaxes(0, 1)
-    H = -across
-    every = np.arange(F)
-    H[every, every] += across.sum(axis=1)
-    g = pairs[..., :6, 6].sum(axis=0) - pairs[..., :6, 6].sum(axis=1)
-    return H.swapaxes(1, 2).reshape(6 * F, 6 * F), g.ravel()
 
 
 def triangulated(R: Floats, p: Floats, rays_host: Floats, rays: Floats) -> tuple[Floats, Floats]:

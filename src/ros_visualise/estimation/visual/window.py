@@ -12,17 +12,18 @@ optimization, IJRR 2015.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.visual.bundle import (
     HUBER,
     BundleScene,
-    Normal,
-    linearize,
-    normal,
+    project,
     triangulated,
 )
+from ros_visualise.estimation.visual.equations import NormalEquations, Sightings
 from ros_visualise.estimation.visual.keyframes import (
     Keyframe,
     KeyframeDistance,
@@ -150,13 +151,14 @@ class KeyframeWindow:
 
     def _minimise(self, steps: int) -> None:
         """Levenberg's and Marquardt's method."""
-        scene, sightings = self.scene(), self.sightings()
+        scene = self.scene()
+        sightings = self._listed(scene, self.sightings())
         system, damping = self._system(scene, sightings), 1e-4
         for _ in range(steps):
-            H, g, inverse = system.reduced(damping)
-            H = H + damping * np.diag(np.diag(system.H))
-            x = np.asarray(np.linalg.solve(H, g), np.float64)
-            after = scene.moved(x.reshape(-1, 6), system.points_of(x, inverse))
+            reduced = system.reduced(damping)
+            H = reduced.H + damping * np.diag(np.diag(system.H))
+            x = np.asarray(np.linalg.solve(H, reduced.g), np.float64)
+            after = scene.moved(x.reshape(-1, 6), reduced.points_of(x))
             then = self._system(after, sightings)
             if then.cost > system.cost:
                 damping *= 10
@@ -172,9 +174,12 @@ class KeyframeWindow:
             one.R, one.p = R, p
         self.points.values = scene.points
 
-    def _system(self, scene: BundleScene, sightings: Floats) -> Normal:
+    def _listed(self, scene: BundleScene, sightings: Floats) -> Sightings:
+        return Sightings(sightings, scene.host, len(self.cameras))
+
+    def _system(self, scene: BundleScene, sightings: Sightings) -> NormalEquations:
         """The normal equations of sightings, distances and what is known from before."""
-        found = normal(scene, sightings, self.sigma, ALIKE)
+        found = sightings.normal(scene, self.sigma, ALIKE)
         H, g, cost = found.H, found.g, found.cost
         place = {one.key: n for n, one in enumerate(self.frames)}
         if self.prior is not None:
@@ -191,7 +196,7 @@ class KeyframeWindow:
             H += (J.T * w) @ J
             g += J.T @ (w * off)
             cost += float(np.where(far < HUBER, far**2 / 2, HUBER * (far - HUBER / 2)).sum())
-        return found._replace(H=H, g=g, cost=cost)
+        return replace(found, H=H, g=g, cost=cost)
 
     def _by_distances(
         self, scene: BundleScene, place: dict[int, int]
@@ -213,9 +218,8 @@ class KeyframeWindow:
     def _drop_outliers(self) -> int:
         """Forget sightings that do not fit, and points without two; their number."""
         scene, sightings = self.scene(), self.sightings()
-        found = linearize(scene, sightings)
-        off = np.linalg.norm(found.residuals, axis=2) / self.sigma
-        good = found.is_valid & (off < OUTLIER)
+        residuals, _, is_valid = project(scene.homogeneous(), *scene.eyes(), sightings)
+        good = is_valid & (np.hypot(*np.moveaxis(residuals, 2, 0)) < OUTLIER * self.sigma)
         bad = np.isfinite(sightings[..., 0]) & ~good
         cameras = len(self.cameras)
         for place, camera in zip(*np.divmod(np.flatnonzero(bad.any(axis=1)), cameras), strict=True):
@@ -230,14 +234,15 @@ class KeyframeWindow:
     def residual(self) -> float:
         """Robust standard deviation of the sightings' residuals, as a direction."""
         scene = self.scene()
-        found = linearize(scene, self.sightings())
-        found.is_valid[scene.host * len(self.cameras), np.arange(len(scene.host))] = False
-        off = np.abs(found.residuals[found.is_valid])
+        residuals, _, is_valid = project(scene.homogeneous(), *scene.eyes(), self.sightings())
+        is_valid[scene.host * len(self.cameras), np.arange(len(scene.host))] = False
+        off = np.abs(residuals[is_valid])
         return float(np.median(off) / 0.6745) if len(off) else self.sigma
 
     def covariance(self) -> Floats:
         """(6, 6) covariance of the twist of the newest keyframe."""
-        H, _, _ = self._system(self.scene(), self.sightings()).reduced(0.0)
+        scene = self.scene()
+        H = self._system(scene, self._listed(scene, self.sightings())).reduced(0.0).H
         scale = 1 / np.sqrt(np.diag(H))
         newest = np.eye(len(H))[:, -6:]
         found = np.linalg.solve(H * np.multiply.outer(scale, scale), newest)[-6:]
@@ -264,10 +269,9 @@ class KeyframeWindow:
         few = BundleScene(scene.R, scene.p, scene.host[hosted], scene.points[hosted], self.cameras)
         kept = [one for one in self.distances if oldest.key not in one[:2]]
         self.distances = [one for one in self.distances if oldest.key in one[:2]]
-        system = self._system(few, part)
+        system = self._system(few, self._listed(few, part)).reduced(0.0)
         self.distances = kept
-        H, g, _ = system.reduced(0.0)
-        self._reduce(H, g)
+        self._reduce(system.H, system.g)
         self._rehost(oldest, newest, ids)
         self.frames.pop(0)
         return oldest

@@ -58,6 +58,14 @@ def _pinhole_rays(pixels: Floats, K: Floats, D: Floats) -> tuple[Floats, Floats]
     """Rays by Newton's method: OpenCV's few fixed iterations are inexact for wide lenses."""
     if not len(pixels):
         return np.zeros((0, 3)), np.zeros((0, 2, 3))
+    if not D.any():
+        flat = (pixels - K[:2, 2]) / np.diag(K)[:2]
+        length = np.sqrt(1 + (flat * flat).sum(axis=1))
+        slopes = np.zeros((len(flat), 2, 3))
+        slopes[:, 0, 0], slopes[:, 1, 1] = np.diag(K)[:2]
+        slopes[:, :, 2] = -flat * np.diag(K)[:2]
+        directions = np.column_stack([flat, np.ones(len(flat))])
+        return directions / length[:, None], slopes * length[:, None, None]
     known = np.asarray(np.isfinite(pixels).all(axis=1))
     wanted = np.where(known[:, None], pixels, K[:2, 2])
     flat = cv2.undistortPoints(wanted[:, None], K, D).reshape(-1, 2).astype(np.float64)
