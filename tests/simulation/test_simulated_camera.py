@@ -72,6 +72,7 @@ def corners_in(image: Image) -> dict[int, np.ndarray]:
 def parameters():
     chosen = cv2.aruco.DetectorParameters()
     chosen.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    chosen.minMarkerDistanceRate = 0.02  # OpenCV 4.8 takes a tag and the edge of its paper for one
     return chosen
 
 

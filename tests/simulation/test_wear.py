@@ -6,7 +6,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
-from test_simulated_camera import DOWN
+from test_simulated_camera import DOWN, parameters
 
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.camera import CameraSensor
@@ -23,7 +23,7 @@ def seen(seed=1, **changes):
     simulation = Simulation("quadrotor", "field", seed, settings=replace(CLEAN, **changes))
     camera = CameraSensor(simulation.settings, 0, simulation._model)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    detector = cv2.aruco.ArucoDetector(family)
+    detector = cv2.aruco.ArucoDetector(family, parameters())
     found: dict[int, list[np.ndarray]] = {}
     for x, y in ABOVE:
         image = camera.measure(0, 0, simulation._data, np.array([x, y, 4.5]), DOWN)
@@ -45,7 +45,7 @@ def test_a_new_world_shows_its_tags_and_no_others():
 
 @pytest.mark.usefixtures("opengl")
 def test_dirt_hides_tags():
-    worlds = seen(), seen(tag_dirt=0.2), seen(tag_dirt=0.5)
+    worlds = seen(), seen(tag_dirt=0.1), seen(tag_dirt=0.5)
     views = [sum(map(len, found.values())) for found in worlds]
     assert views[0] > views[1] > views[2]
     assert views[2] < 0.5 * views[0]

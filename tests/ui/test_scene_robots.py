@@ -177,7 +177,7 @@ def package(tmp_path):
     body = trimesh.creation.box([100, 40, 20])
     lid = trimesh.creation.box([10, 10, 10]).apply_translation([0, 0, 15])
     for mesh, color in ((body, [200, 20, 20, 255]), (lid, [20, 20, 200, 255])):
-        material = trimesh.visual.material.PBRMaterial(baseColorFactor=color)
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=color, roughnessFactor=1.0)
         mesh.visual = trimesh.visual.TextureVisuals(material=material)
     data = trimesh.exchange.dae.export_collada([body, lid]).decode()
     inches = data.replace('<unit meter="1.0"', '<unit meter="0.0254"')
