@@ -74,7 +74,9 @@ def _of_points(first: Floats, second: Floats, sigma: float) -> Iterator[FirstMot
 
 def _of_a_plane(first: Floats, second: Floats, sigma: float) -> Iterator[FirstMotion]:
     """The motions by corners of a plane that is seen by both views."""
-    H, found = cv2.findHomography(first, second, cv2.RANSAC, _OFF_PLANE * sigma, maxIters=_TRIALS)
+    H, found = cv2.findHomography(
+        first, second, cv2.USAC_MAGSAC, _OFF_PLANE * sigma, maxIters=_TRIALS
+    )
     if H is None or found.mean() < _PLANE:
         return
     agree = found[:, 0] > 0
