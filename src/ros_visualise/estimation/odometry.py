@@ -41,6 +41,9 @@ VAGUE_SPEED = 10.0
 """Standard deviation of an unknown velocity, m/s."""
 _LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: jitter and rounding of odometry
 _SHORTEST_S = 0.02  # of the intervals by which speeds are judged
+_HARDEST_MS2 = 20.0  # of braking: odometry that stops faster has stalled
+_STILL = 0.02  # part of its former speed, below which odometry stands still
+_STALL_S = 0.1, 2.0  # from when on a stall counts, and until when
 
 
 class OdometryStep(NamedTuple):
@@ -53,6 +56,7 @@ class OdometryStep(NamedTuple):
         reported: (4,) variances of the motion along its axes, m^2, and of its heading, rad^2, by
             the odometry itself; 0 if it reports none.
         is_guess: True if it is interpolated across a gap.
+        stalled: variance of the motion along each axis, m^2, while the odometry has stalled.
     """
 
     motion: Pose
@@ -61,6 +65,7 @@ class OdometryStep(NamedTuple):
     up: Floats
     reported: Floats = _UNREPORTED
     is_guess: bool = False
+    stalled: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -95,12 +100,31 @@ class OdometryPose(NamedTuple):
     variances: Floats = _UNREPORTED
 
 
+class Stall(NamedTuple):
+    """Odometry that stopped at once, as no robot can brake: it may go on at its former speed.
+
+    Attributes:
+        speed: former speed, m/s; 0: it has not stalled.
+        since_ns: time of the last pose before.
+    """
+
+    speed: float = 0.0
+    since_ns: int = 0
+
+    def variance(self, stamp_ns: int) -> float:
+        """Variance of the position at a time, m^2: all of the way may be missing."""
+        seconds = (stamp_ns - self.since_ns) / 1e9
+        least, most = _STALL_S
+        return (self.speed * min(seconds, most)) ** 2 if seconds >= least else 0.0
+
+
 class OdometryBuffer:
     """Poses of the robot in the odometry's frame, by time, in any order of arrival."""
 
     def __init__(self) -> None:
         self.stamps_ns: list[int] = []
         self._poses: list[OdometryPose] = []
+        self._stalls: list[Stall] = []
 
     @property
     def newest_ns(self) -> int | None:
@@ -112,9 +136,23 @@ class OdometryBuffer:
         place = bisect_left(self.stamps_ns, stamp_ns)
         if place < len(self.stamps_ns) and self.stamps_ns[place] == stamp_ns:
             return False
+        is_newest = place == len(self.stamps_ns)
+        self._stalls.insert(place, self._stall(stamp_ns, pose) if is_newest else Stall())
         self.stamps_ns.insert(place, stamp_ns)
         self._poses.insert(place, pose)
         return True
+
+    def _stall(self, stamp_ns: int, pose: OdometryPose) -> Stall:
+        """Judge the newest pose by those before it."""
+        if len(self._poses) < 2:
+            return Stall()
+        (a_ns, b_ns), (a, b) = self.stamps_ns[-2:], self._poses[-2:]
+        seconds, way_m = (stamp_ns - b_ns) / 1e9, math.dist(b.pose[:3], pose.pose[:3])
+        stall = self._stalls[-1]
+        if not stall.speed:
+            speed = math.dist(a.pose[:3], b.pose[:3]) / max((b_ns - a_ns) / 1e9, _SHORTEST_S)
+            stall = Stall(speed if speed > _HARDEST_MS2 * seconds else 0.0, b_ns)
+        return stall if way_m < _STILL * stall.speed * seconds else Stall()
 
     def at(self, stamp_ns: int) -> Pose:
         """The pose at a time between the first and the last, interpolated."""
@@ -143,7 +181,10 @@ class OdometryBuffer:
         # errors of intervals are independent: their variances grow with time
         reported = self._poses[after].variances * ((end - start) / 1e9) ** 2 * part
         is_guess = part < 1 and end - start > GAP_NS
-        return OdometryStep(compose(inverse(a), b), from_ns, to_ns, up_of(b), reported, is_guess)
+        stall = self._stalls[after]
+        stalled = (stall.variance(end) - stall.variance(start)) * part
+        motion = compose(inverse(a), b)
+        return OdometryStep(motion, from_ns, to_ns, up_of(b), reported, is_guess, stalled)
 
     def before(self, stamp_ns: int) -> int | None:
         """Time of the last pose before a time."""
@@ -153,7 +194,7 @@ class OdometryBuffer:
     def forget(self, before_ns: int) -> None:
         """Forget older poses, except the last of them."""
         count = max(bisect_right(self.stamps_ns, before_ns) - 1, 0)
-        del self.stamps_ns[:count], self._poses[:count]
+        del self.stamps_ns[:count], self._poses[:count], self._stalls[:count]
 
 
 @dataclass(frozen=True)
@@ -231,6 +272,7 @@ def propagate_by_odometry(state: State, step: OdometryStep, model: OdometryNoise
     J[VELOCITY] = 0
     J[VELOCITY, scale] = v / ways
     moved, turned = model.of(step, R @ step.up)
+    moved += step.stalled
     spread = arm @ turned
     noise = np.zeros((size, size))
     noise[:3, :3] = spread @ arm.T + (robot.R * moved) @ robot.R.T
