@@ -1,5 +1,7 @@
 """What the tests share."""
 
+import contextlib
+import ctypes
 import gc
 import logging
 import os
@@ -37,6 +39,12 @@ FLAGS = [
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
 # Mesa's compiler of shaders takes longer to optimize them than they run: the pixels are the same.
 os.environ.setdefault("GALLIVM_PERF", "nopt")
+# Collections of garbage take a quarter of the time in which tests are collected, and find none.
+gc.disable()
+# The kernel would clear the memory of each large array anew, which takes up to a sixth of the time.
+with contextlib.suppress(AttributeError, OSError, TypeError):  # only glibc has it
+    for _option in (-1, -3):  # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD
+        ctypes.CDLL(None).mallopt(_option, 2**29)
 
 
 _LONGEST = {
@@ -48,15 +56,26 @@ _LONGEST = {
 """Files that take a minute; begun first, none is what all other processes wait for at the end."""
 
 
+_WAITING = {"links", "ros1", "ros2", "running", "runtime", "ui"}
+"""Rooms whose tests mostly wait for other processes; beside them the others compute."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest."""
-    items.sort(key=lambda item: item.path.stem not in _LONGEST)
+    """Begin with the files that take longest; spread those that wait among those that compute."""
+    files = list(dict.fromkeys(item.path for item in items))
+    files.sort(key=lambda path: path.stem not in _LONGEST)
+    places = {}
+    for kind in (False, True):
+        of_kind = [path for path in files if (path.parent.name in _WAITING) == kind]
+        places.update({path: at / len(of_kind) for at, path in enumerate(of_kind)})
+    items.sort(key=lambda item: places[item.path])
 
 
 def pytest_collection_finish() -> None:
     """Leave out of garbage collections what they would go through for a third of a second."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
