@@ -17,6 +17,7 @@ WIDTH, HEIGHT = 640, 480
 SIZE_M = 0.2
 CELLS = 8  # along the side of the square
 _SUB = 8  # rays along the side of a pixel
+_PART = 256  # pixels, whose rays fit in the cache of a processor
 _AROUND_PX = 6
 _SPECTRUM = np.array([[0.8, 1.0, 0.6]])  # what red, green and blue see of white paper
 
@@ -190,43 +191,47 @@ def _cast(
     width, height = last - first
     u, v = np.meshgrid(np.arange(first[0], last[0]), np.arange(first[1], last[1]))
     rays = _rays_in(camera, pose, u, v)
-    offsets = rng.random((2, height, width, _SUB, _SUB)).swapaxes(2, 3)
-    code, light = _code(id), np.empty((height, _SUB, width, _SUB))
-    for row, at in enumerate(range(first[1], last[1])):
-        light[row] = _meet(
-            camera, pose, rays[..., row, None, :, None], offsets[:, row], at, code, tones
-        )
+    offsets = rng.random((2, height, width, _SUB, _SUB))
+    levels = _levels(id, *tones)
+    ends = [_cells(camera, pose, rays, v, a, b) for a in (-0.5, 0.5) for b in (-0.5, 0.5)]
+    light = np.empty((height, _SUB, width, _SUB))
+    light[:] = levels[ends[0]][:, None, :, None]
+    rows, columns = np.nonzero(np.ptp(ends, axis=0).any(axis=0))  # the others are in one cell
+    steps = np.arange(_SUB)
+    for part in range(0, len(rows), _PART):
+        i, j = rows[part : part + _PART], columns[part : part + _PART]
+        a = (offsets[0, i, j] + steps) / _SUB - 0.5
+        b = (offsets[1, i, j] + steps[:, None]) / _SUB - 0.5
+        of_these, at = rays[..., i, j, None, None], v[i, j, None, None]
+        light[i, :, j] = levels[_cells(camera, pose, of_these, at, a, b)]
     light = _soft(light.reshape(height * _SUB, -1), _SUB * rng.uniform(*camera.blur))
     return light.reshape(height, _SUB, width, _SUB).mean(axis=(1, 3))
 
 
-def _meet(
+def _cells(
     camera: Camera,
     pose: Pose,
     rays: np.ndarray,
-    offsets: np.ndarray,
-    row: int,
-    code: np.ndarray,
-    tones: tuple[float, float, float],
-) -> np.ndarray:
-    """What the rays of one row of pixels meet, (_SUB, width, _SUB): one in each square of all."""
-    steps = np.arange(_SUB)
-    a, b = offsets
-    a, b = (a + steps) / _SUB - 0.5, (b + steps[:, None, None]) / _SUB - 0.5
+    row: np.ndarray,
+    a: np.ndarray | float,
+    b: np.ndarray | float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in `_levels` that are met by rays at ``a`` and ``b``, -0.5 to 0.5, in pixels."""
     ray_x, ray_y, ray_z = _horner([_horner(one, 2 * b) for one in rays], 2 * a)
     late = camera.readout_s * (row + b - HEIGHT / 2) / HEIGHT
     t, velocity = pose.t @ pose.R, pose.velocity @ pose.R
     along = (t[2] + late * velocity[2]) / ray_z
     x, y = ray_x * along - t[0] - late * velocity[0], ray_y * along - t[1] - late * velocity[1]
     cell = SIZE_M / CELLS
-    across = np.floor(x / cell + CELLS / 2).astype(int)
-    down = np.floor(CELLS / 2 - y / cell).astype(int)
-    dark, bright, behind = tones
-    inside = (across >= 0) & (across < CELLS) & (down >= 0) & (down < CELLS)
-    paper = (across >= -1) & (across <= CELLS) & (down >= -1) & (down <= CELLS)
-    light = np.where(paper, bright, behind)
-    light[inside] = np.where(code[down[inside], across[inside]], bright, dark)
-    return light
+    across, down = x / cell + CELLS / 2 + 2, CELLS / 2 - y / cell + 2
+    across, down = (np.clip(one, 0, CELLS + 3).astype(int) for one in (across, down))
+    return down, across
+
+
+def _levels(id: int, dark: float, bright: float, behind: float) -> np.ndarray:
+    """Light of each cell of the tag, the paper around it, and what is behind: a cell each."""
+    code = np.where(_code(id), bright, dark)
+    return np.pad(np.pad(code, 1, constant_values=bright), 1, constant_values=behind)
 
 
 def _horner(coefficients: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
