@@ -191,6 +191,15 @@ def calibration(bgr):
     )
 
 
+@pytest.mark.parametrize("count", [7, 9, 11])
+def test_of_the_motions_over_a_plane_the_one_flown_is_shown(count):
+    flight = Flight()
+    _, p = flight.motion(0, count - 1)
+    texts, _ = play(flown(count), flight.info)
+    direction = shown(texts["epipolar"], "direction (N, N, N)")
+    assert np.dot(direction, p / np.linalg.norm(p)) > 0.99
+
+
 def test_a_flight_is_explained_as_it_was_flown():
     flight = Flight()
     texts, results = play(flown(12), flight.info)

@@ -12,6 +12,7 @@ from ros_visualise.estimation.visual.bundle import triangulated
 from ros_visualise.estimation.visual.starting import FirstMotion
 from ros_visualise.lessons.methods.sobel import sobel
 
+_LEAST = 12  # corners that locate a view
 _PER_LEVEL = 8  # of Sobel's kernel, which adds up so many differences
 
 
@@ -92,6 +93,26 @@ def rays_at(K: Floats, pixels_uv: Floats) -> Floats:
     """Directions (N, 2) of pixels (N, 2), at z = 1."""
     found: Floats = (pixels_uv - K[:2, 2]) / [K[0, 0], K[1, 1]]
     return found
+
+
+def misfit(motion: FirstMotion, first: Floats, between: Floats, second: Floats) -> float:
+    """Median distance between where a third view sees corners and where the motion puts them.
+
+    Args:
+        motion: from the first to the second view.
+        first, between, second: directions (N, 2) of the same corners in the three views.
+
+    Returns:
+        In units of directions; infinity if too few corners get a depth.
+    """
+    inverse, _ = triangulated(motion.R, motion.t, first, second)
+    good = inverse > 1e-6
+    if good.sum() < _LEAST:
+        return np.inf
+    points = np.column_stack([first, np.ones(len(first))])[good] / inverse[good, None]
+    _, turn, shift = cv2.solvePnP(points, between[good], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+    seen = cv2.projectPoints(points, turn, shift, np.eye(3), None)[0][:, 0]
+    return float(np.median(np.linalg.norm(seen - between[good], axis=1)))
 
 
 @dataclass(frozen=True, eq=False)

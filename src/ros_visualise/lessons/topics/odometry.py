@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import CameraInfo, Floats, Image, Message, Pixels
 from ros_visualise.estimation.visual.odometry import VisualOdometry, VisualSettings
-from ros_visualise.estimation.visual.starting import first_motions
+from ros_visualise.estimation.visual.starting import FirstMotion, first_motions
 from ros_visualise.estimation.visual.stretch import VisualPose
 from ros_visualise.geometry import se3
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
@@ -25,6 +26,7 @@ from ros_visualise.lessons.methods.motion import (
     epipolar_lines,
     essential,
     flow_step,
+    misfit,
     rays_at,
 )
 from ros_visualise.lessons.methods.odometry_figures import (
@@ -42,6 +44,7 @@ _VIEWS = 60  # pictures before, one of which is the first view
 _COMMON = 0.5  # of the corners, that the first view has too
 _LEAST = 30  # corners of both views
 _SIGMA_PX = 1.0  # of corners, with a lens that is not known better
+_AS_GOOD = 1.15  # misfits of two motions that cannot be told apart
 _SHARES = (0.1, 0.9)  # of the points: near and far ones
 
 
@@ -186,7 +189,9 @@ class Epipolar:
         now = _FirstView(seen.bgr, seen.corners, rays_at(seen.K, seen.corners.pixels_uv))
         if self._views and self._views[-1].bgr.shape != now.bgr.shape:
             self._views.clear()
-        first = next((one for one in self._views if _is_common(one, now)), None)
+        start, first = next(
+            ((n, one) for n, one in enumerate(self._views) if _is_common(one, now)), (0, None)
+        )
         self._views.append(now)
         if first is None:
             self._is_shown = False
@@ -197,7 +202,8 @@ class Epipolar:
             return None if self._is_shown else show(image, seen.bgr, _reason(motions), NO_PAIR)
         self._is_shown = True
         uv = first.corners.pixels_uv[a], now.corners.pixels_uv[b]
-        return self._shown(image, first.bgr, seen.bgr, ViewPair(seen.K, *uv, motions[0]))
+        motion = _likeliest(motions, first, self._views[(start + len(self._views)) // 2], now)
+        return self._shown(image, first.bgr, seen.bgr, ViewPair(seen.K, *uv, motion))
 
     def _shown(
         self, image: Image, first: Pixels, second: Pixels, pair: ViewPair
@@ -220,10 +226,11 @@ class Epipolar:
             Eight corners are drawn with their lines; the lines meet where the second camera sees
             the first one. {good} of {count} corners agree with one motion, at a median distance of
             {median:.2f} pixels from their lines; the others are wrong, or belong to objects that
-            move. At {time:.2f} s the motion since the first view is a rotation R by {angle:.1f}°
-            and a step in the direction ({x:+.2f}, {y:+.2f}, {z:+.2f}), where x points to the right,
-            y down and z ahead. The length of the step is always 1; the next lesson step explains
-            why. The focal length is {focal:.0f} pixels.
+            move. If all corners lie in one plane, two motions fit; a third view decides. At
+            {time:.2f} s the motion since the first view is a rotation R by {angle:.1f}° and a step
+            in the direction ({x:+.2f}, {y:+.2f}, {z:+.2f}), where x points to the right, y down and
+            z ahead. The length of the step is always 1; the next lesson step explains why. The
+            focal length is {focal:.0f} pixels.
             """
         return show(
             image,
@@ -241,6 +248,19 @@ class Epipolar:
             focal=pair.K[0, 0],
             time=image.header.stamp_ns / 1e9,
         )
+
+
+def _likeliest(
+    motions: list[FirstMotion], first: _FirstView, between: _FirstView, now: _FirstView
+) -> FirstMotion:
+    """Of motions that fit two views the one that fits a third; of equal ones the least turn."""
+    views = first, between, now
+    common = reduce(np.intersect1d, [one.corners.ids for one in views])
+    rays = [one.rays[np.isin(one.corners.ids, common)] for one in views]
+    scores = [misfit(one, *rays) for one in motions]
+    good = [n for n, score in enumerate(scores) if score <= _AS_GOOD * min(scores)]
+    turns = [float(np.linalg.norm(se3.rotation_vector(one.R))) for one in motions]
+    return motions[min(good, key=turns.__getitem__)]
 
 
 @dataclass(frozen=True)
