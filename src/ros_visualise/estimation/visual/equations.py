@@ -1,9 +1,9 @@
-"""Normal equations of views and points, by the sightings that there are.
+"""Normal equations of views and points from a list of sightings.
 
-Most views do not see most points, so sightings are a list. Their arrays have the small axes first:
-numpy is fast along a long last axis. Each point is eliminated by a Cholesky factor L of its own 3x3
-block: with the block W between views and points, what the points tell of the views is U U', where
-U = W inv(L)'.
+It is a list because most views do not see most points. The arrays of sightings have the small axes
+first: numpy is fast along a long last axis. Each point is eliminated by a Cholesky factor L of its
+own 3x3 block. With the block W between views and points, the points reduce the information of the
+views by U U', where U = W inv(L)'.
 
 Source: B. Triggs et al., Bundle adjustment, a modern synthesis, 2000, section 6.1.
 """
