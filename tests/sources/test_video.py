@@ -16,6 +16,7 @@ from ros_visualise import sources
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Deferred
 from ros_visualise.sources import key_images
+from ros_visualise.sources.demux import Decoder
 from ros_visualise.sources.video import Video
 
 
@@ -103,6 +104,32 @@ def test_reading_goes_on_from_a_sought_frame(tmp_path: Path) -> None:
     video = Video(write_video(tmp_path / "v.mkv", numbered(10)))
     assert times_ms(video, 250 * MS) == [240, 280, 320, 360]
     assert times_ms(video, 10**15) == [360]
+
+
+def test_a_sought_frame_does_not_wait_for_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = [40 * n + 13 * (n % 3) + 200 * (n > 20) for n in range(30)]
+    options = {"g": "30", "bf": "3"}
+    path = tmp_path / "v.mp4"
+    write_video(
+        path, numbered(30), codec="libx264", pix_fmt="yuv420p", options=options, times_ms=times
+    )
+    video, decoded, frames = Video(path), [], Decoder.frames
+
+    def noted(decoder: Decoder) -> Iterator[Any]:
+        for frame in frames(decoder):
+            decoded.append(frame.pts)
+            yield frame
+
+    monkeypatch.setattr(Decoder, "frames", noted)
+    assert times_ms(video) == times
+    stamps = decoded.copy()
+    for number in (20, 19, 4, 7, 8, 29, 0, 21):
+        decoded.clear()
+        time_ns, _ = next(video.read((times[number] + 5) * MS))
+        assert time_ns == times[number] * MS
+        assert max(decoded, default=0) <= stamps[number]
 
 
 def turned(path: Path, a: int, b: int, c: int, d: int) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
@@ -22,6 +23,9 @@ from ros_visualise.core.regular_files import is_of_the_shell, open_file, open_re
 
 _UNKNOWN_BITS = 24  # of a pixel
 _BUFFER_BYTES = 1 << 16
+_AHEAD, _AHEAD_BYTES = 16, 1 << 24
+"""Packets read before they are decoded: codecs reorder no more than 16 frames."""
+_RECENT = 4 * _AHEAD  # stamps, also of those that are being decoded
 _PLAYLISTS = (b"ffconcat version", b"#EXTM3U")
 
 
@@ -104,10 +108,12 @@ class Decoder:
         self.broken = False  # reading failed before the end
         self.needed: int | None = None
         self._omitted: int | None = None  # last stamp, in ticks, of what may have been omitted
+        self._recent: deque[int | None] = deque(maxlen=_RECENT)  # the stamps of packets
+        self._knows_next = False
 
     def frames(self) -> Iterator[VideoFrame]:
         """All frames, in order of presentation."""
-        for packet in self._packets():
+        for packet in self._packets_ahead():
             self._omit(packet)
             try:
                 decoded = self._stream.decode(packet)
@@ -122,6 +128,11 @@ class Decoder:
         """True if a frame after this stamp may have been omitted."""
         return self._omitted is not None and (stamp is None or stamp < self._omitted)
 
+    def is_last_until(self, stamp: int, end: int) -> bool:
+        """True if no frame after a decoded one, up to a later stamp, is to come; False: unknown."""
+        is_known = self._knows_next and None not in self._recent
+        return is_known and not any(stamp < one <= end for one in self._recent if one is not None)
+
     def count(self) -> int:
         """The number of frames, without decoding them."""
         return sum(packet is not None and not packet.is_discard for packet in self._packets())
@@ -129,6 +140,24 @@ class Decoder:
     def stamps(self) -> list[int | None]:
         """The stamps of the frames, in ticks of the stream, without decoding them."""
         return [one.pts for one in self._packets() if one is not None and not one.is_discard]
+
+    def _packets_ahead(self) -> Iterator[Packet[VideoStream] | None]:
+        """The packets; some more are read before each, so that the next frames are known."""
+        packets = self._packets()
+        ahead: deque[Packet[VideoStream] | None] = deque()
+        ahead_bytes, is_end = 0, False
+        while ahead or not is_end:
+            while not is_end and len(ahead) <= _AHEAD and ahead_bytes <= _AHEAD_BYTES:
+                packet = next(packets)
+                ahead.append(packet)
+                is_end = packet is None
+                if packet is not None:
+                    ahead_bytes += packet.size
+                    self._recent.append(packet.pts)
+            self._knows_next = is_end or len(ahead) > _AHEAD
+            first = ahead.popleft()
+            ahead_bytes -= 0 if first is None else first.size
+            yield first
 
     def _packets(self) -> Iterator[Packet[VideoStream] | None]:
         try:

@@ -115,9 +115,19 @@ class Video:
                 return
             if shown is not None and timed[0] > start_ns:
                 yield shown[0], self._converter.image(shown[1])
-            shown = timed
+            is_known = timed[0] > start_ns or self._is_shown_at(timed[1], start_ns)
+            shown = None if is_known else timed
+            if is_known:
+                yield timed[0], self._converter.image(timed[1])
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
+
+    def _is_shown_at(self, frame: VideoFrame, time_ns: int) -> bool:
+        """True if it is known, before the next one is decoded, that a frame is shown at a time."""
+        ticks = self._ticks(time_ns)
+        if ticks is None or frame.pts is None or frame.pts > ticks:
+            return False
+        return self._decoder.is_last_until(frame.pts, ticks)
 
     @property
     def format(self) -> str:

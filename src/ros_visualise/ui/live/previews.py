@@ -11,7 +11,7 @@ from ros_visualise.data import Header, Image
 from ros_visualise.graph import Graph
 from ros_visualise.sources.playback import Playback, Sought
 
-_GRACE_S = 0.02
+_GRACE_S = 0.01
 """The exact image has so long to come without a preview."""
 _AGAIN_S, _LATE_S = 0.1, 0.3
 """Period of looking for nearer ones; time after which going back shows even one too far back."""
