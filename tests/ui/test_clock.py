@@ -47,6 +47,11 @@ def test_the_topic_of_a_step_is_chosen(clock, playback):
     assert clock.read_until(lambda state: state["topic"] == "")["topics"] == ["/image", "/imu"]
 
 
+def test_the_start_has_the_stamp_from_which_times_count(clock, playback):
+    start_s = clock.read_until(lambda state: state["start"])["start"]
+    assert start_s == pytest.approx(playback.start_stamp_ns / 1e9, abs=1e-6)
+
+
 @pytest.mark.parametrize("rate", [0, 0.1, 100.0])
 def test_the_rate_goes_far(clock, playback, rate):
     clock.act(rate=rate)

@@ -49,7 +49,9 @@ def open_images(browse, layout):
 
 def test_a_wheel_enlarges_what_is_under_the_pointer_and_the_address_keeps_it(browse, pixels):
     tab = open_images(browse, "{~panel~:~image~,~state~:{~topic~:~/controlled_stream~}}")
-    tab.get_by_text("640 × 480 bgr8").wait_for(timeout=60_000)
+    facts = tab.get_by_text("640 × 480 bgr8, 0:00.00", exact=True)
+    facts.wait_for(timeout=60_000)
+    assert re.fullmatch(r"Stamp \d{19} ns", facts.get_attribute("title"))
     box = image(tab).bounding_box()
     at = box["x"] + box["width"] / 2 + 60, box["y"] + box["height"] / 2 - 40
     tab.mouse.move(*at)

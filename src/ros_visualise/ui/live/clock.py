@@ -15,6 +15,7 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.live.exchange import exchange, ignore
 from ros_visualise.ui.live.marks import Marks
+from ros_visualise.ui.live.played import PlaybackLine, playback_line
 from ros_visualise.ui.live.rewinding import Rewinder
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.server.host import page_loop
@@ -40,6 +41,7 @@ class PageClock:
     def __init__(self) -> None:
         self._playback: Playback | None = None
         self._player = ""
+        self._line: PlaybackLine | None = None
         self._rewinder: Rewinder | None = None
         self._browsers = 0
         self.marks = Marks()
@@ -71,6 +73,7 @@ class PageClock:
         self._playback = None if runtime is None else runtime.playback
         source = None if runtime is None else runtime.graph.source
         self._player = "" if source is None else source.name
+        self._line = None if runtime is None else playback_line(runtime.graph, self._playback)
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one browser until it leaves: it sends ``{ACTION: VALUE}``."""
@@ -153,6 +156,7 @@ class PageClock:
         return {
             "position": state.position_s,
             "duration": state.duration_s,
+            "start": self._start_s,
             "playing": state.playing,
             "ended": state.ended,
             "rate": state.rate,
@@ -165,6 +169,12 @@ class PageClock:
             "player": self._player,
             "sources": [one._asdict() for one in playback.sources],
         }
+
+    @property
+    def _start_s(self) -> float | None:
+        """The stamp of the start of what is played, once it has begun."""
+        has_begun = self._line is not None and self._line.playback.has_played
+        return self._line.time_ns(0) / 1e9 if self._line and has_begun else None
 
 
 def _live_state(rewinder: Rewinder) -> Mapping[str, Any]:

@@ -1,6 +1,8 @@
 // What all panels use, as window.rv: WebSockets, queries, the clock, the cursor, undo, the workspace.
 (() => {
   const RETRY_MS = 1000;
+  const NEAR_S = 60; // further outside of what is played, a stamp is of another clock
+  const EPOCH_S = 1e8; // stamps below count from some start
   const root = location.pathname.replace(/\/$/, "");
 
   // A WebSocket of the page that comes back by itself. Text is JSON, binary an ArrayBuffer.
@@ -34,14 +36,17 @@
     return answer.json();
   }
 
-  // The playback: its state as the server sends it, or {}; "change" tells of another one.
+  // The playback: its state as the server sends it, or {}; "change" tells of another one, "begun" of
+  // another stamp of its start.
   class Clock extends EventTarget {
     state = {};
     begin() {
       this.socket = live("/live/clock", {
         message: (state) => {
+          const isBegun = state.start !== this.state.start;
           this.state = state;
           this.dispatchEvent(new Event("change"));
+          if (isBegun) this.dispatchEvent(new Event("begun"));
         },
       });
     }
@@ -116,6 +121,15 @@
     return hours ? `${hours}:${two(minutes)}:${rest}` : `${minutes}:${rest}`;
   }
 
+  // A stamp in ns as people read it: the time since the start of what is played, else the time of day.
+  function asTime(stamp) {
+    const { start, duration = 0 } = rv.clock.state;
+    const [seconds, since] = [Number(stamp) / 1e9, Number(stamp) / 1e9 - start];
+    if (since > -NEAR_S && since < duration + NEAR_S) return asClock(since);
+    if (seconds < EPOCH_S) return asClock(seconds);
+    return new Date(seconds * 1000).toLocaleTimeString("en-GB") + (seconds % 1).toFixed(3).slice(1);
+  }
+
   const isTyping = (target) => !!target?.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]");
   const past = new EditHistory();
   document.addEventListener("keydown", (event) => {
@@ -162,6 +176,7 @@
     live,
     ask,
     asClock,
+    asTime,
     isTyping,
     dropped,
     monitored,

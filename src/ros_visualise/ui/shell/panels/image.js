@@ -2,13 +2,6 @@
 let count = 0;
 const taken = new Map(); // panel -> its topics
 
-// A stamp in nanoseconds as people read it: the time of day, or minutes since the start.
-function timeOf(stamp) {
-  const seconds = Number(stamp) / 1e9;
-  if (seconds > 1e8) return new Date(seconds * 1000).toLocaleTimeString("en-GB") + (seconds % 1).toFixed(3).slice(1);
-  return rv.asClock(seconds);
-}
-
 export default {
   template: `
     <div class="rv-image" @dragover.prevent @drop.prevent="drop">
@@ -136,6 +129,7 @@ export default {
     this.sized.observe(this.$refs.over);
     this.seen = () => this.show();
     document.addEventListener("visibilitychange", this.seen);
+    rv.clock.addEventListener("begun", this.describe);
     if (images.topics) this.follow();
   },
   beforeUnmount() {
@@ -143,6 +137,7 @@ export default {
     document.removeEventListener("visibilitychange", this.seen);
     this.panel?.close();
     this.images?.removeEventListener("topics", this.follow);
+    rv.clock.removeEventListener("begun", this.describe);
     taken.delete(this.number);
   },
   methods: {
@@ -239,7 +234,7 @@ export default {
       const apart = first.apart ?? (other ? Number(BigInt(other.stamp) - BigInt(stamp)) / 1e6 : 0);
       const later = apart ? `; the other image is ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
       this.stamp = stamp;
-      this.facts = `${width} × ${height} ${encoding}, ${timeOf(stamp)}${later}${first.preview ? "; preview" : ""}`;
+      this.facts = `${width} × ${height} ${encoding}, ${rv.asTime(stamp)}${later}${first.preview ? "; preview" : ""}`;
     },
     // Values of what is seen now, as far as they are shown; one question of a kind at a time.
     refresh() {

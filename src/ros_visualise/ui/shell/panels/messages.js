@@ -6,12 +6,6 @@ const COLUMNS = 6;
 const brief = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value);
 const isLeaf = (value) => value === null || typeof value !== "object";
 
-// The stamp in ns as a time of day, or in seconds where it is none.
-function timeOf(stamp) {
-  const seconds = Number(stamp) / 1e9;
-  return seconds < 1e8 ? `${seconds.toFixed(3)} s` : new Date(seconds * 1000).toISOString().slice(11, 23);
-}
-
 export default {
   template: `
     <div class="rv-messages" @dragover.prevent @drop.prevent="drop">
@@ -46,7 +40,7 @@ export default {
   data() {
     const { topic, fields } = this.state;
     const good = Array.isArray(fields) ? fields.filter((one) => typeof one === "string").slice(0, 30) : null;
-    return { topic: typeof topic === "string" ? topic : "", topics: {}, fields: good, isTable: !!good, number: null, news: {}, opened: {}, timeOf };
+    return { topic: typeof topic === "string" ? topic : "", topics: {}, fields: good, isTable: !!good, number: null, news: {}, opened: {}, timeOf: rv.asTime };
   },
   computed: {
     lines() {
@@ -75,9 +69,12 @@ export default {
   },
   mounted() {
     this.live = rv.live("/live/messages", { open: () => this.ask(), message: (data) => this.take(data) });
+    this.begun = () => this.$forceUpdate();
+    rv.clock.addEventListener("begun", this.begun);
   },
   beforeUnmount() {
     this.live.close();
+    rv.clock.removeEventListener("begun", this.begun);
   },
   methods: {
     ask() {
