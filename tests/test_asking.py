@@ -147,6 +147,9 @@ def test_a_thing_is_shown_without_the_name_of_a_command(capsys, tmp_path):
         status, _, err = answer_to(capsys, thing, *PLAYED)
         assert (status, err.count("\n")) == (2, 1)
         assert answer in err
+    status, _, err = answer_to(capsys, "/dev/video77", "--view", "none")
+    assert (status, err.count("\n")) == (2, 1)
+    assert "no such device /dev/video77; devices: " in err
 
 
 def completions(line):

@@ -176,7 +176,8 @@ def _with_command(given: Sequence[str]) -> Sequence[str]:
         return given
     if _SERVER.match(first):
         return ["live", *given]
-    if _ADDRESS.match(first) or (first.startswith("/dev/") and os.path.exists(first)):
+    is_device = first.startswith("/dev/") and not (os.path.isfile(first) or os.path.isdir(first))
+    if _ADDRESS.match(first) or is_device:
         return ["camera", *given]
     if not first or not os.path.exists(first):
         return given
