@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Generator
 
 import pytest
+from waiting import wait_for
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.sources.playback import Playback
@@ -437,3 +438,30 @@ def test_the_time_of_the_stamps_is_that_of_the_messages_and_passes_between_them(
     hundredth = S // 100
     assert between == [(55 * hundredth, WALL + 55 * hundredth), (2 * S, WALL + 56 * hundredth)]
     assert playback.stamp_ns() == WALL + 240 * hundredth
+
+
+def test_a_message_shown_while_paused_has_the_processor_for_itself(monkeypatch) -> None:
+    monkeypatch.setattr("ros_visualise.sources.playback._REST_S", 1e6)
+    playback, read, shown = Playback(hold=True, start_s=2.0), [], []
+
+    class Noted(Frames):
+        def read(self, start_ns: int) -> Generator[tuple[int, int], None, None]:
+            for time_ns, number in super().read(start_ns):
+                read.append(number)
+                yield time_ns, number
+
+    def run() -> None:
+        for _, number in playback.run(Noted([0.0, 1.0, 2.0, 3.0], 4.0)):
+            shown.append(number)
+
+    playback.pause()
+    running = threading.Thread(target=run)
+    running.start()
+    wait_for(lambda: shown == [2])
+    playback.seek(1)
+    wait_for(lambda: shown == [2, 1])
+    playback.step(1)
+    wait_for(lambda: shown == [2, 1, 2])
+    playback.close()
+    running.join(10)
+    assert read == [2, 1, 2]

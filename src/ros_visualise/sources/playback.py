@@ -19,6 +19,8 @@ _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 _ROUNDING_NS = 1_000
 _PATIENCE_NS, _IMPATIENCE_NS = 300_000_000, 1_000_000_000
 """In this span after the last message, what is read is shown though it is outdated."""
+_REST_S = 0.05
+"""So long after a message that is shown while paused, the processor is left to what works on it."""
 
 
 class Playable(Protocol[T_co]):
@@ -353,7 +355,17 @@ class Playback:
                 if not self._wait_turn(self._part.place(time_ns), is_frame(item)):
                     return self._part.next_ns is not None
                 yield self._line.stamp_ns, item
+                if not self._goes_on():
+                    return False
         return True
+
+    def _goes_on(self) -> bool:
+        """True if the next message is to be read; while paused, that is known a little later."""
+        with self._changed:
+            is_paused = not (self._line.running or self._requests.steps or self.closed)
+            if is_paused and self._line.open_ns is None and not self._requests.lead_away:
+                self._changed.wait(_REST_S)
+            return not (self.closed or self._requests.lead_away)
 
     def _wait_turn(self, time_ns: int, is_frame: bool) -> bool:
         """Wait until the message of that time is due; true if it may pass."""

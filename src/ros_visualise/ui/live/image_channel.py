@@ -131,12 +131,15 @@ class ImageChannel:
     def _do_round(self) -> float:
         """Show the newest image, or the last one in a new size; the pause before the next."""
         start_s, start_cpu_s = time.perf_counter(), time.thread_time()
+        is_early = self._early is not None
         try:
             self._refresh()
         except supervision.ERRORS as error:  # a damaged image does not stop the next one
             self._fail(error)
         spent_s, cpu_s = time.perf_counter() - start_s, time.thread_time() - start_cpu_s
-        return max(_PERIOD_S - spent_s, self._rest() * cpu_s) if cpu_s > _SHORT_S else 0.0
+        if is_early or cpu_s <= _SHORT_S:  # the exact image comes soon
+            return 0.0
+        return max(_PERIOD_S - spent_s, self._rest() * cpu_s)
 
     def _refresh(self) -> None:
         early, self._early = self._early, None
