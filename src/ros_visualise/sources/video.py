@@ -113,11 +113,14 @@ class Video:
             self._last.append(timed)
             if self._closed or self.is_outdated():
                 return
-            if shown is not None and timed[0] > start_ns:
+            is_later = timed[0] > start_ns
+            if shown is not None and is_later:
                 yield shown[0], self._converter.image(shown[1])
-            is_known = timed[0] > start_ns or self._is_shown_at(timed[1], start_ns)
-            shown = None if is_known else timed
-            if is_known:
+            shown = timed
+            if is_later or self._is_shown_at(timed[1], start_ns):
+                shown = None
+                if not is_later:  # some before it may have been omitted
+                    self._last = deque([timed], self._last.maxlen)
                 yield timed[0], self._converter.image(timed[1])
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
