@@ -99,6 +99,12 @@ def test_edges_are_dragged_over_frames_and_moved_by_keys(browse):
     for part in (".rv-panel", ".rv-panel", ".rv-rail", ".rv-timeline", ".rv-panel"):
         tab.keyboard.press("F6")
         assert tab.locator(f"{part} :focus").count() == 1
+    back = tab.get_by_role("button", name="Step back")
+    ring = "button => getComputedStyle(button).boxShadow"
+    assert back.evaluate(ring) == "none"
+    back.press("Shift+Tab")
+    tab.keyboard.press("Tab")
+    assert back.evaluate(ring) != "none"
     tab.reload()
     side.wait_for(timeout=60_000)
     assert side.bounding_box()["width"] == pytest.approx(width + 64, abs=30)
@@ -109,6 +115,8 @@ def test_panels_are_moved_and_closed_by_keys_and_the_focus_stays_on_tabs(browse)
     side = tab.locator(".rv-topics")
     side.wait_for(timeout=60_000)
     focused = tab.locator("[role=tab]:focus")
+    tab.keyboard.press("Tab")
+    focused.wait_for()  # tabs come before what they show
     tab.get_by_role("button", name="Move or split").last.press("Enter")
     item = tab.get_by_role("menu").get_by_role("listitem").first
     item.wait_for()

@@ -60,7 +60,6 @@ export default {
       <component :is="'style'">{{ css }}</component>
       <div class="rv-room" ref="room" :class="{ 'rv-stacked': isNarrow }" @rv-keep="keep">
         <div class="rv-height" :style="{ height: total + 'px' }"></div>
-        <slot></slot>
         <div v-for="one in heads" :key="one.place.key" class="rv-tabs" :style="one.style" @dblclick="maximise(one.place)">
           <i role="tablist" aria-label="Panels" :aria-owns="one.place.panels.map(({ id }) => 'rv-tab-' + id).join(' ')"></i>
           <span v-for="(panel, i) in one.place.panels" :key="panel.id" class="rv-tab" :class="{ 'rv-shown': i === one.place.shown }">
@@ -77,6 +76,7 @@ export default {
             </q-list></q-menu>
           </button>
         </div>
+        <slot></slot>
         <div v-for="edge in edges" :key="edge.key" class="rv-edge" :class="'rv-' + edge.way" role="separator" tabindex="0"
           :aria-orientation="edge.way === 'row' ? 'vertical' : 'horizontal'" aria-label="Panel size" :aria-valuenow="edge.share" :style="edge.style"
           @pointerdown="drag($event, edge)" @keydown="nudge($event, edge)"></div>
