@@ -209,7 +209,7 @@ def test_texts_are_shown_as_they_are_written():
     html = to_html("A <b>name</b>\ngoes on & on.\n\n    a  =  b < c\n    d\n\nEnd")
     blocks = [
         "<p>A &lt;b&gt;name&lt;/b&gt; goes on &amp; on.</p>",
-        "<pre>a  =  b &lt; c",
+        '<pre tabindex="0">a  =  b &lt; c',
         "d</pre>",
     ]
     assert html.splitlines() == [*blocks, "<p>End</p>"]

@@ -237,7 +237,8 @@ def test_texts_are_read_only_while_somebody_reads_and_never_markup(reading, port
         live.read_until(lambda: reading.looked_at == ["/a/text"])
         reading.publish_text("/a/text", "<img src=x>\n\n    a < b")
         live.read_until(lambda: live.state.get("topic") == "/a/text")
-        assert live.state["html"] == "<p>&lt;img src=x&gt;</p>\n<pre>a &lt; b</pre>"
+        formula = '<pre tabindex="0">a &lt; b</pre>'
+        assert live.state["html"] == f"<p>&lt;img src=x&gt;</p>\n{formula}"
         live.send("read", topics=[])
         live.read_until(lambda: not reading.looked_at)
         live.send("read", topics=["/b/text"])

@@ -41,5 +41,5 @@ def without_controls(text: str) -> str:
 
 def _block(block: str) -> str:
     if all(line.startswith(_FORMULA) for line in block.splitlines()):
-        return f"<pre>{escape(dedent(block))}</pre>"
+        return f'<pre tabindex="0">{escape(dedent(block))}</pre>'  # so that keys scroll it
     return f"<p>{escape(' '.join(block.split()))}</p>"
