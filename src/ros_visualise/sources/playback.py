@@ -20,7 +20,7 @@ _ROUNDING_NS = 1_000
 _PATIENCE_NS, _IMPATIENCE_NS = 300_000_000, 1_000_000_000
 """In this span after the last message, what is read is shown though it is outdated."""
 _REST_S = 0.05
-"""So long after a message that is shown while paused, the processor is left to what works on it."""
+"""After a message that is shown while paused, the processor is left to its images for this time."""
 
 
 class Playable(Protocol[T_co]):
