@@ -23,7 +23,7 @@ _LEAST = 1e-9  # information of a point, so that one without parallax can be eli
 
 
 class Sightings:
-    """Where points are seen, those of the same host and view side by side.
+    """Sightings of points; those of the same host and view are side by side.
 
     Args:
         rays: (F C, P, 2) directions at z = 1, NaN where a camera of a view does not see a point.
@@ -122,10 +122,10 @@ class NormalEquations:
     """Normal equations of views and points: H x = g.
 
     Attributes:
-        sightings, scene: of which they are.
+        sightings, scene: what the equations were made from.
         H, g: (6 F, 6 F) and (6 F,) of the views.
-        J: (7, 2, N) weighted derivatives by the twist of the view, those by the twist of the host
-            being the negative; and weighted residuals.
+        J: (7, 2, N) weighted derivatives by the twist of the view (those by the twist of the host
+            are their negatives), and weighted residuals.
         B: (3, 2, N) weighted derivatives by the point.
         cost: half of the sum of squares.
     """
