@@ -253,7 +253,7 @@ class Epipolar:
 def _likeliest(
     motions: list[FirstMotion], first: _FirstView, between: _FirstView, now: _FirstView
 ) -> FirstMotion:
-    """Of motions that fit two views the one that fits a third; of equal ones the least turn."""
+    """The motion that fits a third view best; of equally good ones that with the least turn."""
     views = first, between, now
     common = reduce(np.intersect1d, [one.corners.ids for one in views])
     rays = [one.rays[np.isin(one.corners.ids, common)] for one in views]
