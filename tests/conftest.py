@@ -49,9 +49,10 @@ with contextlib.suppress(AttributeError, OSError, TypeError):  # only glibc has 
 
 _LONGEST = {
     *("test_control_by_estimate", "test_contract", "test_tutorials", "test_newcomer_ros1"),
-    *("test_site", "test_traces", "test_map_panel", "test_consistent_maps", "test_rolling_shutter"),
+    *("test_site", "test_traces", "test_map_panel", "test_plugins", "test_aerial"),
     *("test_page_gate", "test_batch", "test_dataset", "test_contract_of_faults", "test_newcomer"),
     *("test_executables", "test_odometry_and_imu", "test_timeline_marks", "test_cli"),
+    *("test_gallery", "test_true_numbers", "test_landmark_maps", "test_installation"),
 }
 """Files that take a minute; begun first, none is what all other processes wait for at the end."""
 
