@@ -25,6 +25,7 @@ NOWHERE: tuple[Floats, Floats] = np.eye(3), np.zeros(3)
 _EXACT, _WEAK = 1e-3, 0.3  # fractions: of a baseline that defines the unit, or is replaced
 _FLAT, _ALONG = 0.04, 0.85  # thickness of a plane, by its depth; cosine of a way along its normal
 _AS_GOOD = 1.15  # residuals of two first motions that cannot be told apart
+_ALIKE = 0.1  # fraction by which corners move on, before a motion that failed is tried again
 _MOST_WAITING = 600  # images between the first two keyframes
 _NO_PIXELS: Pixels = np.zeros((0, 0), np.uint8)
 
@@ -61,6 +62,7 @@ class FirstMap:
         self._is_guessed = is_guessed
         self._first: SeenImage | None = None
         self._waiting: deque[SeenImage] = deque(maxlen=_MOST_WAITING)
+        self._failed = 0.0, ""
 
     def look(
         self, image: SeenImage, before_ns: int, speed: float, is_weak: bool
@@ -103,6 +105,7 @@ class FirstMap:
     def restart(self, image: SeenImage | None) -> None:
         """Wait for a motion from an image on, or from the next one."""
         self._first = image
+        self._failed = 0.0, ""
         self._waiting.clear()
 
     def _go_on(self, image: SeenImage, reason: str) -> MapWaits:
@@ -110,13 +113,20 @@ class FirstMap:
         return MapWaits(reason, False)
 
     def _first_motions(self, first: Floats, second: Floats) -> list[FirstMotion] | str:
-        """The motions between two views, or why none."""
+        """The motions between two views, or why none: the last reason, if little has changed."""
+        move = float(np.median(np.linalg.norm(second - first, axis=1))) if len(first) else 0.0
+        failed_at, reason = self._failed
+        if reason and abs(move - failed_at) < _ALIKE * failed_at:
+            return reason
         motions = first_motions(first, second, self._sigma)
-        if isinstance(motions, str):
-            return motions
-        info = self._sights.infos[0]
-        guess = float(info.K[0, 0]) / info.width * self._is_guessed
-        return TURNING if only_turned(first, second, self._sigma, guess) else motions
+        if not isinstance(motions, str):
+            info = self._sights.infos[0]
+            guess = float(info.K[0, 0]) / info.width * self._is_guessed
+            if not only_turned(first, second, self._sigma, guess):
+                return motions
+            motions = TURNING
+        self._failed = move, motions
+        return motions
 
     def _first_window(
         self,
