@@ -10,7 +10,7 @@ from world import CAMERA, DOWN, HERE, Sensor, World, tags_on_ground
 
 from ros_visualise.estimation import updating
 from ros_visualise.estimation.camera_view import view_of
-from ros_visualise.estimation.measuring import CAMERAS, Pair, camera_of, measure
+from ros_visualise.estimation.measuring import CAMERAS, Pair, camera_of, measure, turn_of
 from ros_visualise.estimation.robot import RobotState, core
 from ros_visualise.estimation.state import State
 from ros_visualise.geometry import se3
@@ -70,6 +70,17 @@ def test_landmarks_updated_together_are_as_if_one_by_one(seen, monkeypatch):
     np.testing.assert_allclose(together.landmarks_R, one_by_one.landmarks_R, atol=1e-9)
     np.testing.assert_array_equal(together.robot.p, state.robot.p)
     np.testing.assert_array_equal(together.P[: core(), : core()], state.P[: core(), : core()])
+
+
+def test_an_image_by_a_vaguer_camera_is_compared_as_if_the_state_were_so(seen):
+    view, pairs, state = seen
+    view, turn = replace(view, turning=np.array([0.3, -0.2, 0.5])), turn_of(0)
+    vaguer = state.copy()
+    vaguer.inflate(turn, 0.04 * np.eye(3))
+    as_stated, more = updating.together(view, pairs, state, turn, 0.04)
+    assert more.distance2 < as_stated.distance2
+    expected, _ = updating.together(view, pairs, vaguer, turn, 1.0)
+    np.testing.assert_allclose(more, expected, rtol=1e-6)
 
 
 def test_a_gimbal_keeps_the_camera_level_while_a_late_clock_turns_the_robot(seen):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -77,6 +78,7 @@ class CameraPose(NamedTuple):
     by_camera: Floats
 
 
+@lru_cache(4)  # neither changes, and an image is compared several times
 def camera_of(view: CameraView, robot: RobotState) -> CameraPose:
     """The camera of a robot, when the image was taken."""
     own = robot[CAMERAS[view.camera]]

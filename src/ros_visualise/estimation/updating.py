@@ -51,9 +51,17 @@ def together(
     residual = np.concatenate([one.residual.ravel() for one in several])
     spread = H @ (H @ state.P[columns][:, columns]).T + noise
     more = H @ np.eye(len(columns))[:, (columns >= rows.start) & (columns < rows.stop)]
-    both = np.array([spread, spread + variance * more @ more.T])
-    first, second = _innovations(np.tile(residual, (2, 1)), both, np.array([noise, noise]))
-    return first, second
+    as_stated = next(_innovations(residual[None], spread[None], noise[None]))
+    if not np.isfinite(residual).all():
+        return as_stated, as_stated
+    # with more variance, by the matrix inversion and determinant lemmas
+    solved = np.linalg.solve(spread, more)
+    inner = np.eye(more.shape[1]) / variance + more.T @ solved
+    across = solved.T @ residual
+    distance2 = as_stated.distance2 - float(across @ np.linalg.solve(inner, across))
+    volume = float(np.linalg.slogdet(variance * inner)[1])
+    change = (as_stated.distance2 - distance2 - volume) / 2
+    return as_stated, Innovation(distance2, len(residual), as_stated.evidence + change)
 
 
 def update(
