@@ -235,11 +235,10 @@ def _of_detections(message: Detections) -> tuple[str, Iterator[Row]]:
         for one in message.detections:
             low, high = one.outline_uv.min(axis=0), one.outline_uv.max(axis=0)
             point = one.center_uv if one.point_uv is None else one.point_uv
-            best = max(one.hypotheses, key=lambda each: each.score, default=None)
             yield (
                 *(message.header.frame_id, one.class_id, one.id, one.score),
                 *(*low.tolist(), *(high - low).tolist(), *point.tolist()),
-                *_pose_of(best),
+                *_pose_of(one.best),
             )
 
     return "detections", rows()
@@ -248,15 +247,14 @@ def _of_detections(message: Detections) -> tuple[str, Iterator[Row]]:
 def _of_landmarks(message: Detections3D) -> tuple[str, Iterator[Row]]:
     def rows() -> Iterator[Row]:
         for one in message.detections:
-            best = max(one.hypotheses, key=lambda each: each.score, default=None)
-            yield (message.header.frame_id, one.id or one.class_id, *_pose_of(best))
+            yield (message.header.frame_id, one.id or one.class_id, *_pose_of(one.best))
 
     return "landmarks", rows()
 
 
-def _pose_of(one: Hypothesis | None) -> Row:
+def _pose_of(one: Hypothesis) -> Row:
     """Pose and covariance; None if unknown, or a direction only."""
-    if one is None or not (one.covariance.any() or one.position_xyz.any()):
+    if not (one.covariance.any() or one.position_xyz.any()):
         return (None,) * 8
     if np.linalg.eigvalsh(one.covariance[:3, :3])[-1] >= _KNOWN_M2:
         return (None,) * 8

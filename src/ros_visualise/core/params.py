@@ -21,7 +21,8 @@ from typing import Any, Generic, TypeVar
 from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
 from ros_visualise.core.paths import given_folder, inside
 
-Value = int | float | bool | str | Enum
+Plain = bool | int | float | str
+Value = Plain | Enum
 P = TypeVar("P")
 
 
@@ -74,6 +75,11 @@ def when(name: str, *values: Value) -> Callable[[Any], bool]:
 def unless(name: str, *values: Value) -> Callable[[Any], bool]:
     """A condition for ``used``: another parameter has a value other than these."""
     return lambda params: getattr(params, name) not in values
+
+
+def plain_of(value: Value) -> Plain:
+    """A value as files and other programs have it: of an Enum its text."""
+    return str(value.value) if isinstance(value, Enum) else value
 
 
 @dataclass(frozen=True)
@@ -130,7 +136,7 @@ class Spec:
         return low if self.max is None else min(low, self.max)
 
     def _choose(self, value: Any) -> Enum:
-        text = str(value.value if isinstance(value, Enum) else value)
+        text = str(plain_of(value))
         for choice in self.type:  # type: ignore[attr-defined]
             if text == str(choice.value):
                 return typing.cast(Enum, choice)

@@ -138,6 +138,12 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def in_seconds(time_ns: int) -> str:
+    """A time in seconds with all its digits: a float has no nanoseconds of those since 1970."""
+    seconds, nanoseconds = divmod(abs(time_ns), 10**9)
+    return f"{'-' * (time_ns < 0)}{seconds}.{nanoseconds:09d}"
+
+
 def sized(size: int) -> str:
     """Bytes as ``12.3 MB`` or ``1.2 kB``."""
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

@@ -63,15 +63,16 @@ class Detected:
     @property
     def class_id(self) -> str:
         """The most likely class; empty without any."""
-        return self._best.class_id
+        return self.best.class_id
 
     @property
     def score(self) -> float:
         """Score of the most likely class; 0 without any."""
-        return self._best.score
+        return self.best.score
 
     @property
-    def _best(self) -> Hypothesis:
+    def best(self) -> Hypothesis:
+        """The most likely hypothesis; without any, one of no class and an unknown pose."""
         return max(self.hypotheses, key=lambda one: one.score, default=NO_HYPOTHESIS)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from typing import NamedTuple
 
 from ros_visualise.core.errors import NoTransform
+from ros_visualise.core.printing import in_seconds
 from ros_visualise.data import Floats, Transforms, TransformStamped
 from ros_visualise.geometry import rigid
 from ros_visualise.geometry.rigid import IDENTITY, Pose, interpolate
@@ -209,14 +210,14 @@ class FrameTree:
         if not {target, source} <= self._names():
             return self._unconnected(target, source)
         unknown_then = [
-            f"{frame} is known from {_seconds(span[0])} to {_seconds(span[1])} s"
+            f"{frame} is known from {in_seconds(span[0])} to {in_seconds(span[1])} s"
             for frame in (next(reversed(sources)), next(reversed(targets)))
             if frame in self._histories and not self._histories[frame].static
             for span in (self._histories[frame].span_ns,)
         ]
         if not unknown_then:
             return self._unconnected(target, source)
-        what = f"no transform from {source} to {target} at {_seconds(stamp_ns)} s"
+        what = f"no transform from {source} to {target} at {in_seconds(stamp_ns)} s"
         return f"{what}: {', '.join(unknown_then)}"
 
     def _unconnected(self, target: str, source: str) -> str:
@@ -234,10 +235,6 @@ class FrameTree:
 
 def _name(frame: str) -> str:
     return frame.lstrip("/")
-
-
-def _seconds(stamp_ns: int) -> str:
-    return f"{stamp_ns // _S}.{stamp_ns % _S:09d}"
 
 
 class FrameSample(NamedTuple):

@@ -6,7 +6,6 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
-from enum import Enum
 from html import escape
 from itertools import chain, count
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import cv2
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.core.params import Spec, specs
+from ros_visualise.core.params import Spec, plain_of, specs
 from ros_visualise.core.paths import may_replace
 from ros_visualise.data import Image, Message, Text
 from ros_visualise.lessons.lesson import FigureImage, Lesson, Origin
@@ -167,9 +166,8 @@ def _specs(params: Any) -> Sequence[Spec]:
 
 def _value(value: Any) -> str:
     """A value of a parameter as it is written in ``--set``."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value.value if isinstance(value, Enum) else value)
+    text = str(plain_of(value))
+    return text.lower() if isinstance(value, bool) else text
 
 
 def _figure(folder: Path, name: str, heading: str, image: Image) -> str:

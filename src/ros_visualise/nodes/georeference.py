@@ -437,7 +437,7 @@ def _motion(frames: FrameTree, fixed: str, camera: str, stamp_ns: int) -> tuple[
 
 def _ranged(one: Detection) -> Hypothesis | None:
     """The hypothesis of a detection whose distance is measured."""
-    best = max(one.hypotheses, key=lambda h: h.score)
+    best = one.best
     away, covariance = best.position_xyz, best.covariance[:3, :3]
     length = float(np.linalg.norm(away))
     if not (covariance.any() and np.isfinite(covariance).all() and 0 < length < math.inf):
@@ -472,7 +472,7 @@ def _pixels(
 
 
 def _placed(one: Detection, position: Floats, covariance: Floats) -> Detection3D:
-    best = max(one.hypotheses, key=lambda h: h.score)
+    best = one.best
     whole = np.diag([0.0, 0, 0, *3 * [10 * UNKNOWN]])
     whole[:3, :3] = covariance
     found = Hypothesis(best.class_id, best.score, position, _LEVEL, whole, best.number)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from enum import Enum
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.core.errors import OpenError, UsageError
-from ros_visualise.core.params import Parameters, specs
+from ros_visualise.core.params import Parameters, plain_of, specs
 from ros_visualise.core.yaml_files import open_yaml, to_yaml
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.files import write_file
@@ -76,12 +75,8 @@ def _values(parameters: Mapping[str, Parameters[Any]]) -> dict[str, Any]:
         place = values
         for part in node.split("/") if saved else ():
             place = place.setdefault(part, {})
-        place |= {name: _plain(getattr(current, name)) for name in saved}
+        place |= {name: plain_of(getattr(current, name)) for name in saved}
     return values
-
-
-def _plain(value: Any) -> Any:
-    return str(value.value) if isinstance(value, Enum) else value
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:

@@ -11,11 +11,10 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from ros_visualise.core.errors import UsageError
+from ros_visualise.core.printing import in_seconds
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.messages.recorded import TopicType, as_ros, recorded_ns
 from ros_visualise.sinks.one_file import FileRecorder
-
-_NS = 1_000_000_000
 
 
 def topics_with_numbers(path: Path, topics: Mapping[str, TopicType]) -> list[str]:
@@ -77,7 +76,7 @@ class CsvRecorder(FileRecorder):
             cells = [""] * len(self._columns)
             for column, number in numbers:
                 cells[column] = repr(number)
-            self._write_row([_seconds(stamp_ns - first_ns), _seconds(stamp_ns), *cells])
+            self._write_row([in_seconds(stamp_ns - first_ns), in_seconds(stamp_ns), *cells])
 
     def _write_row(self, cells: Sequence[str]) -> None:
         text = io.StringIO()
@@ -85,9 +84,3 @@ class CsvRecorder(FileRecorder):
         data = text.getvalue().encode()
         self._file.require_room(len(data))
         self._file.write(data)
-
-
-def _seconds(time_ns: int) -> str:
-    """All digits of a time."""
-    sec, nanosec = divmod(abs(time_ns), _NS)
-    return f"{'-' * (time_ns < 0)}{sec}.{nanosec:09d}"

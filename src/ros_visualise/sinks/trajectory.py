@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as File
 
 from ros_visualise.core.errors import RecordingError
+from ros_visualise.core.printing import in_seconds
 from ros_visualise.data import Path
 from ros_visualise.geometry.se3 import from_pose
 from ros_visualise.sinks.files import TargetFile
-
-_NS = 1_000_000_000
 
 
 def save(files: Mapping[File, bytes], overwrite: bool) -> None:
@@ -43,7 +42,7 @@ def _tum(path: Path) -> Iterator[str]:
         strict=True,
     )
     for stamp_ns, position, quat in rows:
-        yield f"{_seconds(stamp_ns)} {_numbers([*position, *quat])}\n"
+        yield f"{in_seconds(stamp_ns)} {_numbers([*position, *quat])}\n"
 
 
 def _kitti(path: Path) -> Iterator[str]:
@@ -57,12 +56,6 @@ FORMATS: dict[str, Callable[[Path], Iterator[str]]] = {"tum": _tum, "kitti": _ki
 ``tum`` has ``time x y z qx qy qz qw``, the time in seconds with all its digits; ``kitti`` the upper
 three rows of T_frame_pose, and no times.
 """
-
-
-def _seconds(stamp_ns: int) -> str:
-    """Exact decimals: a number of 64 bits has no nanoseconds of the seconds since 1970."""
-    sign = "-" if stamp_ns < 0 else ""
-    return f"{sign}{abs(stamp_ns) // _NS}.{abs(stamp_ns) % _NS:09d}"
 
 
 def _numbers(values: list[float]) -> str:

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import print_status
@@ -37,7 +36,6 @@ _PIECES, _LEAST_PARTS = 6, 2
 _APART = 4.0  # images from the best one to others
 _GRID_S = 0.004
 _SLOWEST_S = 2.0  # of motions that count
-_Times = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

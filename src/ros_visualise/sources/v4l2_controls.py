@@ -17,7 +17,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from ros_visualise.core.errors import ParameterError
-from ros_visualise.core.params import Value, param
+from ros_visualise.core.params import Value, param, plain_of
 
 GROUP = "device"
 """The group of the parameters that are controls."""
@@ -145,7 +145,7 @@ def _field(file: int, name: str, control: Control) -> tuple[str, type, Any] | No
 
 def _set(file: int, control: Control, name: str, value: Value) -> str:
     """Set a control; returns why the device rejects it, else an empty text."""
-    shown = str(value.value) if isinstance(value, Enum) else value
+    shown = plain_of(value)
     if control.choices and shown not in control.choices:
         return f"{name}={shown}: choose one of {', '.join(control.choices)}"
     number = control.choices[str(shown)] if control.choices else int(shown)

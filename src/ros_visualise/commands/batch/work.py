@@ -39,8 +39,6 @@ _SHOWN = 5  # failures that are printed
 _HOST = "127.0.0.1"
 _SPIN_S = 0.05
 
-Engine = Callable[[Callable[[Task], Any], Iterable[Task]], Iterator[Outcome]]
-
 
 def run(options: BatchOptions) -> int:
     """Run a batch, or show or retry one; 1 if a task failed."""

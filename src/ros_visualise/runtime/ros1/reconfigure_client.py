@@ -17,7 +17,7 @@ from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescr
 from dynamic_reconfigure.srv import Reconfigure
 
 from ros_visualise.core.errors import ParameterError, RosVisualiseError, Unreachable
-from ros_visualise.core.params import Spec, Value, specs
+from ros_visualise.core.params import Plain, Spec, Value, plain_of, specs
 from ros_visualise.core.supervision import attempt
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.runtime.middleware import ParametersListener
@@ -29,7 +29,7 @@ from ros_visualise.runtime.remote.declaration import (
     name_there,
 )
 from ros_visualise.runtime.ros1.errors import translated
-from ros_visualise.runtime.ros1.reconfigure_server import Plain, describe
+from ros_visualise.runtime.ros1.reconfigure_server import describe
 
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
 _MAX_INT = 2**31 - 1
@@ -71,7 +71,7 @@ class Ros1Declaration:
 
     def _sent(self, name: str, kind: type, value: Value) -> Plain:
         if isinstance(value, Enum):
-            text = str(value.value)
+            text = str(plain_of(value))
             return self.choices.get(name, {}).get(text, text)
         converted: Plain = kind(value)
         return converted

@@ -22,12 +22,10 @@ from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, Reconfigure
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import ParameterError
-from ros_visualise.core.params import Parameters, Spec, Value, specs
+from ros_visualise.core.params import Parameters, Plain, Spec, Value, plain_of, specs
 from ros_visualise.runtime.bridge.parameter_values import given_values, spelled
 from ros_visualise.runtime.ros1.errors import MASTER, translated
 from ros_visualise.runtime.ros1.registration import set_param
-
-Plain = bool | int | float | str
 
 _MIN_INT, _MAX_INT = -(2**31), 2**31 - 1
 _RESTART = 1
@@ -74,7 +72,7 @@ def from_config(declared: Sequence[Spec], config: Config) -> dict[str, Any]:
 def plain(spec: Spec, value: Value) -> Plain:
     """A parameter's value as ROS holds it: of an Enum its text, of an int 32 bits."""
     if isinstance(value, Enum):
-        return str(value.value)
+        return plain_of(value)
     if spec.type is int:
         return min(max(int(value), _MIN_INT), _MAX_INT)
     converted: Plain = spec.type(value)

@@ -19,7 +19,7 @@ from rcl_interfaces.msg import (
 from rclpy.parameter import Parameter
 
 from ros_visualise.core.errors import ParameterError
-from ros_visualise.core.params import Spec, Value, specs
+from ros_visualise.core.params import Spec, Value, plain_of, specs
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.runtime.bridge.parameter_values import read
 from ros_visualise.runtime.playing import offered
@@ -95,7 +95,7 @@ def step(descriptor: ParameterDescriptor) -> float | None:
 
 def plain(spec: Spec, value: Value) -> bool | int | float | str:
     """A parameter's value as ROS 2 holds it: of an Enum that of its choice, of an int 64 bits."""
-    kind, held = _kind(spec), value.value if isinstance(value, Enum) else value
+    kind, held = _kind(spec), plain_of(value)
     if kind is int:
         return min(max(int(held), _MIN_INT), _MAX_INT)
     converted: bool | int | float | str = kind(held)

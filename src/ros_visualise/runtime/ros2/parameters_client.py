@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -78,8 +77,6 @@ class ParameterServices:
     def _call(self, kind: Any, **request: Any) -> Any:
         return self._clients[kind].call_async(kind.Request(**request))
 
-
-log = logging.getLogger(__name__)
 
 _LOOK_S = 0.3
 _ANSWER_S = 2.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections import deque
@@ -28,8 +27,6 @@ from ros_visualise.runtime.ros2.quality import (
 )
 from ros_visualise.runtime.ros2.session import Ros2Session, spelled
 from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
-
-log = logging.getLogger(__name__)
 
 _LOOK_S = 0.2
 _TOGETHER_S = 0.5

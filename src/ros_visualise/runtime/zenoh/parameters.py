@@ -7,7 +7,6 @@ import logging
 import re
 import threading
 from collections.abc import Mapping
-from enum import Enum
 from functools import cache
 from typing import Any, Literal
 
@@ -16,7 +15,7 @@ import zenoh
 
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import DamagedMessage, ParameterError, Unreachable
-from ros_visualise.core.params import Parameters, Spec, Value, specs
+from ros_visualise.core.params import Parameters, Plain, Spec, plain_of, specs
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.runtime.bridge.services import answer
 from ros_visualise.runtime.middleware import ParametersListener
@@ -35,7 +34,6 @@ _MOST = 1000
 _NAME = re.compile(r"[a-z]\w{0,99}", re.IGNORECASE)
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "float": float, "str": str}
 
-Plain = bool | int | float | str
 Values = dict[str, Plain]
 
 
@@ -110,7 +108,7 @@ class ZenohServedParameters:
 
     def _values(self) -> Values:
         current = self._parameters.current
-        return {spec.name: _plain(getattr(current, spec.name)) for spec in specs(current)}
+        return {spec.name: plain_of(getattr(current, spec.name)) for spec in specs(current)}
 
     def _follow(self) -> None:
         """Publish the values after each change; the listener of a change must not wait."""
@@ -150,7 +148,7 @@ class ZenohParametersClient:
             ParameterError: the node refuses.
             Unreachable: it does not answer.
         """
-        reply = self._ask(_written({name: _plain(value) for name, value in values.items()}))
+        reply = self._ask(_written({name: plain_of(value) for name, value in values.items()}))
         if reply.ok is None:
             raise ParameterError(reply.err.payload.to_string()[:_LONGEST])
         found: Values = _read(reply.ok.payload, Values)
@@ -211,12 +209,7 @@ def _described(spec: Spec) -> Parameter:
     """A parameter as peers know it."""
     kind = "str" if spec.choices else spec.type.__name__
     fields = spec.help, spec.min, spec.max, spec.group, spec.choices, spec.step, spec.label
-    return Parameter(spec.name, kind, _plain(spec.default), *fields)  # type: ignore[arg-type]
-
-
-def _plain(value: Value) -> Plain:
-    """A value as peers know it."""
-    return str(value.value) if isinstance(value, Enum) else value
+    return Parameter(spec.name, kind, plain_of(spec.default), *fields)  # type: ignore[arg-type]
 
 
 def _declaration(listed: tuple[Parameter, ...]) -> tuple[type, NodeType | SourceType | None]:

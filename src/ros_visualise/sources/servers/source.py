@@ -10,7 +10,7 @@ from typing import Any
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import Recorded, TopicType
-from ros_visualise.sources.declarations import SourceType
+from ros_visualise.sources.declarations import Source, SourceType
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings.storage import Channel
 from ros_visualise.sources.servers.connection import Connection
@@ -25,7 +25,7 @@ class ServerParams:
     """A server has no parameters."""
 
 
-class ServerSource:
+class ServerSource(Source):
     """The live messages of a server."""
 
     def __init__(self, connection: Connection, topics: Collection[str], playback: Playback) -> None:
@@ -43,19 +43,6 @@ class ServerSource:
     def publish(self, topic: str, message: Recorded) -> None:
         """Publish a message at the server."""
         self._connection.publish(topic, message)
-
-    def receive(self, port: str, message: Any) -> None:
-        """It has no inputs."""
-
-    def awaits(self, port: str) -> bool:
-        """It has no inputs."""
-        return False
-
-    def configure(self, params: Any, changed: Collection[str]) -> None:
-        """It has no parameters."""
-
-    def set_demand(self, is_wanted: Any) -> None:
-        """It has all outputs at all times."""
 
     def close(self) -> None:
         """Close the connection."""
