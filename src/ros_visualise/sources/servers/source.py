@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ros_visualise.core.declarations import completed
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import Recorded, TopicType
@@ -25,8 +26,8 @@ class ServerParams:
     """A server has no parameters."""
 
 
-class ServerSource(Source):
-    """The live messages of a server."""
+class ServerSource:
+    """The live messages of a server; what it lacks of a `Source` has its defaults."""
 
     def __init__(self, connection: Connection, topics: Collection[str], playback: Playback) -> None:
         self._connection, self._playback = connection, playback
@@ -62,7 +63,7 @@ def server_source(connection: Connection, topics: Collection[str] = ()) -> Sourc
     types = {topic: _type_of(channel) for topic, channel in _played(connection, topics).items()}
     return SourceType(
         "server",
-        lambda _, playback: ServerSource(connection, types, playback),
+        lambda _, playback: completed(ServerSource, Source)(connection, types, playback),
         ServerParams,
         {topic: kind.data_class for topic, kind in types.items()},
         live=True,
