@@ -16,6 +16,7 @@ from ros_visualise.plotting.colors import Color, css
 from ros_visualise.plotting.pdf import PdfPage
 
 _PNG_SCALE = 2
+_GRID_WIDTH = 480
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
 
 Box = tuple[float, float, float, float]
@@ -245,13 +246,13 @@ FIGURE_FORMATS: dict[str, Callable[[Figure], bytes]] = {
 """Suffix of a file -> function that makes its content."""
 
 
-def picture_grid(pictures: Sequence[tuple[str, Pixels]], columns: int, width: int = 480) -> Figure:
+def picture_grid(pictures: Sequence[tuple[str, Pixels]], columns: int) -> Figure:
     """Pictures of one size in a grid, each below its title."""
     height, across = pictures[0][1].shape[:2]
-    cell = width / columns
+    cell = _GRID_WIDTH / columns
     shown = cell - 8
     row = shown * height / across + 26
-    figure = Figure(width, round(row * -(-len(pictures) // columns)))
+    figure = Figure(_GRID_WIDTH, round(row * -(-len(pictures) // columns)))
     for number, (title, picture) in enumerate(pictures):
         left, top = (number % columns) * cell + 4, (number // columns) * row
         figure.text(left, top + 17, title, 13)

@@ -163,7 +163,7 @@ def _filled(stamps_ns: _Times, positions: Floats, quats: Floats) -> tuple[_Times
     )
 
 
-def lens_series(several: Iterable[tuple[int, CameraInfo]], frame: str = OPTICAL) -> list[Series]:
+def lens_series(several: Iterable[tuple[int, CameraInfo]]) -> list[Series]:
     """The topic ``lens``: lenses with their times."""
     lenses = list(several)
     if not lenses:
@@ -171,7 +171,7 @@ def lens_series(several: Iterable[tuple[int, CameraInfo]], frame: str = OPTICAL)
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in lenses], np.int64)
 
     def lens(index: int) -> CameraInfo:
-        return replace(lenses[index][1], header=Header(int(stamps_ns[index]), frame))
+        return replace(lenses[index][1], header=Header(int(stamps_ns[index]), OPTICAL))
 
     return [Series("lens", CameraInfo, stamps_ns, lens, latched=True)]
 

@@ -13,18 +13,19 @@ from ros_visualise.landmarks.calibration.views import BoardView, Coverage, Galle
 from ros_visualise.vision.color import gray_of
 from ros_visualise.vision.reshape import Size
 
+_MOST = 60  # views that are kept
+
 
 class ViewCollector:
     """Finds a board in the images of one camera and keeps distinct views.
 
     Args:
         board: described by the user.
-        most: largest number of views to keep.
     """
 
-    def __init__(self, board: Board, most: int = 60) -> None:
+    def __init__(self, board: Board) -> None:
         self.finder = BoardFinder(board)
-        self._gallery = Gallery(most)
+        self._gallery = Gallery(_MOST)
         self._sizes: Counter[Size] = Counter()
         self.seen = 0
         """Number of images searched."""
