@@ -1,4 +1,4 @@
-"""The length that a video file promises, by which one that was cut off is told."""
+"""The least length of a video file by its own boxes or packets; a shorter file was cut off."""
 
 from __future__ import annotations
 
