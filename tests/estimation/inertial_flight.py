@@ -29,12 +29,14 @@ class InertialFlight:
         noise_px: of corners.
         still_s: time at rest at the start.
         readout_s: of the camera's rolling shutter.
+        jump_rad: by which the camera turns from image to image, but not within one.
     """
 
-    def __init__(self, seed, noise_px=0.3, still_s=1.0, corners=60, readout_s=0.0):
+    def __init__(self, seed, noise_px=0.3, still_s=1.0, corners=60, readout_s=0.0, jump_rad=0.0):
         self.random = np.random.default_rng(seed)
         self.noise_px, self.still_s, self.corners = noise_px, still_s, corners
-        self.readout_s = readout_s
+        self.readout_s, self.jump_rad = readout_s, jump_rad
+        self.turn = self.turn_before = np.zeros(3)
         self.size = self.random.uniform(0.5, 1.5, (6, 2)) * [[3, 1]] * 3 + [[0, 0]]
         self.size[2] = [0.8, 0.3]
         self.size[3:] = self.random.uniform(0.02, 0.08, (3, 2))
@@ -87,7 +89,10 @@ class InertialFlight:
 
     def see(self, t):
         """Numbers (N,) and directions (N, 2) of the corners in view."""
-        T = self.pose(t) @ T_BASE_CAMERA
+        if self.jump_rad:
+            jump = self.random.normal(0, self.jump_rad, 3)
+            self.turn_before, self.turn = self.turn, 0.98 * self.turn + jump
+        T = self.camera(t, self.turn)
         ok, uv = self._project(T)
         self.points, self.ids, uv = self.points[ok], self.ids[ok], uv[ok]
         count = self.corners - len(self.ids)
@@ -100,14 +105,23 @@ class InertialFlight:
 
     def velocities(self, t, before=0.01, after=0.01):
         """(N, 2) mean velocities of the corners in view around a time, pixels/s."""
-        poses = [self.pose(one) @ T_BASE_CAMERA for one in (t - before, t + after)]
-        first, last = (self._project(T)[1] for T in poses)
-        return (last - first) / (before + after)
+        return self._moved(t - before, t + after, self.turn)
 
     def rolling(self, t):
         """(N, 3) velocities of their directions since the image before, 1/s, and their rows."""
-        rows = self._project(self.pose(t) @ T_BASE_CAMERA)[1][:, 1] / HEIGHT
-        return np.column_stack([self.velocities(t, 0.1, 0.0) / FOCAL, rows])
+        rows = self._project(self.camera(t, self.turn))[1][:, 1] / HEIGHT
+        return np.column_stack([self._moved(t - 0.1, t, self.turn_before) / FOCAL, rows])
+
+    def camera(self, t, turn):
+        """T_world_camera (4, 4), turned on the robot."""
+        T = self.pose(t) @ T_BASE_CAMERA
+        T[:3, :3] = T[:3, :3] @ se3.exp(np.append(np.zeros(3), turn))[0]
+        return T
+
+    def _moved(self, before, after, turn_before):
+        poses = self.camera(before, turn_before), self.camera(after, self.turn)
+        first, last = (self._project(T)[1] for T in poses)
+        return (last - first) / (after - before)
 
     def _project(self, T):
         seen = se3.apply(se3.inverse(T), self.points)

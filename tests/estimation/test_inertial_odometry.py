@@ -7,6 +7,7 @@ from inertial_flight import FOCAL, MOUNTING, T_BASE_CAMERA, InertialFlight
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise
 from ros_visualise.estimation.inertial import odometry
 from ros_visualise.estimation.inertial.filter import InertialFilter, InertialSettings
+from ros_visualise.estimation.inertial.jumps import jump_of, largest_jump
 from ros_visualise.estimation.inertial.lens import (
     FOCAL_SIGMA,
     LensErrors,
@@ -18,7 +19,8 @@ from ros_visualise.estimation.inertial.readout import UNKNOWN
 from ros_visualise.estimation.inertial.sliding import (
     CORE,
     MOTION,
-    READOUT,
+    READOUTS,
+    SHAPE,
     VIEW,
     SlidingState,
 )
@@ -98,7 +100,7 @@ def state_with_points():
     """Four points in the first of five views, by a lens that errs, with a random covariance."""
     state, seen = state_with_views()
     found = triangulate(state.R, state.p, seen)
-    state.lens = np.array([0.01, 0.05, -0.1])
+    state.lens = np.array([0.01, 0.02, 0.05, -0.1])
     points = points_of(found.points, state.lens)
     state.add_points(found.host, points, np.zeros((12, len(state.P))), np.eye(12))
     root = np.random.default_rng(6).normal(size=state.P.shape)
@@ -123,37 +125,40 @@ def test_derivatives_of_points_in_another_view_are_those_of_differences():
 
 
 def test_points_see_what_the_lens_makes_of_them():
-    errors, points = np.array([0.01, 0.05, -0.1]), np.random.default_rng(8).normal(size=(5, 3)) / 2
+    errors, points = (
+        np.array([0.01, 0.02, 0.05, -0.1]),
+        np.random.default_rng(8).normal(size=(5, 3)) / 2,
+    )
     values, by_point, by_errors = values_of(points, errors)
     assert np.allclose(points_of(values, errors), points, atol=1e-5)
     for n in range(5):
         at = points[n : n + 1]
         J = derivative(lambda x, at=at: values_of(at + x, errors)[0][0], 3)
         assert np.allclose(by_point[n], J, atol=1e-6)
-        J = derivative(lambda x, at=at: values_of(at, errors + x)[0][0], 3)
+        J = derivative(lambda x, at=at: values_of(at, errors + x)[0][0], 4)
         assert np.allclose(by_errors[n], J, atol=1e-6)
 
 
 def test_projected_sightings_do_not_depend_on_positions_and_follow_differences():
     state, seen = state_with_views()
-    slips = np.random.default_rng(7).normal(size=seen.shape)
+    slips = np.random.default_rng(7).normal(size=(*seen.shape, 2))
     found = triangulate(state.R, state.p, seen)
     exact = project(state.R, state.p, found, slips, NOISE)
-    x = np.random.default_rng(1).normal(size=33) * 1e-5
+    x = np.random.default_rng(1).normal(size=34) * 1e-5
     predicted = exact.residual - np.einsum("fkm,m->fk", exact.H, x)
-    R, p = se3.moved(x[3:].reshape(5, 6), state.R, state.p)
-    again = triangulate(R, p, corrected(seen, slips, x[:3]))
+    R, p = se3.moved(x[4:].reshape(5, 6), state.R, state.p)
+    again = triangulate(R, p, corrected(seen, slips, x[:4]))
     lengths = np.linalg.norm(project(R, p, again, slips, NOISE).residual, axis=1)
     assert np.allclose(np.linalg.norm(predicted, axis=1), lengths, rtol=1e-3)
 
 
 def test_a_motion_of_everything_has_no_effect_at_any_estimate():
     state, seen = state_with_views()
-    x = np.append(np.zeros(3), np.tile(np.random.default_rng(2).normal(size=6), 5))
+    x = np.append(np.zeros(4), np.tile(np.random.default_rng(2).normal(size=6), 5))
     for size in (0.0, 0.3):
         moved = np.random.default_rng(3).normal(size=(5, 6)) * size * 0.05
         R, p = se3.moved(moved, state.R, state.p)
-        found = project(R, p, triangulate(R, p, seen), np.ones(seen.shape), NOISE)
+        found = project(R, p, triangulate(R, p, seen), np.ones((*seen.shape, 2)), NOISE)
         assert np.abs(found.H @ x).max() < 1e-8 * np.abs(found.H).max()
 
 
@@ -196,24 +201,25 @@ def test_level_flight_leaves_focal_length_and_depths_unknown_at_any_estimate():
     points = noise.uniform(-0.5, 0.5, (6, 3)) - [0, 0, 1.5]
     state.add_points(which * 0, points, np.zeros((18, len(state.P))), np.eye(18) * 1e-3)
     longer = np.zeros(len(state.P))
-    longer[READOUT + 1], longer[state.rows_of_points(which)[:, 2]] = 1, -1
+    longer[SHAPE.start], longer[state.rows_of_points(which)[:, 2]] = 1, -1
     state.P += 1e2 * np.outer(longer, longer)
     before = longer @ np.linalg.solve(state.P, longer)
     for _ in range(3):
         values = values_of(state.points, state.lens)[0]
         rays = values[:, :2] - values[:, 2:] * state.p[-1, :2] + noise.normal(0, 0.02, (6, 2))
-        assert correct_by_points(state, which, rays, np.zeros((6, 2)), 0.01).sum() > 3
+        assert correct_by_points(state, which, rays, np.zeros((6, 2, 2)), 0.01).sum() > 3
     assert np.abs(state.points - points).max() > 0.01
     after = longer @ np.linalg.solve(state.P, longer)
     assert after < 1.001 * before
 
 
-def flown(seed, readout_s, seconds=9, longer=1.0):
+def flown(seed, readout_s, seconds=9, longer=1.0, jump_rad=0.0):
     """Mean NEES, the error at the end, m, and the filter, for a focal length that is longer."""
-    flight = InertialFlight(seed, readout_s=readout_s)
+    flight = InertialFlight(seed, readout_s=readout_s, jump_rad=jump_rad)
     imu = ImuNoise(4e-4, 3e-3, 0.01, 0.1, 5e-5, 5e-4, 1e-4)
     noise = CornerNoise(0.3 / FOCAL, 1e-5)
-    camera = CameraErrors(1e-3, 1e-3, 0.0, FOCAL_SIGMA)
+    turn = (jump_rad / np.sqrt(0.04), 5.0) if jump_rad else (1e-3, 0.0)
+    camera = CameraErrors(1e-3, *turn, FOCAL_SIGMA)
     own = started(flight, InertialSettings(noise, imu=imu, camera=camera, readout=UNKNOWN))
     back, found, error = se3.inverse(flight.pose(0)), [], np.zeros(6)
     for n in range(11, 10 * seconds):
@@ -252,6 +258,27 @@ def test_a_wrong_focal_length_is_found_and_reported():
     assert "not 380 px: calibrate" in own.lens.fault(INFO, FOCAL_SIGMA)
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_jumps_of_the_camera_between_images_shift_no_rows(seed):
+    own = flown(seed, 0.03, jump_rad=0.005)[2]
+    assert abs(own.lens.values[0]) < 3 * own.lens.sigmas[0]
+    assert own.readout.seconds == pytest.approx(0.03, abs=0.006)
+    assert own.state.lens[1] == pytest.approx(0.03, abs=0.008)
+
+
+def test_jumps_are_rotations_that_the_state_does_not_expect():
+    random = np.random.default_rng(3)
+    expected = random.uniform(-0.6, 0.6, (20, 2))
+    far = np.column_stack([expected, np.ones(20)])
+    true = np.array([0.01, -0.005, 0.02])
+    seen = far @ se3.exp(np.append(np.zeros(3), true))[0]
+    residual = seen[:, :2] / seen[:, 2:] - expected + random.normal(0, 5e-4, (20, 2))
+    residual[3] = 0.3
+    assert jump_of(expected, residual, 1e-3, 0.01) == pytest.approx(true, abs=2e-3)
+    assert not jump_of(expected[:5], residual[:5], 1e-3, 0.01).any()
+    assert not jump_of(expected, residual, 1e-3, largest_jump(CameraErrors(), 0.0)).any()
+
+
 def test_another_distortion_is_reported():
     bent = LensErrors(np.array([0.0, -0.12]), np.array([0.01, 0.01]))
     assert "lens distortion (k1 differs by -0.12)" in bent.fault(INFO, FOCAL_SIGMA)
@@ -260,18 +287,19 @@ def test_another_distortion_is_reported():
 
 def test_a_stated_readout_stays():
     state, seen = state_with_views()
-    state.P[READOUT], state.P[:, READOUT], state.lens[0] = 0, 0, 0.02
-    slips = np.ones(seen.shape)
+    row = READOUTS.start
+    state.P[row], state.P[:, row], state.lens[0] = 0, 0, 0.02
+    slips = np.ones((*seen.shape, 2))
     projected = project(state.R, state.p, triangulate(state.R, state.p, seen), slips, NOISE)
     state.correct(state.seeing, *together(projected, np.ones(4, bool)))
     assert state.lens[0] == 0.02
-    assert not state.P[READOUT].any()
+    assert not state.P[row].any()
 
 
 def test_new_points_continue_what_their_sightings_tell():
     state, seen = state_with_views(points=6)
     found = triangulate(state.R, state.p, seen)
-    projected = project(state.R, state.p, found, np.zeros(seen.shape), NOISE)
+    projected = project(state.R, state.p, found, np.zeros((*seen.shape, 2)), NOISE)
     gain, error = state.solve(state.seeing, *together(projected, np.ones(6, bool)))
     state.apply(gain, error)
     begin_points(state, found, projected, np.arange(6), error[state.seeing])

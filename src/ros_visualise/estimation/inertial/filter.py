@@ -17,7 +17,14 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import GYRO, ImuBuffer, ImuNoise, propagate_by_imu
-from ros_visualise.estimation.inertial.lens import LensErrors, corrected, radial_of
+from ros_visualise.estimation.inertial.jumps import jump_of, largest_jump, turned
+from ros_visualise.estimation.inertial.lens import (
+    FOCAL,
+    LensErrors,
+    corrected,
+    first_lens,
+    values_of,
+)
 from ros_visualise.estimation.inertial.readout import GLOBAL, READOUT_WALK, Readout, slips_of
 from ros_visualise.estimation.inertial.sliding import (
     CAMERA,
@@ -25,9 +32,11 @@ from ros_visualise.estimation.inertial.sliding import (
     LENS,
     MOTION,
     RATE_BIAS,
-    READOUT,
+    READOUTS,
+    SHAPE,
     VIEW,
     SlidingState,
+    transfer,
 )
 from ros_visualise.estimation.inertial.tracks import (
     CornerNoise,
@@ -119,9 +128,7 @@ class InertialFilter:
         errors = settings.camera
         turn = np.full(3, errors.turn_rad**2)
         self.state.P[CAMERA, CAMERA] = np.diag([errors.clock_s**2, *turn, settings.age_s**2])
-        self.state.lens[0] = settings.readout.seconds
-        sigmas = settings.readout.sigma_s, errors.focal, radial_of(errors.focal)
-        self.state.P[LENS, LENS] = np.diag(np.square(sigmas))
+        self.state.lens, self.state.P[LENS, LENS] = first_lens(settings.readout, errors)
         self.tracks = CornerTracks()
         self.point_ids: Ids = np.zeros(0, np.int64)
         self.used, self.contradicted = 0, False
@@ -130,13 +137,14 @@ class InertialFilter:
     @property
     def readout(self) -> Readout:
         """The estimate of the camera's readout."""
-        return Readout(float(self.state.lens[0]), float(np.sqrt(self.state.P[READOUT, READOUT])))
+        row = READOUTS.start
+        return Readout(float(self.state.lens[0]), float(np.sqrt(self.state.P[row, row])))
 
     @property
     def lens(self) -> LensErrors:
         """The estimated errors of focal length and distortion."""
-        rows = np.arange(READOUT + 1, LENS.stop)
-        return LensErrors(self.state.lens[1:], np.sqrt(self.state.P[rows, rows]))
+        sigmas = np.sqrt(np.diag(self.state.P)[SHAPE])
+        return LensErrors(self.state.lens[FOCAL:], sigmas)
 
     @property
     def noise(self) -> CornerNoise:
@@ -188,7 +196,7 @@ class InertialFilter:
             noise[1:4] = errors.turn_rad**2 * (1 - keep[1:4] ** 2)
         self.state.wander(keep, noise)
         if self.settings.readout.sigma_s:
-            self.state.P[READOUT, READOUT] += READOUT_WALK**2 * seconds
+            self.state.P[READOUTS, READOUTS] += np.eye(2) * READOUT_WALK**2 * seconds
 
     # rest
 
@@ -235,6 +243,7 @@ class InertialFilter:
         noise = np.zeros((6, 6))
         noise[3:, 3:] = np.diag((_UNSTEADY * rates) ** 2)
         self.state.see(T_base_camera, rates, noise)
+        rolling = self._rolling(ids, rays, rolling, seconds)
         self.tracks.add(ids, rays, rolling, seconds)
         self._seen_ns = stamp_ns
         self.used = self._correct_by_points(ids, rays, slips_of(rolling))
@@ -242,6 +251,28 @@ class InertialFilter:
         if len(self.state.R) >= self.settings.views:
             self._drop_view(0)
         return True
+
+    def _rolling(self, ids: Ids, rays: Floats, rolling: Floats, seconds: float) -> Floats:
+        """(N, 5) as for `slips_of`: velocities since the last view, and their parts by jumps."""
+        moved = self.tracks.since_last(ids, rays, seconds)
+        known = np.isfinite(moved)
+        moved = np.where(known, moved, rolling[:, :2])
+        rolling = np.column_stack([moved, rolling[:, 2:], np.zeros_like(moved)])
+        if not known.any():
+            return rolling
+        jump = self._jump(ids, rays, rolling, seconds) / seconds
+        rolling[:, 3:] = (turned(rays) @ jump) * moved.any(axis=1, keepdims=True)
+        return rolling
+
+    def _jump(self, ids: Ids, rays: Floats, rolling: Floats, seconds: float) -> Floats:
+        """(3,) rotation of the camera since the last view that nothing explains, rad."""
+        state, which = self.state, np.flatnonzero(np.isin(self.point_ids, ids))
+        at = np.searchsorted(ids, self.point_ids[which])
+        values = values_of(state.points[which], state.lens)[0]
+        expected = transfer(state, which, values, len(state.R) - 1)[0][:, :2]
+        seen = corrected(rays[at], slips_of(rolling[at]), state.lens)
+        largest = largest_jump(self.settings.camera, seconds)
+        return jump_of(expected, seen - expected, self.noise.white, largest)
 
     def _correct_by_points(self, ids: Ids, rays: Floats, slips: Floats) -> int:
         """Correct by the points in view, and forget the others; their number."""

@@ -5,8 +5,8 @@ A calibration gives directions z of pixels, at z = 1; the true ones are
     h = z exp(-a - k |z|^2) - r s,
 
 with ``a`` the error of the focal length (``f exp(a)`` instead of ``f``), ``k`` the error of the
-radial distortion, and ``r`` the readout of a rolling shutter, which shifts directions by ``r s``
-(see `readout`). Small errors of any lens model have about this form; if the calibration states a
+radial distortion, and ``r s`` the shift of directions by a rolling shutter (see `readout` and
+`jumps`). Small errors of any lens model have about this form; if the calibration states a
 distortion, ``k`` is the error that remains. A wrong principal point looks like a rotated camera.
 
 *Derivatives* are taken at the expected directions. At the measured ones, they would be correlated
@@ -35,9 +35,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats
+from ros_visualise.estimation.inertial.readout import Readout
+from ros_visualise.estimation.settings import CameraErrors
 
-COUNT = 3
-"""Readout, focal length and radial distortion."""
+COUNT = 4
+"""Readout, that of `jumps`, focal length and radial distortion."""
+FOCAL, RADIAL = 2, 3
+"""Places of the last two."""
 FOCAL_SIGMA = 0.03
 """Standard deviation of the focal length if none is stated. A good calibration is within 0.5%,
 but a message does not say how good it is. The error is estimated, so a large value costs little.
@@ -51,19 +55,20 @@ _ROUNDS = 12
 
 
 def shifts_of(expected: Floats, slips: Floats) -> Floats:
-    """Derivatives (..., 2, 3) of measured directions by the errors of the lens.
+    """Derivatives (..., 2, 4) of measured directions by the errors of the lens.
 
     Args:
         expected: (..., 2) directions at z = 1.
-        slips: (..., 2), see `readout`.
+        slips: (..., 2, 2), see `readout`.
     """
-    return np.stack([slips, expected, expected * _far(expected)], axis=-1)
+    shaped = np.stack([expected, expected * _far(expected)], axis=-1)
+    return np.concatenate([slips, shaped], axis=-1)
 
 
 def corrected(rays: Floats, slips: Floats, errors: Floats) -> Floats:
-    """Directions (..., 2) without the errors (3,) of the lens."""
-    readout_s, longer, radial = errors
-    true: Floats = rays * np.exp(-longer - radial * _far(rays)) - readout_s * slips
+    """Directions (..., 2) without the errors (4,) of the lens."""
+    scale = np.exp(-errors[FOCAL] - errors[RADIAL] * _far(rays))
+    true: Floats = rays * scale - slips @ errors[:FOCAL]
     return true
 
 
@@ -78,20 +83,20 @@ def values_of(points: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
 
     Args:
         points: (N, 3) directions that the calibration gives, and logarithms of inverse depths.
-        errors: (3,) of the lens.
+        errors: (4,) of the lens.
 
     Returns:
-        (N, 3) values, and their derivatives (N, 3, 3) by the points and (N, 3, 3) by the errors.
+        (N, 3) values, and their derivatives (N, 3, 3) by the points and (N, 3, 4) by the errors.
     """
     raw, far = points[:, :2], _far(points[:, :2])
-    scale = np.exp(-errors[1] - errors[2] * far)
+    scale = np.exp(-errors[FOCAL] - errors[RADIAL] * far)
     values = np.column_stack([raw * scale, np.exp(points[:, 2])])
-    by_point, by_errors = np.zeros((2, len(points), 3, 3))
+    by_point, by_errors = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3, COUNT))
     across = raw[:, :, None] * raw[:, None] * (far < _FARTHEST)[..., None]
-    by_point[:, :2, :2] = scale[..., None] * (np.eye(2) - 2 * errors[2] * across)
+    by_point[:, :2, :2] = scale[..., None] * (np.eye(2) - 2 * errors[RADIAL] * across)
     by_point[:, 2, 2] = values[:, 2]
-    by_errors[:, :2, 1] = -values[:, :2]
-    by_errors[:, :2, 2] = -values[:, :2] * far
+    by_errors[:, :2, FOCAL] = -values[:, :2]
+    by_errors[:, :2, RADIAL] = -values[:, :2] * far
     return values, by_point, by_errors
 
 
@@ -99,13 +104,21 @@ def points_of(values: Floats, errors: Floats) -> Floats:
     """Points (N, 3) by their values (N, 3): the inverse of `values_of`."""
     raw = values[:, :2]
     for _ in range(_ROUNDS):
-        raw = values[:, :2] * np.exp(errors[1] + errors[2] * _far(raw))
+        raw = values[:, :2] * np.exp(errors[FOCAL] + errors[RADIAL] * _far(raw))
     return np.column_stack([raw, np.log(np.maximum(values[:, 2], _LEAST_INVERSE))])
 
 
 def radial_of(focal: float) -> float:
     """Standard deviation of the radial distortion by that of the focal length."""
     return _RADIAL * focal
+
+
+def first_lens(readout: Readout, camera: CameraErrors) -> tuple[Floats, Floats]:
+    """Errors (4,) of the lens that are expected, and their covariance (4, 4)."""
+    seconds, sigma_s = readout
+    jumps = sigma_s + seconds / 2 if camera.turn_s else 0.0  # anything from 0 to the readout
+    expected = np.array([seconds, bool(jumps) * seconds / 2, 0.0, 0.0])
+    return expected, np.diag(np.square([sigma_s, jumps, camera.focal, radial_of(camera.focal)]))
 
 
 class LensErrors(NamedTuple):

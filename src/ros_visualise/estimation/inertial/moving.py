@@ -4,10 +4,13 @@ With rotations by the gyroscope, a corner at X is seen from where the robot has 
 been pushed, ``c = v t + g t^2 / 2 + s``. Velocity, gravity and all X would solve linear equations
 (`Martinelli`), whose noise makes the scale too small wherever accelerations show it badly. So these
 are solved at several mean depths only to begin with; what is seen in the images is then fitted, as
-in a bundle adjustment. Errors of the IMU, and of the camera's clock, attitude, its age and readout
-are unknown within their standard deviations, so the covariance of the velocity includes them. Only
-a velocity that is then well known is taken. The filter begins with much more uncertainty than that
-at the first of these images, and sees them all, so they hardly count twice.
+in a bundle adjustment. Errors of the IMU, and of the camera's clock, attitude, its age and lens are
+unknown within their standard deviations, so the covariance of the velocity includes them. On a
+gimbal, the attitude errs differently in each image, and with it all corners there. So each view has
+an attitude of its own, with the correlations that the filter assumes; with one for all, velocities
+were up to 10 standard deviations off. Only a velocity that is well known is taken. The filter
+begins with much more uncertainty than that at the first of these images, and sees them all, so they
+hardly count twice.
 
 Source: A. Martinelli, Closed-form solution of visual-inertial structure from motion, IJCV 2014;
 T. Dong-Si, A. Mourikis, Estimator initialization in vision-aided inertial navigation with unknown
@@ -25,11 +28,14 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals
 from ros_visualise.estimation.inertial.filter import InertialSettings
-from ros_visualise.estimation.inertial.lens import corrected, radial_of, shifts_of
+from ros_visualise.estimation.inertial.jumps import turned
+from ros_visualise.estimation.inertial.lens import corrected, first_lens, shifts_of
 from ros_visualise.estimation.inertial.readout import slips_of
 from ros_visualise.estimation.inertial.sliding import FORCE_BIAS, MOTION, RATE_BIAS
 from ros_visualise.estimation.inertial.starting import FirstEstimate, SeenCorners, level
+from ros_visualise.estimation.resting import Indices
 from ros_visualise.estimation.robot import GRAVITY_MS2, RobotState
+from ros_visualise.estimation.settings import CameraErrors
 from ros_visualise.estimation.visual.bundle import Mask
 from ros_visualise.geometry import se3
 
@@ -44,13 +50,16 @@ _LONGEST = 1.0  # of a step, in what is allowed
 _AS_GOOD = 1.1  # misfits of two solutions that are not told apart
 _NEAREST = 0.05  # m
 _GRAVITY_SIGMA = 0.02  # m/s^2, of its length
-_MOTION, _ALL = 6, 20  # numbers: velocity, gravity; and biases of force and rates, turn, clock,
-_LENS = slice(17, 20)  # age and lens
+_MOTION, _LENS, _SHARED = 6, slice(14, 18), 18  # numbers: velocity, gravity; biases of force and
+# rates, clock, age; lens; then the attitudes of the camera, which differ from view to view
+_LEAST_MISFIT = 0.3  # standard deviations of directions
 _SMALL = 1e-4  # steps by which derivatives are computed
 
 
 class _Solution(NamedTuple):
-    """The unknowns (20,) of a fit, a standard deviation of directions, and their covariance."""
+    """The unknowns (18 + 3 K,) of a fit, its misfit in standard deviations of directions, and the
+    covariance of those that were free.
+    """
 
     x: Floats
     sigma: float
@@ -62,18 +71,26 @@ class _Window:
     first view.
     """
 
-    def __init__(self, views: Sequence[SeenCorners], parts: Sequence[ImuIntervals]) -> None:
-        self.views, self.parts = views, parts
+    def __init__(
+        self,
+        views: Sequence[SeenCorners],
+        parts: Sequence[ImuIntervals],
+        settings: InertialSettings,
+    ) -> None:
+        self.views, self.parts, self.noise = views, parts, settings.noise
+        self.root = _root(views, settings.camera)
         ids, counts = np.unique(np.concatenate([one.ids for one in views]), return_counts=True)
         ids = ids[counts >= _LEAST_VIEWS]
         ids = ids[:: len(ids) // _MOST_CORNERS + 1]
-        self.rays, self.slips = (np.zeros((len(ids), len(views), 2)) for _ in range(2))
+        self.rays = np.zeros((len(ids), len(views), 2))
+        self.slips = np.zeros((len(ids), len(views), 2, 2))
         self.seen = np.zeros((len(ids), len(views)), bool)
         for k, view in enumerate(views):
             kept = np.isin(view.ids, ids)
             n = np.searchsorted(ids, view.ids[kept])
             self.seen[n, k] = True
-            self.rays[n, k], self.slips[n, k] = view.rays[kept], slips_of(view.rolling[kept])
+            self.rays[n, k] = view.rays[kept]
+            self.slips[n, k] = slips_of(np.pad(view.rolling[kept], [(0, 0), (0, 2)]))
         self._falls: dict[bytes, tuple[Floats, ...]] = {}
 
     def pushed(self, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -109,14 +126,15 @@ class _Window:
 
     def cameras(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Attitudes (K, 3, 3) and positions (K, 3) of the camera, and times (K,) of views."""
-        v, g, force, rate, turn = x[:15].reshape(5, 3)
-        late, age = x[15:17]
+        v, g, force, rate = x[:12].reshape(4, 3)
+        late, age = x[12:14]
+        turns = self.root @ x[_SHARED:].reshape(-1, 3)
         seconds, R, rates, way, speed = self._fallen(force, rate)
         seconds = seconds + late
         found = []
         for k, view in enumerate(self.views):
             base = se3.exp(np.append(np.zeros(3), late * rates[k]))[0] @ R[k]
-            mount = se3.exp(np.append(np.zeros(3), (late + age) * view.turning + turn))[0]
+            mount = se3.exp(np.append(np.zeros(3), (late + age) * view.turning + turns[k]))[0]
             found.append((base @ view.T_base_camera[:3, :3] @ mount,
                           way[k] + late * speed[k] + base @ view.T_base_camera[:3, 3]))  # fmt: skip
         C, at = (np.array(one) for one in zip(*found, strict=True))
@@ -131,7 +149,7 @@ def start_in_motion(
     known = [one for one in parts if one]
     if len(known) < max(len(parts), _LEAST_VIEWS):
         return None
-    window = _Window(views, known)
+    window = _Window(views, known, settings)
     if len(window.rays) < _LEAST_CORNERS:
         return None
     found = _solved(window, settings)
@@ -151,27 +169,39 @@ def start_in_motion(
     return FirstEstimate(views[0].stamp_ns, RobotState(R=R, v=R @ v), np.diag(errors**2))
 
 
-def _priors(settings: InertialSettings) -> tuple[Floats, Floats]:
-    """Expected values (20,) of all unknowns, and standard deviations."""
-    own, camera = settings.imu, settings.camera
-    x, sigmas = np.zeros(_ALL), np.full(_ALL, np.inf)
-    x[17] = settings.readout.seconds
-    sigmas[6:15] = np.repeat([own.accel_bias, own.gyro_bias, camera.turn_rad], 3)
-    sigmas[15:17] = camera.clock_s, settings.age_s
-    sigmas[_LENS] = settings.readout.sigma_s, camera.focal, radial_of(camera.focal)
+def _root(views: Sequence[SeenCorners], camera: CameraErrors) -> Floats:
+    """A root (K, K) of the covariance of the camera's attitude in the views, about each axis."""
+    times = np.array([one.stamp_ns for one in views]) / 1e9
+    apart = np.abs(times[:, None] - times) / (camera.turn_s or np.inf)
+    values, vectors = np.linalg.eigh(camera.turn_rad**2 * np.exp(-apart))
+    root: Floats = vectors * np.sqrt(np.maximum(values, 0))
+    return root
+
+
+def _priors(settings: InertialSettings, views: int) -> tuple[Floats, Floats]:
+    """Expected values (18 + 3 K,) of all unknowns, and standard deviations."""
+    own = settings.imu
+    x, sigmas = np.zeros((2, _SHARED + 3 * views))
+    x[_LENS], covariance = first_lens(settings.readout, settings.camera)
+    sigmas[:_MOTION], sigmas[_SHARED:] = np.inf, 1.0
+    sigmas[6:12] = np.repeat([own.accel_bias, own.gyro_bias], 3)
+    sigmas[12:14] = settings.camera.clock_s, settings.age_s
+    sigmas[_LENS] = np.sqrt(np.diag(covariance))
     return x, sigmas
 
 
 def _solved(window: _Window, settings: InertialSettings) -> _Solution | None:
     """The solution that fits best; None if another one fits as well."""
-    expected, sigmas = _priors(settings)
+    expected, sigmas = _priors(settings, len(window.views))
+    every = np.arange(len(expected))
+    first = np.delete(every, slice(_MOTION, _SHARED))
     found: list[_Solution] = []
     for start in _starts(window, expected):
-        one = _fitted(window, start, expected, sigmas, _MOTION)
+        one = _fitted(window, start, expected, sigmas, first)
         if one is not None and not any(_is_same(one, other) for other in found):
             found.append(one)
-    every = [_fitted(window, one.x, expected, sigmas, _ALL) for one in found]
-    good = sorted((one for one in every if one is not None), key=lambda one: one.sigma)
+    refined = [_fitted(window, one.x, expected, sigmas, every) for one in found]
+    good = sorted((one for one in refined if one is not None), key=lambda one: one.sigma)
     if any(one.sigma < _AS_GOOD * good[0].sigma and not _is_same(one, good[0]) for one in good[1:]):
         return None
     return good[0] if good else None
@@ -211,34 +241,34 @@ def _starts(window: _Window, expected: Floats) -> list[Floats]:
 
 
 def _fitted(
-    window: _Window, x: Floats, expected: Floats, sigmas: Floats, count: int
+    window: _Window, x: Floats, expected: Floats, sigmas: Floats, free: Indices
 ) -> _Solution | None:
-    """The unknowns, the first ``count`` of them free, that fit what the images show."""
-    x, sigma, P = x.copy(), np.inf, np.eye(count)
-    is_known = np.isfinite(sigmas[:count])
-    scale = np.where(is_known, sigmas[:count], 1.0)  # one scale for all, or `pinv` drops unknowns
+    """The unknowns, these of them free, that fit what the images show."""
+    x, sigma, P = x.copy(), np.inf, np.eye(len(free))
+    is_known = np.isfinite(sigmas[free])
+    scale = np.where(is_known, sigmas[free], 1.0)  # one scale for all, or `pinv` drops unknowns
     for _ in range(_STEPS):
-        found = _linearized(window, x, count)
+        found = _linearized(window, x, free)
         if found is None:
             return None
         rows, sigma = found
         length = float(np.linalg.norm(x[3:6]))
-        down, off = np.zeros(count), (length - GRAVITY_MS2) / _GRAVITY_SIGMA
+        down, off = np.zeros(len(free)), (length - GRAVITY_MS2) / _GRAVITY_SIGMA
         down[3:6] = x[3:6] / length / _GRAVITY_SIGMA
-        J, change = rows[:, :-1] * scale, (x - expected)[:count]
-        change = np.divide(change, scale, np.zeros(count), where=is_known & (scale > 0))
+        J, change = rows[:, :-1] * scale, (x - expected)[free]
+        change = np.divide(change, scale, np.zeros(len(free)), where=is_known & (scale > 0))
         P = np.linalg.pinv(J.T @ J + np.diag(is_known * 1.0) + np.outer(down, down), hermitian=True)
         step = -scale * (P @ (J.T @ rows[:, -1] + change + down * off))
         far = float(np.abs(step[:3]).max())
-        x[:count] += step * min(1.0, _LONGEST * _allowed(x[:3]) / max(far, 1e-12))
+        x[free] += step * min(1.0, _LONGEST * _allowed(x[:3]) / max(far, 1e-12))
         if np.abs(step[:_MOTION]).max() < _DONE:
             break
     return _Solution(x, sigma, P * np.outer(scale, scale))
 
 
-def _linearized(window: _Window, x: Floats, count: int) -> tuple[Floats, float] | None:
-    """Derivatives by the unknowns, and what is seen too far, (k, count + 1), in standard
-    deviations and without positions of corners; and the standard deviation of a direction.
+def _linearized(window: _Window, x: Floats, free: Indices) -> tuple[Floats, float] | None:
+    """Derivatives by the free unknowns, and what is seen too far, (k, F + 1), in standard
+    deviations and without positions of corners; and the misfit.
     """
     C, at, seconds = window.cameras(x)
     rays = corrected(window.rays, window.slips, x[_LENS])
@@ -246,24 +276,27 @@ def _linearized(window: _Window, x: Floats, count: int) -> tuple[Floats, float] 
     residual, by_point, good = _seen(C, at, rays, points, window.seen)
     if good.sum() < _LEAST_CORNERS:
         return None
-    J = np.zeros((*residual.shape, count))
+    J, expected = np.zeros((*residual.shape, len(x))), residual + rays
     J[..., :3] = -by_point * seconds[:, None, None]
     J[..., 3:6] = -by_point * (seconds[:, None, None] ** 2 / 2)
-    for n in range(_MOTION, min(count, _LENS.start)):
+    for n in range(_MOTION, _LENS.start if len(free) == len(x) else _MOTION):
         other = x.copy()
         other[n] += _SMALL
         moved = _seen(*window.cameras(other)[:2], rays, points, window.seen)[0]
         J[..., n] = (moved - residual) / _SMALL
-    if count == _ALL:
-        J[..., _LENS] = shifts_of(residual + rays, window.slips) * window.seen[..., None, None]
-    A = by_point[good].reshape(int(good.sum()), -1, 3)
-    rows = np.concatenate([J, residual[..., None]], axis=3)[good].reshape(len(A), -1, count + 1)
+    J[..., _LENS] = shifts_of(expected, window.slips)
+    by_turns = turned(expected)[..., None, :] * window.root[:, None, :, None]
+    J[..., _SHARED:] = by_turns.reshape(*residual.shape, -1)
+    J *= window.seen[..., None, None]
+    rows = np.concatenate([by_point, J[..., free], residual[..., None]], axis=3)[good]
+    rows = window.noise.whitened(rows, window.seen[good]).reshape(len(rows), -1, rows.shape[3])
+    A, rows = rows[..., :3], rows[..., 3:]
     rows = rows - A @ (np.linalg.pinv(A) @ rows)
-    free = 2 * window.seen[good].sum(axis=1) - 3
-    fits = np.sqrt((rows[..., -1] ** 2).sum(axis=1) / free)
-    sigma = max(float(np.median(fits)), 1e-6)
+    excess = 2 * window.seen[good].sum(axis=1) - 3
+    fits = np.sqrt((rows[..., -1] ** 2).sum(axis=1) / excess)
+    sigma = max(float(np.median(fits)), _LEAST_MISFIT)
     weights = 1 / (_ALIKE * sigma) / np.sqrt(1 + (fits / (3 * sigma)) ** 2)
-    return (rows * weights[:, None, None]).reshape(-1, count + 1), sigma
+    return (rows * weights[:, None, None]).reshape(-1, len(free) + 1), sigma
 
 
 def _triangulated(C: Floats, at: Floats, rays: Floats, seen: Floats) -> Floats:

@@ -37,12 +37,12 @@ CAMERA = slice(15, 20)
 """Rows of the camera's clock, s, of its attitude on the robot, rad about its own axes, and of the
 age of that attitude, s.
 """
-LENS = slice(20, 23)
+LENS = slice(20, 24)
 """Rows of the errors of the lens, see `lens`; those of the views follow."""
-READOUT = 20
-"""Row of the first of these."""
+READOUTS, SHAPE = slice(20, 22), slice(22, 24)
+"""Rows of the first two, and of the others."""
 _MEASURED = slice(0, 19)  # of the core: those of a `RobotState`
-CORE, VIEW, POINT = 23, 6, 3
+CORE, VIEW, POINT = 24, 6, 3
 _INVERSE = -14.0, 7.0  # logarithms of inverse depths, 1/m: 1 mm to 1000 km
 
 
@@ -59,7 +59,7 @@ class SlidingState:
     Attributes:
         robot: its estimate.
         age: of the attitude of the camera on the robot, as it is known, s: as on a gimbal.
-        lens: (3,) its errors: readout, s, and those of focal length and radial distortion.
+        lens: (4,) its errors: readout, s, that of jumps, and those of focal length and distortion.
         R, p: T_map_camera (C, 3, 3) and (C, 3) of the views, the oldest first.
         host: (N,) index of the view of each point.
         points: (N, 3) x and y of their directions there at z = 1, as the calibration gives them,

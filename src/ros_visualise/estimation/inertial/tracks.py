@@ -25,6 +25,7 @@ _STEPS = 4
 _FAR = 1e-6  # inverse depth, 1/m
 _LONG_S = 0.3  # between views that no longer show a velocity
 _EYE = np.eye(4)[None]
+_VELOCITIES = np.array([2, 3, 5, 6])  # all, and their parts by jumps
 
 
 class CornerTracks:
@@ -33,12 +34,12 @@ class CornerTracks:
     Attributes:
         ids: (K,) numbers of the corners, in order.
         seen: (K, C, 2) x and y of their directions at z = 1, NaN where they were not seen.
-        slips: (K, C, 2), see `readout`.
+        slips: (K, C, 2, 2), see `readout`.
     """
 
     def __init__(self) -> None:
         self.ids: Ids = np.zeros(0, np.int64)
-        self._all = np.zeros((0, 0, 5))  # directions, velocities and rows
+        self._all = np.zeros((0, 0, 7))  # directions, velocities, rows, parts of velocities
 
     @property
     def seen(self) -> Floats:
@@ -50,22 +51,29 @@ class CornerTracks:
         """See the class."""
         return slips_of(self._all[..., 2:])
 
+    def since_last(self, ids: Ids, rays: Floats, seconds: float) -> Floats:
+        """(N, 2) velocities of corners since the last view; NaN where it did not see them."""
+        moved = np.full(rays.shape, np.nan)
+        if self._all.shape[1] and 0 < seconds < _LONG_S:
+            _, old, new = np.intersect1d(self.ids, ids, return_indices=True)
+            moved[new] = (rays[new] - self.seen[old, -1]) / seconds
+        return moved
+
     def add(self, ids: Ids, rays: Floats, rolling: Floats, seconds: float) -> None:
         """Add a view that sees corners (N,) in directions (N, 2), some time after the last one.
 
-        ``rolling`` (N, 3) as in `SeenCorners`. The velocities in the last view become means of
-        those before and after it.
+        ``rolling`` (N, 5) as for `slips_of`. The velocities in the last view become means of those
+        before and after it.
         """
         ids_all = np.union1d(self.ids, ids)
-        every = np.full((len(ids_all), self._all.shape[1] + 1, 5), np.nan)
+        every = np.full((len(ids_all), self._all.shape[1] + 1, 7), np.nan)
         every[np.searchsorted(ids_all, self.ids), :-1] = self._all
         every[np.searchsorted(ids_all, ids), -1] = np.hstack([rays, rolling])
         self.ids, self._all = ids_all, every
         if every.shape[1] > 1 and 0 < seconds < _LONG_S:
             last, new = every[:, -2], every[:, -1]
-            after = (new[:, :2] - last[:, :2]) / seconds
-            known = np.isfinite(after)
-            last[:, 2:4][known] = (last[:, 2:4][known] + after[known]) / 2
+            known = np.flatnonzero(np.isfinite(last[:, 0] + new[:, 0]))[:, None]
+            last[known, _VELOCITIES] = (last[known, _VELOCITIES] + new[known, _VELOCITIES]) / 2
 
     def drop_view(self, which: int) -> None:
         """Forget a view, and corners that no other one saw."""
@@ -194,9 +202,9 @@ class ProjectedTracks(NamedTuple):
 
     Attributes:
         rows: (F,) numbers of independent rows; the others are zero.
-        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 3 + 6 C), independent of the positions;
+        residual, H: (F, 2 C - 3) and (F, 2 C - 3, 4 + 6 C), independent of the positions;
             derivatives by the lens and by the views.
-        of_point: (F, 3), (F, 3, 3 + 6 C) and (F, 3, 3): residual, and derivatives by lens and
+        of_point: (F, 3), (F, 3, 4 + 6 C) and (F, 3, 3): residual, and derivatives by lens and
             views and by the positions, of the rest.
     """
 
@@ -206,14 +214,14 @@ class ProjectedTracks(NamedTuple):
     of_point: tuple[Floats, Floats, Floats]
 
     def since(self, error: Floats) -> ProjectedTracks:
-        """The same, with residuals before lens and views were moved by an error (3 + 6 C,)."""
+        """The same, with residuals before lens and views were moved by an error (4 + 6 C,)."""
         return self._replace(residual=self.residual + self.H @ error)
 
 
 def project(
     R: Floats, p: Floats, tracks: TriangulatedTracks, slips: Floats, noise: CornerNoise
 ) -> ProjectedTracks:
-    """Project the sightings of corners, which slip by (F, C, 2)."""
+    """Project the sightings of corners, which slip by (F, C, 2, 2)."""
     seen, (count, views) = tracks.seen, tracks.seen.shape[:2]
     is_seen = np.isfinite(seen[..., 0])
     found = _dense(R, p, tracks.host, tracks.points, seen)
@@ -264,7 +272,7 @@ def compressed(H: Floats, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def together(found: ProjectedTracks, good: Mask) -> tuple[Floats, Floats]:
-    """H (k, 3 + 6 C) and residual (k,) of these corners, in as few rows as possible."""
+    """H (k, 4 + 6 C) and residual (k,) of these corners, in as few rows as possible."""
     H = found.H[good].reshape(-1, found.H.shape[2])
     return compressed(H, found.residual[good].ravel())
 
@@ -276,7 +284,7 @@ def begin_points(
     places: Indices,
     step: Floats,
 ) -> None:
-    """Add corners as points, after a step (3 + 6 C,) of lens and views since they were found.
+    """Add corners as points, after a step (4 + 6 C,) of lens and views since they were found.
 
     Source: M. Li, A. Mourikis, Optimization-based estimator design for vision-aided inertial
     navigation, RSS 2012, section IV (the points); P. Geneva et al., OpenVINS, ICRA 2020.
@@ -304,7 +312,7 @@ def correct_by_points(
 ) -> Mask:
     """Correct the state by directions (K, 2) of its points in the newest view; which fit (K,).
 
-    ``slips`` are (K, 2), see `readout`.
+    ``slips`` are (K, 2, 2), see `readout`.
     """
     newest = len(state.R) - 1
     values, own, by_lens = lens.values_of(state.points[places], state.lens)
