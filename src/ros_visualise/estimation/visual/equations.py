@@ -46,7 +46,7 @@ class Sightings:
         is_new[1:] = (np.diff(self.host) != 0) | (np.diff(self.view) != 0)
         self._starts = np.flatnonzero(is_new)
 
-    def _seen(self, scene: BundleScene) -> _Seen:
+    def _seen(self, scene: BundleScene) -> _PredictedSightings:
         R, p = scene.eyes()
         axes = R.transpose(1, 2, 0).take(self.eye, axis=2)
         points = scene.homogeneous().T.take(self.point, axis=1)
@@ -54,9 +54,9 @@ class Sightings:
         is_valid: Mask = seen[2] > NEAR
         depth = np.where(is_valid, seen[2], 1.0)
         residuals = np.where(is_valid, self.rays - seen[:2] / depth, 0.0)
-        return _Seen(residuals, depth, is_valid, axes, points)
+        return _PredictedSightings(residuals, depth, is_valid, axes, points)
 
-    def normal(self, scene: BundleScene, sigma: float, alike: float = 1.0) -> NormalEquations:
+    def normal(self, scene: BundleScene, sigma: float, alike: float = 1.0) -> BundleEquations:
         """The normal equations at the poses and points of a scene.
 
         Args:
@@ -78,7 +78,7 @@ class Sightings:
         across = scene.R.transpose(2, 1, 0)[:2].take(self.host, axis=2)
         B = np.stack([(flat * one[:, None]).sum(axis=0) for one in (*across, way)])
         H, g = self._of_views(J, len(scene.R))
-        return NormalEquations(self, scene, H, g, J, B, float(cost))
+        return BundleEquations(self, scene, H, g, J, B, float(cost))
 
     def _of_views(self, J: Floats, views: int) -> tuple[Floats, Floats]:
         """H (6 F, 6 F) and g (6 F,) by derivatives and residuals (7, 2, N)."""
@@ -107,7 +107,7 @@ class Sightings:
         return blocks.reshape(6 * views, -1)
 
 
-class _Seen(NamedTuple):
+class _PredictedSightings(NamedTuple):
     """Sightings from the poses of a scene: axes (3, 3, N) of cameras, points (4, N) in the map."""
 
     residuals: Floats
@@ -118,7 +118,7 @@ class _Seen(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class NormalEquations:
+class BundleEquations:
     """Normal equations of views and points: H x = g.
 
     Attributes:

@@ -23,7 +23,7 @@ from ros_visualise.estimation.visual.bundle import (
     project,
     triangulated,
 )
-from ros_visualise.estimation.visual.equations import NormalEquations, Sightings
+from ros_visualise.estimation.visual.equations import BundleEquations, Sightings
 from ros_visualise.estimation.visual.keyframes import (
     Keyframe,
     KeyframeDistance,
@@ -177,7 +177,7 @@ class KeyframeWindow:
     def _listed(self, scene: BundleScene, sightings: Floats) -> Sightings:
         return Sightings(sightings, scene.host, len(self.cameras))
 
-    def _system(self, scene: BundleScene, sightings: Sightings) -> NormalEquations:
+    def _system(self, scene: BundleScene, sightings: Sightings) -> BundleEquations:
         """The normal equations of sightings, distances and what is known from before."""
         found = sightings.normal(scene, self.sigma, ALIKE)
         H, g, cost = found.H, found.g, found.cost
