@@ -314,7 +314,7 @@ class InertialFilter:
     def _use(self, chosen: Indices, lasting: Mask) -> None:
         """Correct by these corners, iterated; some of those that last become points."""
         own, state = self.settings, self.state
-        raw, slips = self.tracks.seen[chosen], self.tracks.slips[chosen]
+        raw, slips = self.tracks.seen[chosen], self.tracks.slips(chosen)
         error, step = np.zeros(len(state.P)), np.zeros(len(state.P))
         for n in range(_STEPS):
             error = error + step

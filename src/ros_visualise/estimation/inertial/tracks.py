@@ -34,7 +34,6 @@ class CornerTracks:
     Attributes:
         ids: (K,) numbers of the corners, in order.
         seen: (K, C, 2) x and y of their directions at z = 1, NaN where they were not seen.
-        slips: (K, C, 2, 2), see `readout`.
     """
 
     def __init__(self) -> None:
@@ -46,10 +45,9 @@ class CornerTracks:
         """See the class."""
         return self._all[..., :2]
 
-    @property
-    def slips(self) -> Floats:
-        """See the class."""
-        return slips_of(self._all[..., 2:])
+    def slips(self, chosen: Indices) -> Floats:
+        """(F, C, 2, 2) of some corners, see `readout`."""
+        return slips_of(self._all[chosen, :, 2:])
 
     def since_last(self, ids: Ids, rays: Floats, seconds: float) -> Floats:
         """(N, 2) velocities of corners since the last view; NaN where it did not see them."""
