@@ -4,6 +4,7 @@ import os
 import struct
 import tempfile
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,21 @@ def test_a_sought_frame_does_not_wait_for_the_next_one(
         time_ns, _ = next(video.read((times[number] + 5) * MS))
         assert time_ns == times[number] * MS
         assert max(decoded, default=0) <= stamps[number]
+
+
+def test_an_image_that_was_read_ahead_is_not_missed_by_the_next_seeks(tmp_path: Path) -> None:
+    write_video(tmp_path / "v.mp4", numbered(20), options={"g": "20"})
+    video = Video(tmp_path / "v.mp4")
+    period_ms = times_ms(video)[1]
+
+    def shown(number: int, count: int) -> list[int]:
+        reading = video.read(number * period_ms * MS)
+        with closing(reading):
+            return [next(reading)[0] // MS // period_ms for _ in range(count)]
+
+    assert shown(10, 2) == [10, 11]
+    assert shown(10, 1) == [10]
+    assert shown(11, 2) == [11, 12]
 
 
 def turned(path: Path, a: int, b: int, c: int, d: int) -> Path:

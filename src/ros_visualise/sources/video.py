@@ -103,7 +103,8 @@ class Video:
         """
         shown: tuple[int, VideoFrame] | None = None
         for timed in self._frames_around(start_ns):
-            self._last.append(timed)
+            if not self._last or timed[0] > self._last[-1][0]:  # it is not read again
+                self._last.append(timed)
             if self._closed or self.is_outdated():
                 return
             is_later = timed[0] > start_ns
@@ -113,7 +114,8 @@ class Video:
             if is_later or self._is_shown_at(timed[1], start_ns):
                 shown = None
                 if not is_later:  # some before it may have been omitted
-                    self._last = deque([timed], self._last.maxlen)
+                    while self._last[0][0] < timed[0]:
+                        self._last.popleft()
                 yield timed[0], self._converter.image(timed[1])
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
@@ -227,6 +229,7 @@ class Video:
                 self._keys.keep(time_ns, frame)
             yield time_ns, frame
         if decoder.has_omitted_after(last) and self._seek(self._target_ns):
+            self._last.clear()
             yield from self._frames(sought, omits=False)
         else:
             self._check_end(decoder, times.end_ns, from_start)
