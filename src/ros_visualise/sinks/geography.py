@@ -209,7 +209,7 @@ def _point(parent: ET.Element, kind: str, place: Floats, stamp_ns: int) -> ET.El
 
 
 def _csv(places: Sequence[GeoPlace], tracks: Sequence[GeoTrack]) -> bytes:
-    """Places alone, or without any the points of tracks."""
+    """A row for each place; tracks have no rows."""
     text = io.StringIO()
     table = csv.writer(text)
     table.writerow(GeoPlace("", "", np.zeros(3), np.eye(3)).values)
