@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from driven import drive, params
-from world import T0, Event, S, World, along, from_rpy, map_text, quat_of, tags_on_ground
+from world import T0, Event, S, Sensor, World, along, from_rpy, map_text, quat_of, tags_on_ground
 
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.data import Header, PoseWithCovarianceStamped
@@ -82,6 +82,24 @@ def test_a_pose_without_a_covariance_is_as_uncertain_as_by_hand(known):
     run = drive(events(2, stated(3.5, -2, covariance=np.zeros((6, 6)))), known())
     sigma = np.sqrt(np.diag(run.poses[0][2]))
     np.testing.assert_allclose(sigma[[0, 1, 5]], [0.5, 0.5, np.radians(15)], rtol=0.1)
+
+
+@pytest.mark.parametrize("variance", [1e9, 1.7e308])
+def test_a_pose_that_is_vague_beyond_all_numbers_is_corrected_by_tags(known, variance):
+    run = drive(events(9, stated(3.5, -2, covariance=variance * np.eye(6))), known())
+    assert run.off(World(WAY, TAGS), 8).max() < 0.1
+    assert not run.says("contradict")
+
+
+def test_a_pose_is_ignored_while_the_odometry_has_stopped_and_the_imu_goes_on(known):
+    sensors = {"odometry": Sensor(20), "imu": Sensor(100, priority=-1)}
+    stopped = [
+        one
+        for one in events(6, stated(9, -2, at_s=5), **sensors)
+        if one.port != "odometry" or one.arrival_s < 3
+    ]
+    run = drive(stopped, known(start="3, -2, 0, 0"))
+    assert run.says("ignoring the initial pose: the odometry has stopped")
 
 
 def test_the_parameter_start_is_such_a_pose(known):

@@ -23,6 +23,7 @@ _SIGMAS = np.array([0.5, 0.5, 2.0, 0.0, 0.0, math.radians(15)])
 frame.
 """
 _LARGEST = 1e6  # m
+_VAGUEST = 1e6  # variance, m^2 and rad^2; larger ones count as this
 
 
 class InitialPose(NamedTuple):
@@ -79,10 +80,12 @@ def pose_of_message(message: PoseWithCovarianceStamped, frame_id: str) -> Initia
         return f"its position is beyond {_LARGEST:g} m"
     if not 0.9 < np.linalg.norm(message.quat_xyzw) < 1.1:
         return "its orientation is not a unit quaternion"
-    even = (covariance + covariance.T) / 2
+    even = covariance / 2 + covariance.T / 2
     values = np.linalg.eigvalsh(even)
     if not np.allclose(covariance, even) or values[0] < -1e-9 * max(values[-1], 1e-9):
         return "its covariance is not symmetric and positive"
+    within = np.sqrt(_VAGUEST / np.maximum(np.diag(even), _VAGUEST))
+    even = within[:, None] * even * within
     return InitialPose(message.position_xyz, rotations.to_matrix(message.quat_xyzw), even)
 
 

@@ -176,12 +176,17 @@ class Navigator:
             return None
         return self._estimate(belief, pose)
 
-    def place(self, pose: InitialPose) -> None:
-        """Put the robot where the user states, at the newest odometry; there is one."""
+    def place(self, pose: InitialPose) -> bool:
+        """Put the robot where the user states, at the newest odometry; there is one.
+
+        Returns:
+            False if that is too old, as the odometry has stopped.
+        """
         newest_ns = self._window.filter.odometer.newest_ns
         assert newest_ns is not None
-        self._window.add(StatedPose(newest_ns, pose))
+        is_in_time = self._window.add(StatedPose(newest_ns, pose))
         self._window.run()
+        return is_in_time
 
     def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> None:
         """Process an angular velocity (3,), rad/s, and specific force (3,), m/s^2, in the IMU's

@@ -200,7 +200,9 @@ class LandmarkNavigator:
                 log.warning("ignoring the initial pose: %s", found)
                 return
             stated = found
-        navigator.place(stated)
+        if not navigator.place(stated):
+            log.warning("ignoring the initial pose: the odometry has stopped")
+            return
         x, y, _ = stated.position_xyz
         log.info("initial pose: x %.2f, y %.2f m in %s", x, y, self._frame)
 
