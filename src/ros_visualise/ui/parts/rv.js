@@ -123,9 +123,9 @@
 
   // A stamp in ns as people read it: the time since the start of what is played, else the time of day.
   function asTime(stamp) {
-    const { start, duration = 0 } = rv.clock.state;
-    const [seconds, since] = [Number(stamp) / 1e9, Number(stamp) / 1e9 - start];
-    if (since > -NEAR_S && since < duration + NEAR_S) return asClock(since);
+    const { start, duration } = rv.clock.state; // a simulation has no duration
+    const [seconds, since] = [Number(stamp) / 1e9, Number(stamp) / 1e9 - (start ?? NaN)];
+    if (since > -NEAR_S && since < (duration ?? Infinity) + NEAR_S) return asClock(since);
     if (seconds < EPOCH_S) return asClock(seconds);
     return new Date(seconds * 1000).toLocaleTimeString("en-GB") + (seconds % 1).toFixed(3).slice(1);
   }
