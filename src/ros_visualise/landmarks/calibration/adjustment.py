@@ -206,8 +206,12 @@ def covariance_of(
 ) -> Floats:
     """(n, n) covariance of what the views share, by how much they contradict one another.
 
-    With few views the jackknife is itself uncertain, and blind in some directions. So it is
-    averaged with the covariance of independent errors, enlarged to the same size.
+    Errors of one view are not independent: they share its light, blur and motion. So it is that of
+    the results without one view each (the jackknife), and larger where views that follow one
+    another share errors too. Sightings of one point of the board share the error of its print,
+    which is added likewise. With few views the jackknife is itself uncertain, and blind in some
+    directions. So it is averaged with the covariance of independent errors, enlarged to the same
+    size.
 
     Args:
         rows: of each view, the derivatives (2N, n) by what is shared and (2N, 6) by the board's
@@ -215,6 +219,10 @@ def covariance_of(
         prior: (n, n) information beyond the views.
         numbers: (N of all views,) of the points on the board.
         cost: sum of the squared residuals.
+
+    Source: B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3; A.
+    Cameron, D. Miller, A Practitioner's Guide to Cluster-Robust Inference, Journal of Human
+    Resources 50, 2015, sections VI.B (the same for clusters) and V.A (views and points).
     """
     information, scores = [], []
     for A, B, residual in rows:
