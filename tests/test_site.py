@@ -94,7 +94,7 @@ QUESTIONS = {
     "what does exit code 1 mean": "howto/use-it-in-a-script",
     "px4 ulog viewer": "howto/play-a-flight-log",
     "write custom node python": "howto/use-my-own-node",
-    "how accurate is visual odometry": "explanation/visual-odometry",
+    "how accurate is visual odometry": "explanation/visual-odometry-accuracy",
     "drone landing on apriltag": "tutorials/landing",
     "run headless on raspberry pi": "howto/run-it-on-a-small-computer",
 }
