@@ -132,7 +132,7 @@ def is_true_of_flow(text, seen, last):
     )
     far = np.linalg.norm((there - start)[:, 0], axis=1)
     count, median, most = shown(text, "N corners of the previous picture were found") + shown(
-        text, "moved by a median of N pixels, and by at most N"
+        text, "median motion is N pixels, and the largest is N"
     )
     assert count == len(far)
     assert median == pytest.approx(np.median(far), abs=0.2)

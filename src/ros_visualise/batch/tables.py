@@ -91,7 +91,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         "inputs VARCHAR -: input topics, separated by commas",
         "processed BIGINT -: number of messages processed",
         "dropped BIGINT -: number of messages not processed or without a result",
-        "errors BIGINT -: number of errors not caused by a message",
+        "errors BIGINT -: number of errors between messages, on a timer or at the end",
         "step_ms DOUBLE ms: median duration of a step",
         "p50_ms DOUBLE ms: median time from the source to the end of a step",
         "p99_ms DOUBLE ms: 99th percentile of the time from the source to the end of a step",

@@ -171,4 +171,4 @@ def read_header(header: Any) -> Header:
 
 
 def _no_time(sec: int) -> ValueError:
-    return ValueError(f"a stamp of {sec} s: the time must be within 1970-2038")
+    return ValueError(f"a stamp of {sec} s: the time must be between 1970 and 2038")

@@ -49,7 +49,7 @@ _ESTIMATED: tuple[tuple[str, OwnStates, int, float], ...] = (
         (f"odometry rotated about {axis} (deg)", AXES, place, float(np.degrees(1)))
         for place, axis in enumerate("xyz")
     ),
-    ("odometry rotations too small by (%)", SCALES, 1, 100),
+    ("odometry rotation angles too small by (%)", SCALES, 1, 100),
     *(
         (f"camera {number} {what}", states, place, factor)
         for number, states in enumerate(CAMERAS, 1)
@@ -217,7 +217,7 @@ def diagnostics_of(
     if not outcome.used and (advice := [t for n, t in outcome.advice.items() if n != "the robot"]):
         said = f"{said}; {max(advice, key=advice.count)}"
     for sensor, late_s in navigator.late_s.items():
-        said = f"{said}; {sensor}: dropped, {late_s:.1f} s late; raise delay"
+        said = f"{said}; {sensor}: dropped, {late_s:.1f} s late; increase the parameter delay"
     is_fine = not (outcome.rejected or belief.contradiction.any() or belief.refusals)
     is_fine = is_fine and not navigator.late_s
     level = Level.ERROR if lost else Level.OK if is_fine else Level.WARN

@@ -194,8 +194,8 @@ class CameraErrorParams:
     )
     camera_turn: float = param(
         CAMERA_TURN,
-        "standard deviation of the camera's mounting angles, degrees; unless it is 0, their errors"
-        " are estimated",
+        "standard deviation of the camera's mounting angles, degrees; unless this is 0, the errors"
+        " of these angles are estimated",
         min=0,
         max=20,
         slider=(0, 5),

@@ -120,7 +120,7 @@ class GeoreferenceParams:
     )
     height_sigma: float = param(
         1.0,
-        "standard deviation of the camera's height above the point of take-off, metres",
+        "standard deviation of the camera's height above the take-off point, metres",
         min=0,
         max=1e4,
         slider=(0, 10),
@@ -160,7 +160,7 @@ class GeoreferenceParams:
     terrain_shift: float = param(
         0.0,
         "offset added to the heights of the terrain model, such as the geoid's height, metres;"
-        " unused if the point of take-off is known",
+        " unused if the take-off point is known",
         min=-1e4,
         max=1e4,
         slider=(-100, 100),

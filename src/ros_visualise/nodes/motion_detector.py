@@ -25,8 +25,8 @@ class MotionParams:
 
     threshold: float = param(
         25.0,
-        "squared distance from the background above which a pixel counts as moving, in variances;"
-        " smaller is more sensitive",
+        "a pixel counts as moving if its squared distance from the background exceeds this many"
+        " variances; smaller is more sensitive",
         min=1,
         max=1000,
         slider=(4, 100),

@@ -93,7 +93,7 @@ class TrackerParams:
     lines: str = param(
         "",
         "counting lines, in pixels, such as 'gate: 100,200 400,200', separated by semicolons;"
-        " 'in' counts crossings to the right, as seen from the first point",
+        " 'in' counts crossings from left to right, looking from the first point to the second",
     )
     zones: str = param(
         "",

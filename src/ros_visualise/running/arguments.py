@@ -155,5 +155,5 @@ def period(text: str) -> float:
 def folder(text: str) -> Path:
     """The name of a folder."""
     if not text:
-        raise ArgumentTypeError("give the name of a folder, such as . for the current one")
+        raise ArgumentTypeError("give the name of a folder, such as '.' for the current one")
     return Path(text)

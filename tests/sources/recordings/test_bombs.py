@@ -45,7 +45,7 @@ def read(path):
 @pytest.mark.parametrize("compression", PACK)
 def test_no_more_is_unpacked_than_was_said(compression):
     packed = PACK[compression](bytes(8 * MB))
-    with pytest.raises(DamagedData, match="is not the declared one"):
+    with pytest.raises(DamagedData, match="does not have the declared size"):
         unpack(compression, packed, 1000)
     with pytest.raises(limits.TooLarge, match="8 MiB or more; limit: 4 MiB"):
         unpack(compression, packed, 8 * MB)

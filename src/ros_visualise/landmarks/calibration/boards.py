@@ -131,7 +131,7 @@ def board_of(
     if kind is not BoardKind.CHESSBOARD and len(marker_corners(board)) > len(
         dictionary_of(board).bytesList
     ):
-        raise UsageError(f"{counts}: too few markers in {board.dictionary}")
+        raise UsageError(f"{board.dictionary} has too few markers for a board of {counts}")
     return board
 
 

@@ -158,8 +158,8 @@ def flow(image: Image, params: object) -> dict[str, Message]:
         ({moved[most, 0]:.1f}, {moved[most, 1]:.1f}) pixels; solving the equations only once gives
         ({step[0]:.1f}, {step[1]:.1f}). Each corner is also followed back, and dropped if it does
         not return to where it began. {len(found.ids)} corners of the previous picture were found in
-        this one (arrows{f", {times} times as long" if times > 1 else ""}). They moved by a median
-        of {np.median(far):.1f} pixels, and by at most {far[most]:.1f}.
+        this one (arrows{f", drawn {times} times as long" if times > 1 else ""}). Their median
+        motion is {np.median(far):.1f} pixels, and the largest is {far[most]:.1f}.
         """
     return show(image, draw_flow(seen.bgr, found.before_uv, times * moved), text)
 

@@ -229,7 +229,7 @@ class Allan:
 
 LESSON = Lesson(
     "sensors",
-    "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of an IMU",
+    "a robot's sensors: those of KITTI's car, what an IMU measures, and its Allan deviation",
     "",
     [Step(Car), Step(ImuReadings), Step(Allan)],
     sample=("husky", {"world": "plane", "mission": "none", "camera": False, "lidar": False}),

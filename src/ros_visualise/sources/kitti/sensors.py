@@ -105,7 +105,7 @@ def _read_scan(path: Path, data: bytes) -> npt.NDArray[np.float32]:
             raise DamagedFile(path, "cut off")
         return numbers.reshape(-1, 4)
     if len(data) % _POINT.itemsize:
-        raise DamagedFile(path, "cut off, or not a scan: it does not end with a whole point")
+        raise DamagedFile(path, "cut off, or not a scan: its last point is incomplete")
     return np.frombuffer(data, np.dtype("<f4")).reshape(-1, 4)
 
 

@@ -69,5 +69,5 @@ def _parse(about: Any) -> Metadata:
 
 def _count(value: Any) -> int:
     if not isinstance(value, int):
-        raise TypeError(f"{value!r} is not a number of messages")
+        raise TypeError(f"{value!r} is not a valid message count")
     return value

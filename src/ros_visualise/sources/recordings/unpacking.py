@@ -33,7 +33,7 @@ def unpack(compression: str, packed: Packed, size: int) -> bytes:
     check_unpacked(size, len(packed))
     found = _unpack(compression, packed, size + 1)
     if len(found) != size:
-        raise DamagedData(f"the size of its {compression} data is not the declared one")
+        raise DamagedData(f"its {compression} data does not have the declared size")
     return found
 
 
