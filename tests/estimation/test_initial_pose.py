@@ -67,7 +67,7 @@ def test_the_height_of_a_flying_robot_is_that_of_its_odometry(known):
         (stated(np.nan, 0), "contains NaN"),
         (stated(1e9, 0), "beyond 1e.06 m"),
         (stated(0, 0, covariance=np.full((6, 6), np.inf)), "contains NaN or infinite"),
-        (stated(0, 0, covariance=-RVIZ), "not symmetric and positive"),
+        (stated(0, 0, covariance=-RVIZ), "not symmetric and positive semidefinite"),
         (stated(0, 0, quat=np.zeros(4)), "not a unit quaternion"),
         (stated(0, 0, frame="odom"), "it is in the frame odom; give it in map"),
     ],

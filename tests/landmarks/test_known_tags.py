@@ -44,7 +44,7 @@ def test_a_file_without_tags_is_one(tmp_path):
     ("text", "said"),
     [
         ("- 1", "the file: give a mapping with keys from standalone_tags, tag_bundles"),
-        ("tags: []", "the file: no key 'tags'; choose from standalone_tags, tag_bundles"),
+        ("tags: []", "the file: unknown key 'tags'; choose from standalone_tags, tag_bundles"),
         ("standalone_tags: 3", "standalone_tags: give a list"),
         (
             "standalone_tags: [3]",
@@ -58,7 +58,7 @@ def test_a_file_without_tags_is_one(tmp_path):
         ("standalone_tags: [{id: 3, size: 1000}]", "size is 1000; give the side of its square"),
         ("standalone_tags: [{id: -1, size: 1}]", "id is -1; give an integer, 0 or more"),
         ("standalone_tags: [{id: 3, size: 1, name: ''}]", "name is ''; give a non-empty string"),
-        ("standalone_tags: [{id: 3, siez: 1}]", "no key 'siez'; choose from id, size, name"),
+        ("standalone_tags: [{id: 3, siez: 1}]", "unknown key 'siez'; choose from id, size, name"),
         ("standalone_tags: [{id: 3, size: 1}, {id: 3, size: 1}]", "entry 2: duplicate tag 3"),
         ("tag_bundles: [{name: a, layout: []}]", "tag_bundles, entry 1: no tags in its layout"),
         (

@@ -83,7 +83,7 @@ def pose_of_message(message: PoseWithCovarianceStamped, frame_id: str) -> Initia
     even = covariance / 2 + covariance.T / 2
     values = np.linalg.eigvalsh(even)
     if not np.allclose(covariance, even) or values[0] < -1e-9 * max(values[-1], 1e-9):
-        return "its covariance is not symmetric and positive"
+        return "its covariance is not symmetric and positive semidefinite"
     within = np.sqrt(_VAGUEST / np.maximum(np.diag(even), _VAGUEST))
     even = within[:, None] * even * within
     return InitialPose(message.position_xyz, rotations.to_matrix(message.quat_xyzw), even)

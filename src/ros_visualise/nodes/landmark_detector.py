@@ -106,8 +106,8 @@ class LandmarkParams:
     )
     database_location: str = param(
         "",
-        "location of the class names, as published on vision_info, such as a ROS parameter; empty:"
-        " the path of the names file",
+        "where other nodes find the class names, such as a ROS parameter; published on"
+        " vision_info; empty: the path of the names file, or else of the network's file",
         restart=True,
     )
 

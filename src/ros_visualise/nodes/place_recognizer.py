@@ -118,7 +118,7 @@ class PlaceRecognizer:
             if not self._known:
                 log.warning("place_recognizer: %s has no places; %s", params.map, _ONLY_NEW)
 
-    @action("write the appearance of the places beside the map that save_to names")
+    @action("write the appearance of the places to a file beside the map (save_to)")
     def save_places(self, params: PlaceParams) -> None:
         """Write the appearance of all places; their poses are in the navigator's map."""
         looks = [] if self._memory is None else self._memory.looks

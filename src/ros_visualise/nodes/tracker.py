@@ -62,8 +62,8 @@ class TrackerParams:
     )
     low_score: float = param(
         0.1,
-        "minimum score for a detection to continue a track; set the detector's own minimum score"
-        " just as low",
+        "minimum score for a detection to continue a track; the detector's own minimum score should"
+        " not be higher",
         min=0,
         max=1,
     )

@@ -326,8 +326,8 @@ def _check_path(graph: Graph) -> None:
             continue
         if node.params.tf_parent or node.params.tf_child:
             raise UsageError(
-                f"{node.name}: no tf; leave tf_parent and tf_child empty, or, to follow two frames"
-                " of a recording, give --odom /tf:PARENT.CHILD"
+                f"{node.name}: no tf; leave tf_parent and tf_child empty, or, to follow one frame"
+                " of a recording in another, give --odom /tf:PARENT.CHILD"
             )
 
 

@@ -67,7 +67,7 @@ def read_offsets(texts: Sequence[str], joined: JoinedRecording) -> list[float]:
         found = _align(joined, number, text)
         offsets[number] = found.offset_s
         print_status(
-            f"ros-visualise: {joined.paths[number].name}: moved by {found.offset_s:.3f} s"
+            f"ros-visualise: {joined.paths[number].name}: shifted by {found.offset_s:.3f} s"
             f" +- {found.sigma_s:.3f} s, the offset that best explains the motion in the video"
             f" ({100 * found.explained:.0f} % of it)"
         )

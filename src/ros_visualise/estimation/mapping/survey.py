@@ -82,7 +82,7 @@ def _each(values: dict[str, Any], name: str) -> Iterator[tuple[str, dict[str, An
 def _tag(one: dict[str, Any], where: str) -> tuple[str, TagPrior]:
     name = one.get("name")
     if not isinstance(name, str):
-        raise ValueError(f"{where}: tag name missing (for example tag36h11_3)")
+        raise ValueError(f"{where}: tag name missing; give one, such as tag36h11_3")
     pose = one.get("pose", one)
     if not isinstance(pose, dict):
         raise ValueError(f"{where}: pose: give a position and an orientation")

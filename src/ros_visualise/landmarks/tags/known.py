@@ -215,7 +215,7 @@ def _fields(
         raise _Invalid(f"{where}: give a mapping with keys from {', '.join(every)}")
     for key in values:
         if key not in every:
-            raise _Invalid(f"{where}: no key {key!r}; choose from {', '.join(every)}")
+            raise _Invalid(f"{where}: unknown key {key!r}; choose from {', '.join(every)}")
     for key in needed:
         if key not in values:
             raise _Invalid(f"{where}: missing {key}")

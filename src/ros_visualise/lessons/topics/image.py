@@ -118,7 +118,7 @@ class ResolutionParams:
     """Reduction of the resolution."""
 
     factor: int = param(
-        8, "side of the blocks that become one pixel, pixels", min=1, max=64, slider=(1, 32)
+        8, "side of each block that becomes one pixel, in pixels", min=1, max=64, slider=(1, 32)
     )
 
 

@@ -34,7 +34,7 @@ class BarometerParams:
     baro_rate: float = _barometer(25.0, "measurements per second", min=1, max=200)
     baro_noise: float = _barometer(1.5, "noise (standard deviation), Pa", min=0, max=1000)
     baro_drift: float = _barometer(
-        8.0, "slowly varying error, such as from weather (standard deviation), Pa", min=0, max=1000
+        8.0, "slowly varying error caused by weather (standard deviation), Pa", min=0, max=1000
     )
     baro_drift_time: float = _barometer(
         300.0, "time constant of the varying error, seconds", min=0.1, max=1e5
