@@ -342,7 +342,7 @@ def test_optional_tools_are_optional(name):
         ("path", set()),
         ("robot", {"goal"}),
         ("landmarks", {"goal"}),
-        ("navigation", {"goal", "navigation/path"}),
+        ("navigation", {"goal", "initialpose", "navigation/path"}),
     ],
 )
 def test_rviz_shows_topics_of_the_graph(config, outside):

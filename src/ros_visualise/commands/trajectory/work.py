@@ -70,12 +70,12 @@ def _check(options: TrajectoryOptions) -> None:
         raise UsageError(
             f"{options.output}: can store only one trajectory; choose one, or omit OUT"
         )
+    check_new((options.output, options.plot), options.overwrite, *files_read(options))
     if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
             f"{options.plot}: plots are PNG, SVG or PDF files; give a name that ends in {kinds}"
         )
-    check_new((options.output, options.plot), options.overwrite, *files_read(options))
 
 
 def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
