@@ -118,6 +118,12 @@ def test_what_relocalizes_a_robot_depends_on_the_tags_of_its_map(tmp_path, count
     assert run.says(f"lost: the odometry jumped; {needed} needed to relocalize")
 
 
+def test_without_tags_an_initial_pose_relocalizes():
+    way = along((0, 0, 0), (6, 0, 0), speed=0.5)
+    run = drive(World(way, {}, slides=[(3, 3.05, (100, 0, 0))]).events(4), params())
+    assert run.says(r"jumped; an initial pose \(topic initialpose\) is needed to relocalize")
+
+
 @pytest.mark.parametrize("there", ["one tag", "two tags"])
 def test_a_robot_that_was_moved_is_not_falsely_certain(there, tmp_path):
     """From 2 s after the first sight that contradicts it."""

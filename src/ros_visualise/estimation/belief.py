@@ -34,7 +34,8 @@ class Note(NamedTuple):
 
 def lost(why: str, tags: int) -> str:
     """Why the robot is lost, and which of the map's tags relocalize it."""
-    needed = "two different map tags are" if tags > 1 else "the only tag of the map is"
+    needed = "the only tag of the map is" if tags else "an initial pose (topic initialpose) is"
+    needed = "two different map tags are" if tags > 1 else needed
     return f"lost: {why}; {needed} needed to relocalize"
 
 
