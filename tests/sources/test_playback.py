@@ -455,7 +455,7 @@ def test_a_message_shown_while_paused_has_the_processor_for_itself(monkeypatch) 
             shown.append(number)
 
     playback.pause()
-    running = threading.Thread(target=run)
+    running = threading.Thread(target=run, daemon=True)
     running.start()
     wait_for(lambda: shown == [2])
     playback.seek(1)
