@@ -15,12 +15,17 @@ WAY = along((3, -2, 0), (23, -2, 0), speed=1.0)
 TAGS = tags_on_ground([(x, -2, -5) for x in (11, 12.5, 14)], side=0.6)
 
 
+def frozen(tmp_path, tags, **values):
+    """Parameters with a map."""
+    path = tmp_path / "map.yaml"
+    path.write_text(map_text(tags, np.diag([0.02**2] * 3 + [0.01**2] * 3)))
+    return params(mode=MapMode.FROZEN, map=str(path), **values)
+
+
 @pytest.fixture
 def known(tmp_path):
     """Parameters with a map whose tags the robot sees after some 6 s."""
-    path = tmp_path / "map.yaml"
-    path.write_text(map_text(TAGS, np.diag([0.02**2] * 3 + [0.01**2] * 3)))
-    return lambda **values: params(mode=MapMode.FROZEN, map=str(path), **values)
+    return lambda **values: frozen(tmp_path, TAGS, **values)
 
 
 def stated(x, y, z=0.0, yaw=0.0, covariance=RVIZ, at_s=1.0, frame="map", quat=None):
@@ -88,6 +93,19 @@ def test_a_pose_without_a_covariance_is_as_uncertain_as_by_hand(known):
 def test_a_pose_that_is_vague_beyond_all_numbers_is_corrected_by_tags(known, variance):
     run = drive(events(9, stated(3.5, -2, covariance=variance * np.eye(6))), known())
     assert run.off(World(WAY, TAGS), 8).max() < 0.1
+    assert not run.says("contradict")
+
+
+def test_a_vague_attitude_far_from_the_origin_is_corrected_by_tags(tmp_path):
+    def way(t):
+        return WAY(t)._replace(p=np.add(WAY(t).p, (1000, 1000, 0)))
+
+    tags = tags_on_ground([(1000 + x, 998, -5) for x in (11, 12.5, 14)], side=0.6)
+    world, vague = World(way, tags), np.diag([0.25, 0.25, *[1e9] * 4])
+    one = stated(1003.5, 998, covariance=vague)
+    several = sorted([*world.events(9), one], key=lambda one: one[:2])
+    run = drive(several, frozen(tmp_path, tags))
+    assert run.off(world, 8).max() < 0.1
     assert not run.says("contradict")
 
 

@@ -23,7 +23,7 @@ _SIGMAS = np.array([0.5, 0.5, 2.0, 0.0, 0.0, math.radians(15)])
 frame.
 """
 _LARGEST = 1e6  # m
-_VAGUEST = 1e6  # variance, m^2 and rad^2; larger ones count as this
+_VAGUEST = np.repeat([1e6, math.pi**2], 3)  # variances, m^2 and rad^2; larger ones count as these
 
 
 class InitialPose(NamedTuple):
