@@ -138,7 +138,7 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
         from the truth by {difference[valid].mean() if valid.any() else 0.0:.2f} levels on average,
         because it was interpolated twice.
         """
-    return show(image, back, text)  # fmt: skip
+    return show(image, back, text)
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
         about 1 / (2σ√π) if σ is not small. But edges are averaged too, and become soft.
         {_result(work, smoothed)}
         """
-    return show(image, _beside(work, smoothed), text)  # fmt: skip
+    return show(image, _beside(work, smoothed), text)
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
         Straight edges stay where they are; corners are rounded, and thin lines vanish.
         {_result(work, smoothed)}
         """
-    return show(image, _beside(work, smoothed), text)  # fmt: skip
+    return show(image, _beside(work, smoothed), text)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
         Pixels on the other side of an edge are not similar, so edges stay sharp. Salt and pepper
         stays too: nothing near it is similar. {_result(work, smoothed)}
         """
-    return show(image, _beside(work, smoothed), text)  # fmt: skip
+    return show(image, _beside(work, smoothed), text)
 
 
 LESSON = Lesson(

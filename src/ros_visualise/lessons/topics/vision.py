@@ -105,7 +105,7 @@ def activations(image: Image, params: object) -> dict[str, Message]:
         responds at {100 * active.min():.1f} %, fewer than any other;
         {np.count_nonzero(active == 0)} of {len(active)} kernels respond nowhere.
         """
-    return show(image, picture_grid(shown, 4), text)  # fmt: skip
+    return show(image, picture_grid(shown, 4), text)
 
 
 @node("sobel", inputs=TAKES, outputs=GIVES)
