@@ -145,7 +145,7 @@ def test_without_a_target_it_searches_and_then_lands_where_it_is(ends):
     assert flyer.at[2] > 8
     assert flyer.fly(60, lambda: flyer.modes[-1] == "precision land, disarmed")
     station.catch_up()
-    assert {"landing target: frame 12 unsupported", "Landing target not found, landing here"} <= {
+    assert {"landing target: frame 12 unsupported", "Landing target not found; landing here"} <= {
         *station.texts()
     }
 

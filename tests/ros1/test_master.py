@@ -79,7 +79,7 @@ def graph(ros_master, tmp_path, recordings):
 def test_nodes_outlive_their_master_and_are_found_by_the_next(graph):
     graph.kill_master()
     for name in STARTED:
-        wait_for(lambda name=name: "will register again" in graph.said(name), name)
+        wait_for(lambda name=name: "register again when" in graph.said(name), name)
     graph.start_master()
     wait_for(graph.is_whole, "the nodes")
     assert "frame_id" in graph.call("rostopic", "echo", "-n", "1", "--noarr", "/edges")

@@ -123,7 +123,7 @@ def test_drops_are_said_at_once_and_then_now_and_then(caplog: pytest.LogCaptureF
     for number in range(64, 300):
         one.put("/a", packet(number, 1))
         clock.now_s += 0.125
-    said = "r.mcap: {} dropped so far: writing is too slow"
+    said = "r.mcap: {} dropped so far, as writing is too slow"
     counts = ("1 message", "81 messages", "161 messages")
     assert caplog.messages == [said.format(count) for count in counts]
     assert one.dropped == 236

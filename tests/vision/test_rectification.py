@@ -142,7 +142,7 @@ def test_what_nobody_can_undo_is_refused(model, D, expected):
 
 def test_types_that_opencv_cannot_rectify_are_refused():
     info = CameraInfo(*SIZE[::-1], K, np.array(MODELS["plumb_bob"]))
-    with pytest.raises(UnsupportedImage, match="images of int32 cannot be rectified"):
+    with pytest.raises(UnsupportedImage, match="images of type int32 cannot be rectified"):
         rectify(np.ones(SIZE[::-1], np.int32), model_of(info, -1), Interpolation.LINEAR)
 
 

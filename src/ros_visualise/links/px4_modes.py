@@ -285,7 +285,7 @@ class Px4Modes:
         if now.time_s - state.since_s > p["PLD_SRCH_TOUT"]:
             state.searches, state.since_s = state.searches + 1, math.inf
             if state.searches >= p["PLD_MAX_SRCH"]:
-                self._say("Landing target not found, landing here")
+                self._say("Landing target not found; landing here")
                 state.sinks = True
         return self._follow(now, self._goal)
 

@@ -54,7 +54,7 @@ class LandingTargetParams:
         max=200,
     )
     timeout: float = param(
-        1.0, "time after which an unseen target is lost, seconds", min=0.05, max=60
+        1.0, "time after which an unseen target counts as lost, seconds", min=0.05, max=60
     )
     autopilot: Autopilot = param(
         Autopilot.NONE,

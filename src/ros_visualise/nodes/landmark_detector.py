@@ -88,7 +88,7 @@ class LandmarkParams:
     )
     input_size: int = param(
         0,
-        "longer side of the network's input, pixels, if the network's file does not fix it; 0: the"
+        "longer side of the network's input, pixels, for networks that take any size; 0: the"
         " file's default, or 640",
         min=0,
         max=4096,

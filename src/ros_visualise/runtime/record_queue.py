@@ -146,7 +146,7 @@ class ArrivalQueue:
         if self._clock() - self._logged_s >= _LOG_AGAIN_S:
             self._logged_s = self._clock()
             count = counted(self.dropped, "message")
-            log.warning("%s: %s dropped so far: writing is too slow", self._name, count)
+            log.warning("%s: %s dropped so far, as writing is too slow", self._name, count)
 
 
 class OrderedQueue(ArrivalQueue):

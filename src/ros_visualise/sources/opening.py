@@ -151,7 +151,7 @@ def _origin_ns(path: Path) -> int | None:
 
 def _neither(path: Path) -> OpenError:
     what = f"neither a recording ({kinds()}) nor a video that FFmpeg can read"
-    return _unknown_file(path, what, "check the path, or copy it again")
+    return _unknown_file(path, what, "check the path, or copy the file again")
 
 
 def _unknown_file(path: Path, what: str, hint: str) -> OpenError:

@@ -89,7 +89,7 @@ def rectify(pixels: Pixels, model: Model, interpolation: Interpolation) -> Pixel
         UnsupportedImage: OpenCV cannot do that with pixels of this type.
     """
     if pixels.dtype.name not in _DEPTHS:
-        raise UnsupportedImage(f"images of {pixels.dtype} cannot be rectified")
+        raise UnsupportedImage(f"images of type {pixels.dtype} cannot be rectified")
     if model.is_ideal:
         return pixels
     numbers = [array.astype(np.float64).tobytes() for array in model[1:5]]

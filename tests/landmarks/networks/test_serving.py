@@ -204,9 +204,9 @@ def test_a_detector_asks_the_server_only_for_networks_on_a_gpu(server, monkeypat
 def test_a_lost_server_is_a_reason(monkeypatch, tmp_path):
     monkeypatch.setattr("ros_visualise.landmarks.networks.remote._PATIENCE_S", 0.2)
     reasons = []
-    with pytest.raises(OpenError, match="cannot connect to the process that runs networks"):
+    with pytest.raises(OpenError, match="cannot connect to the process that runs the networks"):
         RemoteSession("n.onnx", ServerAddress(str(tmp_path / "none"), b"key"), reasons.append)
-    assert reasons == ["cannot connect to the process that runs networks"]
+    assert reasons == ["cannot connect to the process that runs the networks"]
 
 
 @pytest.mark.parametrize(

@@ -144,7 +144,7 @@ def test_what_can_be_given_is_said(tmp_path, capsys, command):
     assert main([command, str(path), *[str(tmp_path / "r.mcap")] * (command == "convert")]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"ros-visualise: {path}: neither a recording (.bag, .mcap, ")
-    assert said.endswith(" nor a video that FFmpeg can read; check the path, or copy it again\n")
+    assert said.endswith(" a video that FFmpeg can read; check the path, or copy the file again\n")
 
 
 @pytest.mark.parametrize(

@@ -238,7 +238,7 @@ class GpsModel(Sensor):
         shifts = _LIKELIER * metres2 * np.diag([1.0, 1, 1, 0])
         if belief.tags_ns > belief.refusals[self.name].since_ns:
             if belief.map.rules.mode is not MapMode.BUILD and params.origin:
-                return "the landmarks confirm the estimate; is gps_origin right?"
+                return "the landmarks confirm the estimate; check gps_origin"
             belief.state.inflate(DATUM, shifts)
             return "the map's position on the Earth is now uncertain"
         shifts[3, 3] = _ASTRAY_RAD**2

@@ -153,7 +153,7 @@ class RemoteSession:
                 return Client(server.path, "AF_UNIX", server.key)
             except (OSError, EOFError):
                 if time.monotonic() > end_s:
-                    self._fail("cannot connect to the process that runs networks")
+                    self._fail("cannot connect to the process that runs the networks")
                 time.sleep(_AGAIN_S)
 
     def _fail(self, reason: str) -> NoReturn:

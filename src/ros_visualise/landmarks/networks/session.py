@@ -151,7 +151,7 @@ class OnnxSession:
         if not _is_supported(provider):
             raise OpenError(
                 f"provider={provider.value}: the installed onnxruntime does not support it;"
-                " pip install 'onnxruntime-gpu[cuda,cudnn]' in its place, or set provider=cpu"
+                " replace it (pip install 'onnxruntime-gpu[cuda,cudnn]'), or set provider=cpu"
             )
         return _provider_name(provider)
 

@@ -111,4 +111,4 @@ def _return_to_where_it_was_typed() -> None:
 
 
 def _go_on_without_master() -> None:
-    _log.warning("lost the ROS master; continuing; will register again when it is back")
+    _log.warning("lost the ROS master; will continue without it and register again when it is back")

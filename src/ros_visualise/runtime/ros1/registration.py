@@ -149,7 +149,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             self._register(*one)
         for name, value in list(_params.items()):
             rospy.set_param(name, value)
-        log.warning("registered again with the ROS master, which is back")
+        log.warning("the ROS master is back; registered with it again")
 
     def _register(self, name: str, kind: str, direction: str) -> None:
         own = self._manager.uri

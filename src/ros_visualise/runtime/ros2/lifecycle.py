@@ -88,6 +88,6 @@ class Lifecycle(LifecycleNodeMixin):  # type: ignore[misc]
         except rclpy_implementation.RCLError:
             _, state = self._state_machine.current_state
             asked = request.transition.label or request.transition.id
-            log.warning("no transition %s in the state %s", asked, state)
+            log.warning("no transition %s from the state %s", asked, state)
             response.success = False
             return response

@@ -223,5 +223,5 @@ def _check_end(
         return
     what = f"readable up to byte {position} of {size}"
     if needed > size:
-        what = f"it has {size} of at least {needed} bytes"
+        what = f"it has only {size} of at least {needed} bytes"
     loss.add(f"its end is missing: cut off, or never closed by its recorder; {what}")

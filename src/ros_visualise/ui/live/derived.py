@@ -127,7 +127,7 @@ class Expression:
             self._root = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise BadExpression(
-                'malformed expression; curves are in quotes: "/odom:x" * 2'
+                'malformed expression; put curves in quotes: "/odom:x" * 2'
             ) from None
         self.names: list[str] = []
         self._check(self._root, 0)

@@ -91,7 +91,7 @@ export default {
         </select>
       </div>
       <p v-if="only" class="rv-note">Only {{ only.join(", ") }} <button @click="show(null)">Show all</button></p>
-      <p v-if="!shown.length" class="rv-note">{{ words ? "No parameter matches." : "No node has parameters." }}</p>
+      <p v-if="!shown.length" class="rv-note">{{ words ? "No parameter matches." : "There are no nodes with parameters." }}</p>
       <details v-for="node in shown" :key="node.node" :open="isOpen(node.node)" @toggle="toggled(node.node, $event)">
         <summary :title="node.help">{{ node.node }}
           <button v-if="!readOnly && isChanged(node)" class="rv-reset" :title="'Reset all parameters of ' + node.node" :aria-label="'Reset ' + node.node" @click.prevent="store.reset(node.node)">↺</button>
