@@ -101,6 +101,19 @@ def test_curves_are_found_derived_undone_and_kept(plot, runtime):
     wait_in(tab, lambda: tab.locator(".rv-curve").count() == 2)
 
 
+def test_fields_that_load_slowly_are_shown_too(plot):
+    tab = plot()
+
+    def delay(route):
+        tab.wait_for_timeout(500)
+        route.continue_()
+
+    tab.route("**/field_list.js*", delay)
+    tab.get_by_role("button", name="Add curves").click()
+    tab.get_by_label("Find a field").fill("position y", timeout=20_000)
+    tab.get_by_role("treeitem", name="pose.pose.position.y").wait_for(timeout=60_000)
+
+
 def test_a_click_seeks_a_drag_zooms_and_a_double_click_fits(plot, runtime):
     tab = plot(panes=[{"curves": [X]}, {"curves": [Y]}])
     wait_in(tab, lambda: value(tab, Y) == "0")

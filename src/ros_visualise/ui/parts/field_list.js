@@ -24,7 +24,7 @@ export default {
       </div>
     </div>`,
   props: { topics: Object, fields: Object, chosen: Array, start: String },
-  emits: ["want", "choose"],
+  emits: ["want", "choose", "ready"],
   data() {
     return { words: this.start ?? "", opened: {} };
   },
@@ -58,6 +58,7 @@ export default {
     words() { this.$emit("want"); },
   },
   mounted() {
+    this.$emit("ready");
     this.focus();
   },
   methods: {

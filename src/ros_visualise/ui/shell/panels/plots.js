@@ -58,7 +58,7 @@ export default {
     <div class="rv-plots" @dragover.prevent @drop.prevent="drop($event)">
       <div class="rv-tools" role="toolbar" aria-label="Plot">
         <q-btn flat dense icon="add" aria-label="Add curves" title="Add curves">
-          <q-menu v-model="isAdding" no-focus :transition-duration="0" @show="$refs.list?.focus()"><field-list ref="list" :topics="topics" :fields="fields" :chosen="names" :start="sought" @want="want" @choose="toggle" /></q-menu>
+          <q-menu ref="menu" v-model="isAdding" no-focus :transition-duration="0" @show="$refs.list?.focus()"><field-list ref="list" @ready="$refs.menu.updatePosition()" :topics="topics" :fields="fields" :chosen="names" :start="sought" @want="want" @choose="toggle" /></q-menu>
         </q-btn>
         <q-btn flat dense icon="functions" aria-label="Add an expression" title="Add a curve computed from others" @click="edit(null)" />
         <q-btn flat dense icon="horizontal_split" aria-label="Add a pane" title="Add a pane" @click="change(() => panes.push(paneOf()))" />
