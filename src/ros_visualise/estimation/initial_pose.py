@@ -115,5 +115,4 @@ def _yaw(R: Floats) -> float:
 
 
 def _about_z(angle: float) -> Floats:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return rotations.to_matrix(rotations.from_rpy([0, 0, angle]))

@@ -13,7 +13,7 @@ with the flow ``u``, its part ``w`` by jumps, and an unknown ``j``: 0 in the fir
 
 Without ``j``, jumps of 0.2 degrees (the simulator's profile `hard`, with a readout of 30 ms)
 stretch each image by an amount that is correlated with its rotation. A correct focal length was
-estimated 3 to 4% too long then, 5 standard deviations off, and the readout was 24 to 27 ms.
+estimated 2 to 4% too long then, 5 standard deviations off, and the readout was 24 to 27 ms.
 
 *The jump* of an image is the rotation that fits best to what the points of the state show, before
 they correct it.

@@ -109,7 +109,7 @@ class Driving:
         if self._held is None:
             return
         if self._clock() - self._held.heard_s > _LAPSE_S:
-            log.warning("Stopped: no contact with the browser for %g s. Press again.", _LAPSE_S)
+            log.warning("Stopped: lost contact with the browser for %g s. Press again.", _LAPSE_S)
             self.stop()
             return
         self._publish(self._held.velocity)
