@@ -219,6 +219,59 @@ def test_position_is_the_target_at_once(clock: FakeClock) -> None:
     assert (playback.state.position_s, playback.time_ns()) == (0.6, 600_000_000)
 
 
+class Spied(Frames):
+    """Notes the place of a playback whenever it is about to give a message."""
+
+    def __init__(self, times_s: list[float], playback: Playback) -> None:
+        super().__init__(times_s)
+        self.playback = playback
+        self.places: list[tuple[float, float]] = []
+        self.once_read: Callable[[], None] = lambda: None
+
+    def read(self, start_ns: int) -> Generator[tuple[int, int], None, None]:
+        for item in super().read(start_ns):
+            self.places.append((self.playback.state.position_s, self.playback.time_ns() / S))
+            self.once_read()
+            yield item
+
+
+def test_the_position_is_the_target_while_its_message_is_read(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    frames = Spied([0, 0.1, 0.2, 0.3], playback)
+    run = playback.run(frames)
+    next(run)
+    playback.pause()
+    playback.seek(0.3)
+    next(run)
+    assert frames.places[1:] == [(0.3, 0.3)]
+    assert (playback.state.position_s, playback.time_ns()) == (0.3, 3 * S // 10)
+
+
+def test_a_step_back_while_another_is_read_goes_on_from_that_one(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    frames = Spied([0, 0.1, 0.2, 0.3], playback)
+    run = playback.run(frames)
+    next(run)
+    playback.seek(0.3)
+    assert next(run)[1] == 3
+    playback.step(-1)
+    again = iter([lambda: None, lambda: playback.step(-1)])  # a step reads the one before it first
+    frames.once_read = lambda: next(again, lambda: None)()
+    assert next(run)[1] == 1
+
+
+def test_a_restart_while_a_sought_message_is_read_goes_there(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    frames = Spied([0, 0.1, 0.2, 0.3], playback)
+    run = playback.run(frames)
+    next(run)
+    playback.seek(0.2)
+    frames.once_read = playback.restart
+    assert list(run) == []
+    assert playback.take_restart()
+    assert next(playback.run(Frames([0, 0.1, 0.2, 0.3])))[1] == 2
+
+
 def test_a_change_of_rate_takes_effect_within_a_wait(clock: FakeClock) -> None:
     playback = Playback(clock=clock)
     clock.at(0.5, lambda: playback.set_rate(2))

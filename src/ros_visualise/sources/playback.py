@@ -139,6 +139,7 @@ class Playback:
         self._length_ns: int | None = None  # as the source declares it, until its end is seen
         self._period_ns = 0
         self._position_ns = round(start_s * 1e9)
+        self._heading_ns: int | None = None  # where it goes, until the first message there
         self.recorded: RecordedTime | None = None
         self.sources: tuple[PlayedSource, ...] = ()
         self.step_topics: tuple[str, ...] = ()
@@ -151,7 +152,7 @@ class Playback:
     def state(self) -> PlaybackState:
         """Present state."""
         with self._changed:
-            target_ns, line = self._requests.target_ns, self._line
+            target_ns, line = self._target_ns, self._line
             return PlaybackState(
                 (self._position_ns if target_ns is None else target_ns) / 1e9,
                 None if self._length_ns is None else self._length_ns / 1e9,
@@ -161,6 +162,17 @@ class Playback:
                 self._loop,
                 self._part.span_s,
             )
+
+    @property
+    def _target_ns(self) -> int | None:
+        """The time that was sought; None once a message has been shown there."""
+        requested_ns = self._requests.target_ns
+        return self._heading_ns if requested_ns is None else requested_ns
+
+    @property
+    def _place_ns(self) -> int:
+        """Where it is, or goes once what was requested is carried out."""
+        return self._position_ns if self._heading_ns is None else self._heading_ns
 
     @property
     def lead_s(self) -> float:
@@ -200,8 +212,8 @@ class Playback:
         From a request to seek until its first message, the requested time.
         """
         with self._changed:
-            if self._requests.target_ns is not None:
-                return self._requests.target_ns
+            if self._target_ns is not None:
+                return self._target_ns
             return self._position_ns + self._line.reached_ns - self._line.last_ns
 
     def stamp_ns(self) -> int:
@@ -344,7 +356,7 @@ class Playback:
         with self._changed:
             self._line.begin()
             self._length_ns, self._line.is_fresh = recording.duration_ns, True
-            return None if self.closed else self._position_ns
+            return None if self.closed else self._place_ns
 
     def _play_from(
         self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
@@ -382,7 +394,7 @@ class Playback:
             if gap_ns and time_ns > self._position_ns:
                 self._period_ns = gap_ns
             self._quota.use(gap_ns, is_frame)
-            self._position_ns = time_ns
+            self._position_ns, self._heading_ns = time_ns, None
             self._passed_ns = self._clock.monotonic_ns()
             return True
 
@@ -410,6 +422,7 @@ class Playback:
         """The time to read from next; None to end."""
         with self._changed:
             if at_end and not self._requests.lead_away:  # else it may only be outdated
+                self._heading_ns = None
                 if self._part.next_ns is None:
                     self._correct_length()
                 self._wait_at_end()
@@ -420,8 +433,11 @@ class Playback:
                 return self._begin_loop()
             self._line.is_fresh = True
             self.epoch += 1
-            position_ns, frames_back = self._requests.take_place(self._position_ns)
+            position_ns, frames_back = self._requests.take_place(self._place_ns)
+            self._heading_ns = position_ns
         start_ns = _time_before(recording, position_ns, frames_back)
+        with self._changed:
+            self._heading_ns = start_ns
         self._part.enter(start_ns)
         return start_ns
 
