@@ -19,11 +19,11 @@ from ros_visualise.running.network import join
 from ros_visualise.running.options import NetworkOptions
 
 PLAYED = "demo", "landscape", "--view", "none"
-LIMIT_S = 30  # which is no more than a bound on hanging
+LIMIT_S = 90  # which is no more than a bound on hanging
 
 FETCH = """
 import sys, time, urllib.request
-for _ in range(100):
+for _ in range(300):
     try:
         print(urllib.request.urlopen("http://127.0.0.1:8080/", timeout=5).status)
         break
