@@ -457,6 +457,50 @@ def test_steps_back_count_from_where_one_goes(clock: FakeClock) -> None:
     assert shown == [0, 2, 0]
 
 
+@pytest.mark.parametrize(
+    ("requests", "shown"),
+    [
+        (lambda p: (p.seek(0.5), p.step()), [5, 6]),
+        (lambda p: (p.seek(0.5), p.step(), p.step()), [5, 6, 7]),
+        (lambda p: (p.seek(0.57), p.step(-1)), [4]),
+        (lambda p: (p.seek(0.57), p.step(-1), p.step()), [4, 5]),
+        (lambda p: (p.step(3), p.step(-1)), [4, 5]),
+        (lambda p: (p.step(), p.step(-2)), [2]),
+        (lambda p: (p.seek(0.5), p.set_part(0.4, 0.5)), [5]),
+        (lambda p: (p.seek(0.8), p.set_part(0.1, 0.5)), [1]),
+        (lambda p: (p.set_part(0.6), p.step()), [6, 7]),
+    ],
+)
+def test_requests_before_a_message_is_shown_act_as_if_it_had_been(clock, requests, shown):
+    playback = Playback(start_s=0.3, clock=clock)
+    playback.pause()
+    clock.at(1, lambda: requests(playback))
+    clock.at(2, playback.close)
+    assert [i for _, i in play(playback, regular(10), clock)] == [3, *shown]
+
+
+def held_at_its_end(clock: FakeClock, request: Callable[[Playback], object]) -> list[int]:
+    """What passes once a request is made at the end of three messages."""
+    playback = Playback(hold=True, clock=clock)
+    clock.at(1, lambda: request(playback))
+    clock.at(2, playback.close)
+    return [i for _, i in play(playback, regular(3), clock)][3:]
+
+
+def test_a_range_chosen_at_the_held_end_shows_its_start_and_does_not_play_on(clock):
+    assert held_at_its_end(clock, lambda playback: playback.set_part(0.0, 0.1)) == [0]
+
+
+def test_a_second_toggle_at_the_held_end_pauses_again(clock):
+    def toggle_twice(playback: Playback) -> None:
+        playback.toggle()
+        assert (playback.state.playing, playback.state.ended) == (True, False)
+        playback.toggle()
+        assert not playback.state.playing
+
+    assert held_at_its_end(clock, toggle_twice) == [0]
+
+
 def test_live_stamps_are_the_times_at_which_messages_pass():
     clock = FakeClock()
     playback = Playback(live_stamps=True, loop=True, frames=60, clock=clock)

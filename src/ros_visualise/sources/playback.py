@@ -156,12 +156,18 @@ class Playback:
             return PlaybackState(
                 (self._position_ns if target_ns is None else target_ns) / 1e9,
                 None if self._length_ns is None else self._length_ns / 1e9,
-                line.running and not self._ended,
-                self._ended,
+                line.running and not self._is_over,
+                self._is_over,
                 line.rate,
                 self._loop,
                 self._part.span_s,
             )
+
+    @property
+    def _is_over(self) -> bool:
+        """True at the end, unless something is requested that is not carried out yet."""
+        goes_on = self.holds and not (self._done or self.closed) and self._wants_more()
+        return self._ended and not goes_on
 
     @property
     def _target_ns(self) -> int | None:
@@ -237,7 +243,7 @@ class Playback:
         """Go on; at the end, start again."""
         with self._changing():
             self._line.change(running=True)
-            self._requests.steps, self._requests.start_over = 0, self._ended
+            self._requests.steps, self._requests.start_over = 0, self._is_over
 
     def pause(self) -> None:
         """Stop at the present message."""
@@ -258,7 +264,7 @@ class Playback:
     def seek(self, time_s: float) -> None:
         """Go to a time since the start; paused or at the end, it shows that message and waits."""
         with self._changing():
-            if self._ended and not self._wants_more():
+            if self._is_over:
                 self._line.change(running=False)
             end_ns = math.inf if self._length_ns is None else self._length_ns
             target_ns = int(max(0, min(round(time_s * 1e9), end_ns)))
@@ -290,8 +296,9 @@ class Playback:
         with self._changing():
             end_ns = None if end_s is None else round(end_s * 1e9)
             self._part.set(round(begin_s * 1e9), end_ns)
-            if not self._part.has(self._position_ns):
-                self._requests.seek(self._part.begin_ns)
+            target_ns = self._target_ns
+            if not self._part.has(self._position_ns if target_ns is None else target_ns):
+                self.seek(begin_s)
 
     def restart(self) -> None:
         """End the present run, as the source is to be opened anew; see `take_restart`."""
@@ -390,7 +397,8 @@ class Playback:
                 return False
             self._line.open_ns = place_ns if is_first and not is_frame else None
             self._part.passed(time_ns)
-            self._requests.steps = max(0, self._requests.steps - is_frame)
+            if is_frame and not (is_first and self.epoch):  # not what was sought
+                self._requests.steps = max(0, self._requests.steps - 1)
             if gap_ns and time_ns > self._position_ns:
                 self._period_ns = gap_ns
             self._quota.use(gap_ns, is_frame)
@@ -435,7 +443,10 @@ class Playback:
             self.epoch += 1
             position_ns, frames_back = self._requests.take_place(self._place_ns)
             self._heading_ns = position_ns
-        start_ns = _time_before(recording, position_ns, frames_back)
+        start_ns = position_ns
+        if frames_back and position_ns != self._position_ns:  # no message may have this time
+            start_ns = _time_at(recording, position_ns)
+        start_ns = _time_before(recording, start_ns, frames_back)
         with self._changed:
             self._heading_ns = start_ns
         self._part.enter(start_ns)
@@ -487,10 +498,9 @@ class _Requests:
         return self.reopen or self.target_ns is not None or self._steps_back > 0
 
     def step(self, frames: int) -> None:
-        if frames >= 0:
-            self.steps += frames
-        else:
-            self.steps, self._steps_back = 0, self._steps_back - frames
+        """Show so many messages more; back, those are not shown that still wait."""
+        steps = self.steps + frames
+        self.steps, self._steps_back = max(steps, 0), self._steps_back + max(-steps, 0)
 
     def seek(self, time_ns: int) -> None:
         """Go to a time; this cancels all steps."""
@@ -533,6 +543,11 @@ def _time_before(source: Playable[object], time_ns: int, items_back: int) -> int
     for _ in range(items_back):
         if time_ns <= 0:
             break
-        with closing(source.read(max(0, time_ns - 1))) as items:
-            time_ns, _ = next(items, (0, None))
+        time_ns = _time_at(source, max(0, time_ns - 1))
     return time_ns
+
+
+def _time_at(source: Playable[object], time_ns: int) -> int:
+    """The time of the item shown at a time."""
+    with closing(source.read(time_ns)) as items:
+        return next(items, (0, None))[0]
