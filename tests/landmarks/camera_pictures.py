@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -266,9 +267,22 @@ def _code(id: int) -> np.ndarray:
 
 def _soft(values: np.ndarray, sigma: float) -> np.ndarray:
     """Blurred by a Gaussian, as its Fourier transform has it; the picture goes round."""
-    rows, columns = (np.fft.fftfreq(n) for n in values.shape)
-    passed = np.exp(-2 * (np.pi * sigma) ** 2 * (rows[:, None] ** 2 + columns**2))
-    return np.fft.irfft2(np.fft.rfft2(values) * passed[:, : values.shape[1] // 2 + 1], values.shape)
+    height, width = values.shape
+    values = np.pad(values, [(0, _fast(n) - n) for n in values.shape], mode="edge")
+    rows, columns = np.fft.fftfreq(len(values)), np.fft.rfftfreq(values.shape[1])
+    down, across = (np.exp(-2 * (np.pi * sigma * one) ** 2) for one in (rows, columns))
+    passed = np.fft.rfft2(values) * down[:, None] * across
+    return np.fft.irfft2(passed, values.shape)[:height, :width]
+
+
+@cache
+def _fast(size: int) -> int:
+    """The next size whose Fourier transform is quick: a product of 2, 3 and 5."""
+    rest = size
+    for prime in (2, 3, 5):
+        while rest % prime == 0:
+            rest //= prime
+    return size if rest == 1 else _fast(size + 1)
 
 
 def _demosaiced(levels: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:

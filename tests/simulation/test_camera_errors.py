@@ -187,8 +187,8 @@ OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 @pytest.mark.usefixtures("opengl")
 def test_the_frame_of_an_ideal_gimbal_is_that_of_the_images():
-    angles = off_tf(CLEAN)
-    assert len(angles) > 30
+    angles = off_tf(CLEAN, seconds=11.0)
+    assert len(angles) > 20
     assert np.median(np.abs(angles), axis=0).max() < 0.25
 
 
@@ -208,7 +208,7 @@ def test_a_misaligned_camera_is_constantly_off_its_frame():
 
 @pytest.mark.usefixtures("opengl")
 def test_a_gimbal_wanders_off_its_frame_and_back():
-    angles = off_tf(replace(CLEAN, gimbal_error=1.5, gimbal_error_time=0.5), seconds=24.0)
+    angles = off_tf(replace(CLEAN, gimbal_error=1.5, gimbal_error_time=0.5))
     assert np.std(angles, axis=0) == pytest.approx(np.full(3, 1.5), rel=0.5)
     assert np.abs(angles.mean(axis=0)).max() < 1.0
 

@@ -7,6 +7,7 @@ import made_bags
 import numpy as np
 import pytest
 from made_bags import BagWriter, chunks, contents, drive, message_counts, pieces, without_index
+from seeds import runs
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.opening import open_recording
@@ -371,7 +372,7 @@ def test_an_encrypted_bag_is_refused(made, reopen):
         reopen(encrypted)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(runs(14, of=40)))
 def test_one_wrong_byte_costs_one_chunk_at_most(made, reopen, seed):
     data, written = made
     random = np.random.default_rng(seed)
@@ -384,7 +385,7 @@ def test_one_wrong_byte_costs_one_chunk_at_most(made, reopen, seed):
     assert sum(found.values()) + recording.loss.messages >= len(written) or recording.loss.bytes
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(runs(20, of=60)))
 def test_any_bytes_may_be_wrong(made, reopen, seed):
     data, _ = made
     random = np.random.default_rng(seed)
