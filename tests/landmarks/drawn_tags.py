@@ -58,10 +58,23 @@ def draw(
     to_fine = FINER * (corners + 0.5) - 0.5  # origins are centres of pixels
     H = cv2.getPerspectiveTransform(np.float32(square * 16 - 0.5), np.float32(to_fine))
     levels = np.kron(np.where(cells, 220, 30).astype(np.uint8), np.ones((16, 16), np.uint8))
-    fine = np.full((FINER * size[1], FINER * size[0]), 128, np.uint8)
+    image = np.full(size[::-1], 128, np.float32)
+    left, top, right, bottom = _around(H, len(levels), size)
+    fine = np.full((FINER * (bottom - top), FINER * (right - left)), 128, np.uint8)
+    moved = np.array([[1, 0, -FINER * left], [0, 1, -FINER * top], [0, 0, 1]]) @ H
     cv2.warpPerspective(
-        levels, H, fine.shape[::-1], fine, cv2.INTER_NEAREST, borderMode=cv2.BORDER_TRANSPARENT
+        levels, moved, fine.shape[::-1], fine, cv2.INTER_NEAREST, borderMode=cv2.BORDER_TRANSPARENT
     )
-    image = cv2.resize(fine, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    drawn = cv2.resize(fine, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+    image[top:bottom, left:right] = drawn
     image = cv2.GaussianBlur(image, (0, 0), blur) + rng.normal(0, noise, image.shape)
     return np.clip(image.round(), 0, 255).astype(np.uint8)
+
+
+def _around(H: np.ndarray, side: int, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the pixels that show anything of what H draws."""
+    ends = np.float32([[[0, 0], [side, 0], [side, side], [0, side]]])
+    shown = cv2.perspectiveTransform(ends, H)[0] / FINER
+    left, top = np.clip(np.floor(shown.min(axis=0)) - 1, 0, np.subtract(size, 1)).astype(int)
+    right, bottom = np.clip(np.ceil(shown.max(axis=0)) + 2, (left + 1, top + 1), size).astype(int)
+    return left, top, right, bottom

@@ -6,6 +6,7 @@ import cv2
 import drawn_tags
 import numpy as np
 import pytest
+from seeds import runs
 
 from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.geometry import rotations
@@ -34,7 +35,7 @@ FISHEYE = CameraInfo(
     np.array([0.02, -0.01, 0.003, -0.001]),
     distortion_model="equidistant",
 )
-SIZE, TAGS, DRAWN = 0.2, 200, 100
+SIZE, TAGS, DRAWN = 0.2, 200, runs(60, of=100)
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * SIZE / 2
 INSIDE = 12.59
 """Of chi squared of 6 numbers 95% are below it."""
@@ -170,8 +171,8 @@ def test_poses_of_detected_tags_are_as_sure_as_they_say(side, tilt, blur, noise)
     R, t = R[there], t[there]
     of_right = nees(right_ones(found.values(), R), R, t)
     # 6, or 4 where what squared deviations are enlarged by for real pictures is too much
-    assert 3.3 < of_right.mean() < 6.7, "95% of means of 100 are within 0.7"
-    assert np.mean(of_right < INSIDE) > 0.88, "0.95; 99.5% of shares of 100 are above 0.88"
+    assert 3.3 < of_right.mean() < 6.7, "95% of means of 60 are within 0.9, of 100 within 0.7"
+    assert np.mean(of_right < INSIDE) > 0.88, "0.95; 98% of shares of 60 are above 0.88"
 
 
 def test_corners_in_a_worse_picture_are_told_to_be_worse():
@@ -209,11 +210,12 @@ def test_what_a_calibration_leaves_unsure_is_part_of_it(info):
         wrong[:2, 2] += rng.normal(0, camera.center_px, 2)
         told = replace(info, K=wrong)
         found.append(square_poses(one, SIZE, told, 0.1, camera))
-        trusting.append(square_poses(one, SIZE, told, 0.1))
+        if len(trusting) < 50:
+            trusting.append(square_poses(one, SIZE, told, 0.1))
     values = nees(right_ones(found, R), R, t)
     assert 5.2 < values.mean() < 6.9
     assert (values < INSIDE).mean() > 0.91
-    assert nees(right_ones(trusting, R), R, t).mean() > 60
+    assert nees(right_ones(trusting, R[:50]), R[:50], t[:50]).mean() > 60
 
 
 def test_a_body_knows_the_calibration_no_better_than_each_of_its_tags():
@@ -239,7 +241,7 @@ def of_camera(errors, sigma_px, count, seed=3):
     return nees(right_ones(found, R[:count]), R[:count], t[:count])
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.3, 0.8])
+@pytest.mark.parametrize("sigma", [0.0, 0.8])
 def test_a_camera_shows_its_errors_in_its_images(sigma):
     """Whatever is expected of it: after 50 images its poses are as far off as they claim."""
     errors = CornerErrors(0.3)

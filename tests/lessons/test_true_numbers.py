@@ -11,7 +11,7 @@ from sentences import drawn_pictures, holds, shown, small, texts_of
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.landmarks.networks.network import Network
-from ros_visualise.landmarks.pose import square_poses
+from ros_visualise.landmarks.pose import square_poses, squares_poses
 from ros_visualise.landmarks.tags import draw_cells, parse_families
 from ros_visualise.lessons.methods.camera import calibrate, camera_matrix
 from ros_visualise.lessons.methods.tags import draw_tag, find_tag
@@ -480,13 +480,10 @@ class TestLandmarks:
             draw_tag(landscape, CameraInfo(height, width, K), 0.16, 1.0, np.radians([15, 10, 0]))
         )
         best = square_poses(seen.corners, 0.16, seen.info, 0.2)[0]
-        random = np.random.default_rng(7)
+        noisy = seen.corners + np.random.default_rng(7).normal(0, 0.2, (400, 4, 2))
         tried = [
-            max(
-                square_poses(seen.corners + random.normal(0, 0.2, (4, 2)), 0.16, seen.info, 0.2),
-                key=lambda one: abs(one.quat_xyzw @ best.quat_xyzw),
-            ).position_xyz
-            for _ in range(400)
+            max(each, key=lambda one: abs(one.quat_xyzw @ best.quat_xyzw)).position_xyz
+            for each in squares_poses(noisy, [0.16] * 400, seen.info, [0.2] * 400)
         ]
         spread = 1000 * np.std(tried, axis=0)
         assert [sideways, along] == pytest.approx([spread[0], spread[2]], rel=0.15)

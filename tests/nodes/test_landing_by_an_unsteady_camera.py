@@ -88,7 +88,7 @@ def follow(error, random, params, pad=lambda t: PLACE):
     return Run(np.array(errors), np.array(nees), np.array(replaced))
 
 
-@pytest.mark.parametrize("rate_deg", [15.0, 25.0, 40.0])
+@pytest.mark.parametrize("rate_deg", [15.0, 40.0])
 def test_a_gimbal_that_lags_is_found_out_and_allowed_for(rate_deg, caplog):
     """Its error goes with the body's rates: 0.75 to 2 degrees at 0.05 s. The estimate may be
     replaced before the error is found out, not after.
@@ -108,7 +108,7 @@ def test_an_error_that_changes_slowly_is_not_averaged_away():
     """As stated, 2 degrees for 5 s, over a pad that stands still, in 200 images."""
     params = LandingTargetParams(attitude_sigma=2.0, attitude_time=5.0, speed=0.0)
     runs = []
-    for seed in range(runs_of(8, of=20)):
+    for seed in range(runs_of(5, of=20)):
         random = np.random.default_rng(seed)
         runs.append(follow(wandering(random), random, params))
     assert not any(run.replaced[-1] for run in runs)
@@ -119,7 +119,7 @@ def test_an_error_that_changes_slowly_is_not_averaged_away():
 def test_a_pad_that_was_moved_is_believed_in_time_though_the_camera_is_unsteady(speed):
     """At 12 s, by 3.2 m; held against the truth from 14 s on."""
     there, runs = PLACE + np.array([3, 1, 0]), []
-    for seed in range(4):
+    for seed in range(runs_of(2, of=4)):
         random, params = np.random.default_rng(seed), LandingTargetParams(speed=speed)
         way = lagging(random)
         runs.append(follow(way, random, params, lambda t: there if t > 12 else PLACE))
@@ -129,7 +129,7 @@ def test_a_pad_that_was_moved_is_believed_in_time_though_the_camera_is_unsteady(
     assert all(run.replaced[-1] > run.replaced[118] for run in runs)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(runs_of(2, of=4)))
 def test_a_steady_camera_is_not_suspected(seed, caplog):
     random = np.random.default_rng(seed)
     with caplog.at_level(logging.WARNING):

@@ -253,17 +253,17 @@ def bytes_held(root):
 
 
 def test_a_long_run_costs_what_a_short_one_does():
-    """What is held and published in 10,000 messages, after 100,000 as after the first 10,000."""
+    """What is held and published in 10,000 messages, after 40,000 as after the first 10,000."""
     params = PathParams(max_poses=200)
     node = Stepped(params)
     held, published = [], []
-    for start in range(0, 100_000, 10_000):
+    for start in range(0, 40_000, 10_000):
         messages = spiral(start, start + 10_000, step_m=0.02)
         paths = [node.step(params, odom=message) for message in messages]
         published.append(sum(path.nbytes for path in paths if path))
         del paths
         held.append(bytes_held(node))
-    assert node.report()["length_m"] == pytest.approx(2000, rel=0.01)
+    assert node.report()["length_m"] == pytest.approx(800, rel=0.01)
     assert max(held) < 60_000
     assert max(published) <= 1000 * 200 * 64  # 5 paths a second, 200 s, 64 bytes a pose
 
