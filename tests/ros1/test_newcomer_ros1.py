@@ -52,11 +52,13 @@ def watch_edges(user: Newcomer, launch: str, hear) -> None:
     assert any(any(image.data) for image in edges.messages)
 
 
+@pytest.mark.timeout(300)
 def test_set_up_as_it_is_written(user, hear):
     set_up(user, SETUP)
     watch_edges(user, LAUNCH, hear)
 
 
+@pytest.mark.timeout(300)
 def test_set_up_without_a_venv(user, hear):
     lines = [line for line in SETUP if not line.startswith(OF_THE_VENV)]
     at = next(number for number, line in enumerate(lines) if line.startswith("source devel"))
