@@ -254,8 +254,12 @@ def _rays_in(camera: Camera, pose: Pose, u: np.ndarray, v: np.ndarray) -> np.nda
 
     The place is from -1 to 1. (3, 3, 3, height, width): power of x, power of y, axis of the ray.
     """
-    nodes = (-0.5, 0, 0.5)
-    near = np.array([[camera.rays(u + i, v + j) @ pose.R for j in nodes] for i in nodes])
+    height, width = u.shape
+    halves = (
+        first + np.arange(-1, 2 * n) / 2 for first, n in ((u[0, 0], width), (v[0, 0], height))
+    )
+    rays = camera.rays(*np.meshgrid(*halves)) @ pose.R  # of the nodes -0.5, 0 and 0.5 in each pixel
+    near = np.array([[rays[j::2, i::2][:height, :width] for j in range(3)] for i in range(3)])
     return np.einsum("ki,lj,ijhwa->klahw", _POWERS, _POWERS, near, optimize=True)
 
 
