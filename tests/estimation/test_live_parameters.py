@@ -199,6 +199,11 @@ def test_a_parameter_changed_in_flight_takes_effect(name, path):
     assert spec.restart, f"{name}={getattr(changed, name)} changes nothing in flight"
 
 
+def test_the_deviations_of_an_empty_start_change_nothing_in_flight():
+    changed = base(start_sigma=2.0, start_yaw_sigma=90.0)
+    assert not differ(flown(base(), changed), by_default())
+
+
 def test_another_map_takes_effect_in_flight(path):
     assert differ(flown(base(), base(map=path, mode="extend")), by_default())
 

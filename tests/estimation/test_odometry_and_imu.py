@@ -1,5 +1,6 @@
 """Laws of odometry and IMU: of two that disagree neither wins silently, and both come back."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -158,3 +159,24 @@ def test_odometry_that_stalls_without_an_imu_may_have_missed_the_way(hz):
     stops = World(braking, tags, odometry=Sensor(hz))
     run = drive(stops.events(8), params(), start=HERE)
     assert last_sigma(run) < 0.6  # a stall would add 1.5 m
+
+
+def trembling(world, until_s, span, sigma_m):
+    """The events of a world whose odometry has noise while it is frozen."""
+    random = np.random.default_rng(0)
+    for event in world.events(until_s):
+        if event.port == "odometry" and span[0] <= event.arrival_s < span[1]:
+            at = event.message.position_xyz + random.normal(0, sigma_m, 3)
+            event = event._replace(message=replace(event.message, position_xyz=at))
+        yield event
+
+
+def test_odometry_that_trembles_where_it_has_stalled_wins_not_silently():
+    """It stands for 3 s, to 2 cm, and the IMU goes on at 3 m/s; nothing else decides."""
+    span = 6, 9
+    sensors = {"odometry": Sensor(50), "imu": Sensor(100, priority=-1)}
+    world = World(along((0, 0, 0), (60, 0, 0)), frozen=[span], **sensors)
+    run = drive(list(trembling(world, 9, span, 0.02)), params(), start=HERE)
+    assert run.says("odometry and IMU disagree")
+    assert run.off(world, 8.5).max() > 5
+    assert run.nees(world, 6).max() < 16

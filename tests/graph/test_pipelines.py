@@ -1,10 +1,11 @@
 import sys
+from dataclasses import replace
 
 import pytest
 
 from ros_visualise.core.errors import OpenError, ParameterError, UsageError
 from ros_visualise.core.synchronizer import Latest
-from ros_visualise.data import Image, Odometry, ParameterEvent
+from ros_visualise.data import Image, Odometry, ParameterEvent, PoseWithCovarianceStamped
 from ros_visualise.graph import place
 from ros_visualise.graph.landmarks import with_known_places, with_tags
 from ros_visualise.graph.pipelines import (
@@ -283,6 +284,27 @@ def test_who_navigates_takes_an_imu_and_gps_where_they_are():
     inputs = navigating("husky").node("landmark_navigator")
     assert inputs.inputs["imu"] == "/imu/data"
     assert inputs.inputs["gps"] == "/fix"
+
+
+@pytest.mark.parametrize(
+    ("topics", "is_live", "is_taken"),
+    [
+        (("/initialpose",), False, True),
+        (("/initialpose", "/amcl_pose"), False, False),
+        (("/initialpose", "/amcl_pose"), True, True),
+    ],
+)
+def test_an_initial_pose_recorded_for_amcl_is_left_to_amcl(topics, is_live, is_taken, caplog):
+    graph = simulation_pipeline("husky")
+    kinds = graph.source.type.outputs | dict.fromkeys(topics, PoseWithCovarianceStamped)
+    source = replace(
+        graph.source,
+        type=replace(graph.source.type, outputs=kinds, live=is_live),
+        outputs={**graph.source.outputs, **{one: one for one in topics}},
+    )
+    navigator = with_tags(replace(graph, source=source), None, "").node("landmark_navigator")
+    assert ("initialpose" in navigator.inputs) is is_taken
+    assert ("ignoring /initialpose" in caplog.text) is not is_taken
 
 
 @pytest.mark.parametrize("navigate", [False, True])

@@ -47,6 +47,17 @@ class RefusalRun:
     count: int = 1
 
 
+class Undecided(NamedTuple):
+    """A disagreement of IMU and odometry that nothing decided: their difference goes on growing.
+
+    ``rate`` (6,) is that of the position and of a rotation about the robot, per second.
+    """
+
+    rate: Floats
+    since_ns: int
+    until_ns: int
+
+
 @dataclass(frozen=True, eq=False)
 class ImuTrust:
     """Agreement of the IMU with the odometry so far.
@@ -58,6 +69,7 @@ class ImuTrust:
         rate: smoothed fraction of disagreements.
         ignored_until_ns: the odometry alone propagates the robot until then.
         back_off_s: how long it is ignored next.
+        undecided: the disagreement for which it is ignored, if nothing decided that.
     """
 
     agreed_s: float = 0.0
@@ -66,6 +78,7 @@ class ImuTrust:
     rate: float = 0.0
     ignored_until_ns: int = 0
     back_off_s: float = 10.0
+    undecided: Undecided | None = None
 
 
 @dataclass(eq=False)

@@ -87,6 +87,7 @@ class CameraView:
         print: fingerprint of all corners and poses; equal ones mean the same image.
         camera: its number, see `ros_visualise.estimation.measuring.CAMERAS`.
         turning: (3,) angular velocity of the camera on the robot, rad/s in its own axes.
+        moving: sightings of things that move, which are not landmarks.
     """
 
     stamp_ns: int
@@ -97,6 +98,7 @@ class CameraView:
     print: bytes
     camera: int = 0
     turning: Floats = field(default_factory=lambda: np.zeros(3))
+    moving: tuple[Sighting, ...] = ()
 
     @property
     def turn_variance(self) -> float:
@@ -144,7 +146,7 @@ def view_of(
         camera: its number.
         turning: see `CameraView`; None: it is fixed.
     """
-    sights, skipped = [], {}
+    sights, moved, skipped = [], [], {}
     found = [one for one in detections.detections if one.hypotheses]
     rays, noise, poses = _rays(found, detections), _noise(found, floor_px), _poses(found)
     for number, one in enumerate(found):
@@ -153,6 +155,7 @@ def view_of(
         )
         if sight.name in moving:
             skipped[sight.name] = "moves"
+            moved.append(sight)
         elif sight.poses or sight.has_corners:
             sights.append(sight)
         else:
@@ -162,7 +165,8 @@ def view_of(
     kept = tuple(sight for sight in sights if sight.name not in skipped)
     R, p = T_base_camera[:3, :3], T_base_camera[:3, 3]
     rates = np.zeros(3) if turning is None else turning
-    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, _print(found), camera, rates)
+    image = _print(found), camera, rates, tuple(moved)
+    return CameraView(detections.header.stamp_ns, R, p, kept, skipped, *image)
 
 
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation import findings, rivalry
+from ros_visualise.estimation import findings, plates, rivalry
 from ros_visualise.estimation.belief import Belief
 from ros_visualise.estimation.camera_view import CameraView, Sighting
 from ros_visualise.estimation.imu import ImuBuffer, ImuIntervals, propagate_by_imu
@@ -156,6 +156,7 @@ class Filter:
         if parts is None:
             for step in steps:
                 propagate_by_odometry(belief.state, step, self.settings.odometry)
+            rivalry.grow(belief, to_ns)
         if belief.rival is not None:
             belief.rival = belief.rival.copy()
             for step in steps:  # that the odometry is right is what is tested
@@ -237,6 +238,7 @@ class Filter:
             if belief.outcome.used:
                 findings.name_clock(belief, view)
             findings.name_sizes(belief)
+            plates.note_moving(belief, view)
             self._verify(belief, view)
             return
         belief.outcome = ImageOutcome(rejected=dict(view.skipped))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ros_visualise.core.params import param
+from ros_visualise.core.params import param, specs
 from ros_visualise.estimation.imu import ImuNoise
 from ros_visualise.estimation.initial_pose import InitialPose, pose_of_text
 from ros_visualise.estimation.landmark_map import MapMode, MapRules
@@ -311,6 +311,12 @@ class NavigatorParams(
         """Reject an invalid start, or parameters of sensors."""
         super().__post_init__()
         _ = self.stated
+
+    def begins_as(self, other: NavigatorParams) -> bool:
+        """True if the map and the start are those of other parameters."""
+        names = {spec.name for spec in specs(type(self)) if spec.restart}
+        unused = set() if self.start.strip() else {"start_sigma", "start_yaw_sigma"}
+        return all(getattr(self, name) == getattr(other, name) for name in names - unused)
 
     @property
     def stated(self) -> InitialPose | None:

@@ -7,12 +7,13 @@ wrong is ignored, and tried again later.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.estimation.belief import Belief, ImuTrust
+from ros_visualise.estimation.belief import Belief, ImuTrust, Undecided
 from ros_visualise.estimation.camera_view import CameraView
 from ros_visualise.estimation.gates import DECIDED, WORST, Innovation
 from ros_visualise.estimation.landmark_map import ImageOutcome
@@ -33,6 +34,7 @@ _MEMORY = 0.99  # smoothing of the rate of disagreements
 _TOO_MUCH = 0.2  # of the odometry messages
 _CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
 _DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
+_SHORTEST_S = 0.02  # of a disagreement
 
 
 @dataclass(eq=False)
@@ -61,6 +63,23 @@ def compare(belief: Belief, step: OdometryStep, model: OdometryNoise, has_jumped
         belief.note("the odometry restarted elsewhere; continuing from the IMU")
     else:
         _disagree(belief, step, model)
+
+
+def grow(belief: Belief, to_ns: int) -> None:
+    """Let an undecided difference grow until a time, while the odometry alone is followed.
+
+    It does so until a tag decides, or the IMU is tried again: odometry that trembles where it has
+    stopped is not to be believed any more than the IMU.
+    """
+    undecided = belief.imu.undecided
+    if undecided is None or to_ns <= undecided.until_ns:
+        return
+    if belief.tags_ns > undecided.since_ns or to_ns > belief.imu.ignored_until_ns:
+        belief.imu = replace(belief.imu, undecided=None)
+        return
+    before_s, now_s = ((one - undecided.since_ns) / 1e9 for one in (undecided.until_ns, to_ns))
+    _widen(belief, undecided.rate * math.sqrt(now_s**2 - before_s**2))
+    belief.imu = replace(belief.imu, undecided=undecided._replace(until_ns=to_ns))
 
 
 def judge_by_tags(belief: Belief, view: CameraView) -> None:
@@ -124,11 +143,14 @@ def _ignore_imu(belief: Belief) -> None:
 def _follow_odometry(belief: Belief) -> None:
     """Go over to the rival; if nothing has decided, their difference stays uncertain."""
     assert belief.rival is not None
-    off = apart(belief.rival, belief.state)
+    off, since_ns = apart(belief.rival, belief.state), belief.imu.since_ns
     belief.state, belief.rival, belief.is_by_imu = belief.rival, None, False
+    _ignore_imu(belief)
     if belief.rival_lead <= DECIDED:
         _widen(belief, off)
-    _ignore_imu(belief)
+        rate = off / max((belief.now_ns - since_ns) / 1e9, _SHORTEST_S)
+        undecided = Undecided(rate, since_ns, belief.now_ns)
+        belief.imu = replace(belief.imu, undecided=undecided)
     belief.counts["imu rejected"] += 1
 
 

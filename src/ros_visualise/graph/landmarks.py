@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -26,6 +27,8 @@ from ros_visualise.nodes import find_node
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.worlds import WORLDS
 
+log = logging.getLogger(__name__)
+
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
 GEOREFERENCE, _TRACKER = "georeference", "tracker"
@@ -38,6 +41,7 @@ LANDING_INPUT = "landing_target_odom"
 """Input of a source: the pad that it is to land on."""
 
 _ORIGIN, LENS, _STATED = "/map_origin", "/lens", "/initialpose"
+_AMCL = "/amcl_pose"
 _NO_POSES = (
     "--geo: needs {}, which this source lacks: positions and attitudes, as in pictures of drones, a"
     " video with KLV, or a log beside it"
@@ -261,8 +265,8 @@ def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) ->
         raise UsageError(f"--navigate: needs {what}, which this source lacks")
     imu = _first(graph, Imu, SOURCE_TOPICS["imu"])
     found = {"imu": imu} if imu else {}
-    stated = [one for one in graph.topics_of(PoseWithCovarianceStamped) if one.endswith(_STATED)]
-    found |= {"initialpose": stated[0]} if stated else {}
+    stated = _stated(graph)
+    found |= {"initialpose": stated} if stated else {}
     for sensor in SENSORS.all():
         topics = graph.topics_of(sensor.message)
         own = [topic for topic in topics if topic.endswith(f"/{sensor.topic}")]
@@ -270,6 +274,23 @@ def _navigator(graph: Graph, inputs: Mapping[str, str], odometry: str | None) ->
         if own or alone:
             found[sensor.name] = [*own, *alone][0]
     return place(find_node(NAVIGATOR), {**inputs, "odometry": odometry, **found})
+
+
+def _stated(graph: Graph) -> str | None:
+    """The topic of initial poses; None if a recording has them for AMCL, in a map of its own."""
+    topics = graph.topics_of(PoseWithCovarianceStamped)
+    stated, by_amcl = (
+        next((one for one in topics if one.endswith(end)), None) for end in (_STATED, _AMCL)
+    )
+    if not (stated and by_amcl) or graph.live:
+        return stated
+    log.warning(
+        "ignoring %s: it was for AMCL, which published %s in a map of its own; to state where the"
+        " robot starts, use --set landmark_navigator.start=x,y,z,yaw",
+        stated,
+        by_amcl,
+    )
+    return None
 
 
 def _on_earth(graph: Graph, inputs: Mapping[str, str], followed: str) -> list[Node]:

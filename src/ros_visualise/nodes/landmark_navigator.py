@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.errors import NoTransform, OpenError
-from ros_visualise.core.params import specs
 from ros_visualise.data import (
     Detections,
     Detections3D,
@@ -62,7 +61,6 @@ _ODOMETRY_IN_MAP = (
 )
 _NO_MOUNTING = "no transform to the robot"
 _SHOWN_NS = 200_000_000  # between diagnostics and markers
-_RESTART = [spec.name for spec in specs(NavigatorParams) if spec.restart]
 
 
 @node(
@@ -256,7 +254,7 @@ class LandmarkNavigator:
     def _change(self, params: NavigatorParams) -> None:
         """Continue with other parameters; with another map or start, begin anew."""
         before, self._params = self._params, params
-        if any(getattr(params, name) != getattr(before, name) for name in _RESTART):
+        if not params.begins_as(before):
             if self._navigator is not None and self._navigator.map.used:
                 built = len(self._navigator.map.used)
                 log.warning("beginning anew: the map of %d landmarks is dropped", built)

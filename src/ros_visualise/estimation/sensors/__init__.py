@@ -113,6 +113,10 @@ class Sensor(ABC):
         """States of its own."""
         return {}
 
+    def is_of_another(self, belief: Belief, reading: Reading, params: Any) -> bool:
+        """True if a reading measures something that is known, and not what `expect` expects."""
+        return False
+
     def fit(self, state: State, reading: Reading, params: Any) -> Innovation | None:
         """Compare a reading with a state; None if it says nothing of it."""
         expected = self.expect(state.robot, reading, params)
@@ -121,7 +125,7 @@ class Sensor(ABC):
     def apply(self, belief: Belief, reading: Reading, params: Any) -> None:
         """Correct a belief; what is refused for long raises its uncertainty first."""
         expected = self.expect(belief.state.robot, reading, params)
-        if expected is None:
+        if expected is None or self.is_of_another(belief, reading, params):
             belief.counts[f"{self.name} unused"] += 1
             return
         residual, H, noise = expected

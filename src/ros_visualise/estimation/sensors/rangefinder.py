@@ -15,6 +15,7 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Range
 from ros_visualise.estimation.belief import Belief
+from ros_visualise.estimation.plates import is_on_plate
 from ros_visualise.estimation.robot import POSE, OwnStates, RobotState, core, own_states
 from ros_visualise.estimation.sensors import Expected, Prior, Reading, Sensor
 from ros_visualise.estimation.updating import GROUND
@@ -71,13 +72,10 @@ class RangefinderModel(Sensor):
         self, robot: RobotState, reading: Reading, params: RangefinderErrorParams
     ) -> Expected | None:
         """The distance from the sensor to the ground; None if its beam is too flat."""
-        at = robot.p + robot.R @ reading.mounting.p
-        beam = robot.R @ reading.mounting.R[:, 0]
+        at, beam = _beam(robot, reading)
         if -beam[2] < _STEEP:
             return None
-        # `ground_height` is a parameter of the node, beside those of this sensor
-        ground = getattr(params, "ground_height", 0.0) + robot[GROUND][0]
-        distance = (ground - at[2]) / beam[2]
+        distance = (_ground_m(robot, params) - at[2]) / beam[2]
         factor = 1 + float(robot[SCALE][0])
         H = np.zeros((1, core()))
         H[:, POSE] = np.hstack([np.eye(3), -se3.cross(at)])[2] / -beam[2]
@@ -87,11 +85,29 @@ class RangefinderModel(Sensor):
         H[:, SCALE.rows] = distance
         return Expected(reading.values - factor * distance, H, reading.covariance)
 
+    def is_of_another(
+        self, belief: Belief, reading: Reading, params: RangefinderErrorParams
+    ) -> bool:
+        """True if the beam ends on a plate above the ground, such as a landing pad."""
+        at, beam = _beam(belief.state.robot, reading)
+        end, ground_m = at + reading.values[0] * beam, _ground_m(belief.state.robot, params)
+        return is_on_plate(belief, end, ground_m)
+
     def give_way(self, belief: Belief, residual: Floats, params: RangefinderErrorParams) -> str:
         """Make the height of the ground uncertain."""
         belief.state = belief.state.copy()
         belief.state.inflate(GROUND.rows, np.multiply.outer(residual, residual))
         return "the height of the ground is now uncertain"
+
+
+def _beam(robot: RobotState, reading: Reading) -> tuple[Floats, Floats]:
+    """Beginning and direction of the beam, (3,) each."""
+    return robot.p + robot.R @ reading.mounting.p, robot.R @ reading.mounting.R[:, 0]
+
+
+def _ground_m(robot: RobotState, params: RangefinderErrorParams) -> float:
+    # `ground_height` is a parameter of the node, beside those of this sensor
+    return float(getattr(params, "ground_height", 0.0) + robot[GROUND][0])
 
 
 SENSOR = RangefinderModel()

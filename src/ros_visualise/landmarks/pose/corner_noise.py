@@ -77,12 +77,14 @@ def corner_noise(
         floor_px: error of a real camera, often 0.3; 0 for rendered images.
         known_px2: (T, 8, 8) reported by the detector; NaN if unknown: use `corner_sigma`.
     """
-    variance = corner_sigma(corners_uv)[:, None, None] ** 2 * np.eye(8)
-    if known_px2 is not None:
-        known = np.asarray(known_px2, np.float64)
-        variance = np.where(np.isfinite(known).all(axis=(1, 2), keepdims=True), known, variance)
-    noise: Floats = variance + floor_px**2 * np.eye(8)
-    return noise
+    floor = floor_px**2 * np.eye(8)
+    if known_px2 is None:
+        return corner_sigma(corners_uv)[:, None, None] ** 2 * np.eye(8) + floor
+    known = np.array(known_px2, np.float64)
+    unknown = ~np.isfinite(known).all(axis=(1, 2))
+    if unknown.any():
+        known[unknown] = corner_noise(np.asarray(corners_uv)[unknown])
+    return known + floor
 
 
 def whitening(noise_px2: Floats) -> Floats:
