@@ -180,3 +180,14 @@ def test_odometry_that_trembles_where_it_has_stalled_wins_not_silently():
     assert run.says("odometry and IMU disagree")
     assert run.off(world, 8.5).max() > 5
     assert run.nees(world, 6).max() < 16
+
+
+def test_odometry_that_stalls_at_low_speed_stops_no_imu():
+    """Each of its steps is so short that the IMU's own error explains it; two tags are in view."""
+    tags = tags_on_ground([(2, 0.5, -5), (3.5, 0.5, -5)])
+    sensors = {"odometry": Sensor(50), "imu": Sensor(100, priority=-1)}
+    world = World(along((0, 0, 0), (60, 0, 0), speed=0.5), tags, frozen=[(8, 11)], **sensors)
+    run = drive(world.events(11.5), params(), start=HERE)
+    assert run.says("odometry and IMU disagree")
+    assert run.off(world, 8).max() < 0.4
+    assert run.nees(world, 8).max() < 16

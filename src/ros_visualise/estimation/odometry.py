@@ -57,6 +57,7 @@ class OdometryStep(NamedTuple):
             the odometry itself; 0 if it reports none.
         is_guess: True if it is interpolated across a gap.
         stalled: variance of the motion along each axis, m^2, while the odometry has stalled.
+        speed_before: speed before it stalled, m/s; 0: it has not.
     """
 
     motion: Pose
@@ -66,6 +67,7 @@ class OdometryStep(NamedTuple):
     reported: Floats = _UNREPORTED
     is_guess: bool = False
     stalled: float = 0.0
+    speed_before: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -184,7 +186,8 @@ class OdometryBuffer:
         stall = self._stalls[after]
         stalled = (stall.variance(end) - stall.variance(start)) * part
         motion = compose(inverse(a), b)
-        return OdometryStep(motion, from_ns, to_ns, up_of(b), reported, is_guess, stalled)
+        doubts = reported, is_guess, stalled, stall.speed
+        return OdometryStep(motion, from_ns, to_ns, up_of(b), *doubts)
 
     def before(self, stamp_ns: int) -> int | None:
         """Time of the last pose before a time."""
@@ -305,6 +308,8 @@ def check_odometry(state: State, step: OdometryStep, model: OdometryNoise) -> St
     turned_by = se3.turn_between(cv2.Rodrigues(turns * turn)[0], between)
     along = T[:3, 3] + np.cross(robot[AXES], T[:3, 3])
     residual = np.concatenate([ways * along - way, turned_by])
+    if np.linalg.norm(way) > step.speed_before * step.seconds / 2 > 0:
+        return None  # it goes on, however short the step is
     size, scale = core(), SCALES.rows.start
     H = np.zeros((6, size))
     H[:3, :3], H[:3, 3:6] = back, -back @ se3.cross(robot.p)
