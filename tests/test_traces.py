@@ -25,6 +25,7 @@ _OF_THE_TESTS = ("ORT_", "MESA_", "__GL_", "CI", "XDG_", "DISPLAY", "TF_BUILD", 
 NOTHING: list[str] = []
 SETS = [f"set*/{'/'.join('*' * depth)}" for depth in range(2, 6)]
 """Files of a data set."""
+_BOARDS = " ".join(f"{{data}}/calib/opencv/left0{number}.jpg" for number in range(1, 7))
 COMMANDS: dict[str, tuple[str, list[str]]] = {
     "demo": ("demo --view none --frames 3 --rate 0", NOTHING),
     "demo, page": ("demo landscape --duration 2", NOTHING),
@@ -62,7 +63,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
         " --topic /husky_velocity_controller/odom",
         ["way.tum", "way.png"],
     ),
-    "calibrate": ("calibrate {data}/calib/opencv --size 9x6 --output cam.yaml", ["cam.yaml"]),
+    "calibrate": (f"calibrate {_BOARDS} --size 9x6 --output cam.yaml", ["cam.yaml"]),
     "tags": ("tags tags.pdf --ids 0,1 --size 0.05", ["tags.pdf"]),
     "batch": (
         "batch {data}/bags/evo_tf_example.bag --out out",
