@@ -32,5 +32,6 @@ def test_tutorial_works_as_it_is_written(tutorial, recordings, tmp_path, monkeyp
 
 
 def lines(text: str) -> list[str]:
-    """The lines with one blank between words, and N for each number."""
-    return [re.sub(r"\d+(\.\d+)?", "N", " ".join(line.split())) for line in text.splitlines()]
+    """The lines with one blank between words, and N for each number; … stands for others."""
+    kept = (line for line in text.splitlines() if line != "…")
+    return [re.sub(r"\d+(\.\d+)?", "N", " ".join(line.split())) for line in kept]

@@ -116,8 +116,11 @@ def _parts(picture: npt.NDArray[np.uint8]) -> Iterator[npt.NDArray[np.uint8]]:
 
 def report(names: Names, results: list[Result], title: str) -> None:
     """Print the table of one set of pictures."""
-    kinds = sorted({int(kind) for each in results for kind in each.rows[:, 0]})
+    present = sorted({int(kind) for each in results for kind in each.rows[:, 0]})
+    kinds = [kind for kind in present if kind in names]
     print(f"\n{title}: {len(results)} pictures\n")
+    if lacking := [kind for kind in present if kind not in names]:
+        print(f"Objects of classes that this network lacks do not count: {lacking}\n")
     columns = ["class", "true", "AP50", "recall at precision 0.95", "its least score"]
     columns += [f"recall at {score}" for score in _SCORES] + ["true, unfiltered", "AP50"]
     _print_row(columns)
@@ -268,7 +271,8 @@ def main() -> int:
     if asked.cars:
         kind = next(number for number, name in names.items() if name == "vehicle")
         report(names, detect_all(network, coco_cases(asked.cars, kind)), "Photos of cars")
-    report_false(network, asked.nothing, asked.step)
+    if asked.nothing:
+        report_false(network, asked.nothing, asked.step)
     return 0
 
 
