@@ -2,13 +2,15 @@
 
 It runs what the pages describe, in a folder of its own, and keeps an image of each. NAME is a
 picture without its suffix, such as ``examples/06_share_of_a_colour``. It takes a browser
-(chromium), and for one picture the recordings in the folder that ROS_VISUALISE_DATA names.
+(chromium), and for some pictures the recordings in the folder that ROS_VISUALISE_DATA names.
+The pictures of rviz and of OpenCV windows (.png) are the only ones that are taken by hand.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,6 +40,7 @@ PICTURES = ROOT / "docs" / "pictures"
 DATA = Path(os.environ.get("ROS_VISUALISE_DATA", ROOT.parent / "shared" / "data"))
 WIDTH = 640
 FILM = "demo landscape --duration 8 --record flight.mp4@/image_raw"
+WALL = "IMG_1369.JPG"
 DRIVE = "sim husky --world playpen --mission square --duration 40 --record drive.bag"
 DRIVE += "@/odom,/ground_truth/odom,/tf,/tf_static --set husky.camera=false"
 FLIGHT = "sim quadrotor --mission default --profile ideal --duration 22"
@@ -83,6 +86,7 @@ SCRIPTS = {
     "examples/16_choose_a_filter": "examples/16_choose_a_filter.py photo.jpg out.png",
     "examples/17_brightest_moment": "examples/17_brightest_moment.py flight.mp4 out.png",
     "examples/18_edges_beside_the_film": "examples/18_edges_beside_the_film.py flight.mp4 out.avi",
+    "tags": "examples/14_detect_tags.py wall.jpg out.png",
 }
 """Picture -> the script that writes it."""
 
@@ -103,6 +107,15 @@ SHOTS = {
 }
 """Picture -> what is run, and looked at in a browser."""
 
+KITTI = DATA / "kitti" / "drive0009_f000-004" / "2011_09_26" / "2011_09_26_drive_0009_sync"
+PAGES = {
+    "page": ("video flight.mp4 --loop", 12),
+    "explain": ("explain canny photo.jpg", 12),
+    "kitti": (f"kitti {KITTI} --loop", 12),
+    "landmarks": ("sim quadrotor --mission landing.yaml --profile ideal", 28),
+}
+"""Picture -> the page it shows in its full size, and the seconds until then."""
+
 
 def main(wanted: list[str]) -> None:
     """Make all pictures, or those that are named."""
@@ -111,6 +124,7 @@ def main(wanted: list[str]) -> None:
         **dict.fromkeys(SCRIPTS, script),
         **dict.fromkeys(PRINTED, printed),
         **dict.fromkeys(SHOTS, shot),
+        **dict.fromkeys(PAGES, page),
         "examples/09_own_detector": boxes,
         "examples/10_distance_from_home": curve,
         "examples/12_compare_trajectories": trajectory,
@@ -136,6 +150,8 @@ def lend() -> None:
         ours(command)
     save("photo", frame_of("flight.mp4"), ".jpg", Path())
     cv2.imwrite("tags.png", frame_of("field.mp4"))
+    shutil.copy(DATA / "tags" / "swatbotics" / WALL, "wall.jpg")
+    Path("landing.yaml").write_text("land_on: pad\nwaypoints: [[-8, -1, 4]]\nheight: 4\nspeed: 2\n")
     Path("photos").mkdir()
     for photo in (DATA / "calib" / "opencv").glob("left[0-9]*.jpg"):
         Path("photos", photo.name).symlink_to(photo)
@@ -231,6 +247,13 @@ def shot(name: str) -> None:
     save(name, picture)
 
 
+def page(name: str) -> None:
+    """A page in its full size, once something is to be seen."""
+    command, after_s = PAGES[name]
+    [picture] = watched(command, "", 1, after_s)
+    save(name, picture, width=picture.shape[1])
+
+
 def moving(name: str) -> None:
     """The page of the demo, which moves."""
     from PIL import Image
@@ -250,7 +273,7 @@ def moving(name: str) -> None:
     )
 
 
-def watched(command: str, query: str, count: int) -> list[np.ndarray]:
+def watched(command: str, query: str, count: int, after_s: float = 12) -> list[np.ndarray]:
     """Screenshots of a page, half a second apart."""
     from playwright.sync_api import sync_playwright
 
@@ -268,7 +291,7 @@ def watched(command: str, query: str, count: int) -> list[np.ndarray]:
             browser = started.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
             tab = browser.new_page(viewport={"width": 1400, "height": 860})
             tab.goto(f"{address}?{query}" if query else address)
-            tab.wait_for_timeout(12_000)
+            tab.wait_for_timeout(1000 * after_s)
             shots = []
             for _ in range(count):
                 tab.wait_for_timeout(500)
@@ -289,11 +312,17 @@ def frame_of(film: str) -> np.ndarray:
     return last
 
 
-def save(name: str, pixels: np.ndarray, suffix: str = ".webp", into: Path = PICTURES) -> None:
-    """Write a picture, scaled down to the width of a page."""
+def save(
+    name: str,
+    pixels: np.ndarray,
+    suffix: str = ".webp",
+    into: Path = PICTURES,
+    width: int = WIDTH,
+) -> None:
+    """Write a picture, scaled down to a width."""
     height, wide = pixels.shape[:2]
-    if wide > WIDTH:
-        size = WIDTH, round(height * WIDTH / wide)
+    if wide > width:
+        size = width, round(height * width / wide)
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     target = into / f"{name}{suffix}"
     target.parent.mkdir(parents=True, exist_ok=True)
