@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from evaluate import least_score
+from evaluate import Result, least_score, report
 from metrics import Found, average_precision, gather, match, recall_at
+
+from ros_visualise.landmarks.networks.candidates import Candidates
 
 TRUTH = np.array([[0, 0, 10, 10], [20, 0, 30, 10]], float)
 COUNTED = np.array([False, False])
@@ -67,3 +69,14 @@ def test_the_least_score_lets_one_false_detection_in_100_pictures_through(pictur
 
 def test_without_false_detections_the_lowest_score_of_the_tables_will_do():
     assert least_score(np.zeros(0), 100) == 0.3
+
+
+def test_objects_of_a_class_that_the_network_lacks_do_not_count(capsys):
+    nothing = Candidates(np.zeros((0, 4)), np.zeros(0), np.zeros(0, int))
+    row = [10.0, 10.0, 50.0, 50.0, 30.0, 40.0, 1.0]
+    report({0: "helipad"}, [Result(np.array([[0.0, *row], [4.0, *row]]), nothing)], "Worlds")
+    said = capsys.readouterr().out
+    assert "that this network lacks do not count: [4]" in said
+    assert next(line for line in said.splitlines() if "helipad" in line).startswith(
+        "| helipad | 1 |"
+    )

@@ -177,7 +177,7 @@ class Playback:
 
     @property
     def _place_ns(self) -> int:
-        """Where it is, or goes once what was requested is carried out."""
+        """The present place, or the one that was requested and is under way."""
         return self._position_ns if self._heading_ns is None else self._heading_ns
 
     @property
