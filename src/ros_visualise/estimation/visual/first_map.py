@@ -156,7 +156,7 @@ class FirstMap:
         found = window.locate(*NOWHERE, middle.corners.ids, middle.rays)
         if found is None or found.used < max(LEAST_USED, AGREED * found.seen):
             return np.inf
-        return max(window.residual(), found.residual * found.seen / found.used) / self._sigma
+        return max(window.residual, found.residual * found.seen / found.used) / self._sigma
 
     def _located(self, window: KeyframeWindow, from_ns: int) -> list[VisualPose]:
         """Poses, in the first keyframe, of the images between it and the second."""

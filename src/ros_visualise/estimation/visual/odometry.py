@@ -265,7 +265,7 @@ class VisualOdometry:
         self._tracker.drop(window.lost)
         self.counts["keyframes"] += 1
         self._is_doubted &= self._is_short(stretch)
-        self._residuals.append(window.residual())
+        self._residuals.append(window.residual)
         self._here = window.newest.R, window.newest.p
         if not self._is_doubted and (not self._scales.is_needed or stretch.in_metres):
             self.done += stretch.taken()

@@ -63,9 +63,10 @@ class Stretch:
         """Note the newest keyframe's covariance, and move the origin to the oldest one."""
         newest = self.window.newest
         change = se3.adjoint(np.eye(3), -self.offset)
-        self.covariances[newest.key] = change @ self.window.covariance() @ change.T
+        seen = self.window.sightings()
+        self.covariances[newest.key] = change @ self.window.covariance(seen) @ change.T
         self.between.setdefault(newest.key, [])
-        oldest = self.window.slide()
+        oldest = self.window.slide(seen)
         if oldest is not None:
             self.left += self._of(oldest)
         by = -self.window.frames[0].p

@@ -35,6 +35,7 @@ from ros_visualise.geometry import se3
 from ros_visualise.vision.tracking import Ids
 
 _STEPS, _STEPS_AGAIN = 4, 2  # the second time, after outliers were dropped
+_FEW = 0.0  # of the sightings, outliers after which poses are not adjusted again
 _CONVERGED = 1e-2  # of the cost
 _LEAST_HELD = 4  # points of a keyframe, after outliers were dropped
 _START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
@@ -48,6 +49,10 @@ class KeyframeWindow:
         sigma: standard deviation of directions.
         cameras: T_left_camera (C, 4, 4).
         length: number of keyframes.
+
+    Attributes:
+        lost: ids of points that the last adjustment dropped.
+        residual: robust standard deviation of the sightings' residuals then, as a direction.
     """
 
     def __init__(self, sigma: float, cameras: Floats, length: int = 8) -> None:
@@ -57,6 +62,7 @@ class KeyframeWindow:
         self.distances: list[KeyframeDistance] = []
         self.prior: PosePrior | None = None
         self.lost: Ids = np.zeros(0, np.int64)
+        self.residual = sigma
 
     @property
     def newest(self) -> Keyframe:
@@ -133,26 +139,28 @@ class KeyframeWindow:
         False if a keyframe is left without points, which makes its pose unknown.
         """
         self.lost = np.zeros(0, np.int64)
-        self._minimise(_STEPS)
-        if not self._drop_outliers():
-            return True
-        if self._is_held():
-            self._minimise(_STEPS_AGAIN)
-            self._drop_outliers()
-        return self._is_held()
+        seen = self.sightings()
+        for steps in (_STEPS, _STEPS_AGAIN):
+            self._minimise(seen, steps)
+            every = int(np.isfinite(seen[..., 0]).sum())
+            seen, dropped = self._without_outliers(seen)
+            if dropped and not self._is_held(seen):
+                return False
+            if dropped <= _FEW * every:
+                break
+        return True
 
-    def _is_held(self) -> bool:
+    def _is_held(self, seen: Floats) -> bool:
         """True if each keyframe sees points, or is known from before."""
-        seen = np.isfinite(self.sightings()[..., 0]).sum(axis=1)
-        each = seen.reshape(len(self.frames), -1).sum(axis=1)
+        each = np.isfinite(seen[..., 0]).sum(axis=1).reshape(len(self.frames), -1).sum(axis=1)
         known = [] if self.prior is None else self.prior.keys
         pairs = zip(each, self.frames, strict=True)
         return all(count >= _LEAST_HELD or one.key in known for count, one in pairs)
 
-    def _minimise(self, steps: int) -> None:
+    def _minimise(self, seen: Floats, steps: int) -> None:
         """Levenberg's and Marquardt's method."""
         scene = self.scene()
-        sightings = self._listed(scene, self.sightings())
+        sightings = self._listed(scene, seen)
         system, damping = self._system(scene, sightings), 1e-4
         for _ in range(steps):
             reduced = system.reduced(damping)
@@ -215,34 +223,29 @@ class KeyframeWindow:
             J[rows, end] = sign * np.hstack([along, turned])
         return J.reshape(len(way), -1), length - now, sigma**2
 
-    def _drop_outliers(self) -> int:
-        """Forget sightings that do not fit, and points without two; their number."""
-        scene, sightings = self.scene(), self.sightings()
-        residuals, _, is_valid = project(scene.homogeneous(), *scene.eyes(), sightings)
+    def _without_outliers(self, seen: Floats) -> tuple[Floats, int]:
+        """Forget sightings that do not fit, and points without two; what is left, their number."""
+        scene = self.scene()
+        residuals, _, is_valid = project(scene.homogeneous(), *scene.eyes(), seen)
         good = is_valid & (np.hypot(*np.moveaxis(residuals, 2, 0)) < OUTLIER * self.sigma)
-        bad = np.isfinite(sightings[..., 0]) & ~good
+        bad = np.isfinite(seen[..., 0]) & ~good
         cameras = len(self.cameras)
         for place, camera in zip(*np.divmod(np.flatnonzero(bad.any(axis=1)), cameras), strict=True):
             one, these = self.frames[place], bad[place * cameras + camera]
             one.rays[camera, np.searchsorted(one.ids, self.points.ids[these])] = np.nan
-        hosted = good[scene.host * cameras, np.arange(len(scene.host))]
-        kept = (good.sum(axis=0) >= 2) & hosted
+        by_host = scene.host * cameras, np.arange(len(scene.host))
+        kept = (good.sum(axis=0) >= 2) & good[by_host]
+        good[by_host] = False
+        if good.any():
+            self.residual = float(np.median(np.abs(residuals[good])) / 0.6745)
         self.lost = np.concatenate([self.lost, self.points.ids[~kept]])
         self.points = self.points.chosen(kept)
-        return int(bad.sum())
+        return np.where(bad[..., None], np.nan, seen)[:, kept], int(bad.sum())
 
-    def residual(self) -> float:
-        """Robust standard deviation of the sightings' residuals, as a direction."""
+    def covariance(self, seen: Floats) -> Floats:
+        """(6, 6) covariance of the twist of the newest keyframe, by the `sightings`."""
         scene = self.scene()
-        residuals, _, is_valid = project(scene.homogeneous(), *scene.eyes(), self.sightings())
-        is_valid[scene.host * len(self.cameras), np.arange(len(scene.host))] = False
-        off = np.abs(residuals[is_valid])
-        return float(np.median(off) / 0.6745) if len(off) else self.sigma
-
-    def covariance(self) -> Floats:
-        """(6, 6) covariance of the twist of the newest keyframe."""
-        scene = self.scene()
-        H = self._system(scene, self._listed(scene, self.sightings())).reduced(0.0).H
+        H = self._system(scene, self._listed(scene, seen)).reduced(0.0).H
         scale = 1 / np.sqrt(np.diag(H))
         newest = np.eye(len(H))[:, -6:]
         found = np.linalg.solve(H * np.multiply.outer(scale, scale), newest)[-6:]
@@ -256,15 +259,15 @@ class KeyframeWindow:
 
     # the oldest
 
-    def slide(self) -> Keyframe | None:
-        """Eliminate the oldest keyframe if there are too many; it."""
+    def slide(self, seen: Floats) -> Keyframe | None:
+        """Eliminate the oldest keyframe if there are too many, with its `sightings`; it."""
         if len(self.frames) <= self.length:
             return None
         oldest, newest = self.frames[0], self.newest
-        scene, sightings = self.scene(), self.sightings()
+        scene = self.scene()
         hosted = scene.host == 0
         ids = self.points.ids[hosted]
-        part = sightings[:, hosted]
+        part = seen[:, hosted]
         part[-len(self.cameras) :] = np.nan  # the newest keyframe goes on with these points
         few = BundleScene(scene.R, scene.p, scene.host[hosted], scene.points[hosted], self.cameras)
         kept = [one for one in self.distances if oldest.key not in one[:2]]
