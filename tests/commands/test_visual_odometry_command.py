@@ -37,6 +37,7 @@ def test_a_drive_has_the_length_and_the_end_of_the_truth(recordings, run, tmp_pa
     poses = np.loadtxt(f"{out}.kitti").reshape(-1, 3, 4)
     way = np.linalg.norm(truth[-1, :, 3])
     assert (status, report["in_metres"], report["poses"]) == (0, True, 14)
+    assert report["focal_length_px"] == pytest.approx(707.09, abs=0.01)  # of its calib.txt
     assert np.linalg.norm(poses[-1, :, 3] - truth[-1, :, 3]) < 0.03 * way
     assert np.loadtxt(f"{out}.tum").shape == (14, 8)
     covariances = np.loadtxt(f"{out}.txt")[:, 1:].reshape(-1, 6, 6)

@@ -1,5 +1,7 @@
 """Laws of visual-inertial odometry, and its errors on a flight whose formulas are its own."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from inertial_flight import FOCAL, MOUNTING, T_BASE_CAMERA, InertialFlight
@@ -277,6 +279,23 @@ def test_jumps_are_rotations_that_the_state_does_not_expect():
     assert jump_of(expected, residual, 1e-3, 0.01) == pytest.approx(true, abs=2e-3)
     assert not jump_of(expected[:5], residual[:5], 1e-3, 0.01).any()
     assert not jump_of(expected, residual, 1e-3, largest_jump(CameraErrors(), 0.0)).any()
+
+
+def test_a_focal_length_is_reported_if_it_is_well_known_and_not_as_expected():
+    for off, sigma, is_reported in ((0.031, 0.009, 1), (0.031, 0.011, 0), (0.029, 0.005, 0)):
+        found = LensErrors(np.array([off, 0.0]), np.array([sigma, 0.001]))
+        assert bool(found.fault(INFO, FOCAL_SIGMA)) == is_reported
+
+
+@pytest.mark.parametrize(("rate", "is_reported"), [(5, False), (10, True)])
+def test_a_focal_length_by_few_images_a_second_is_not_reported(rate, is_reported):
+    own = odometry.InertialOdometry(INFO)
+    dark = np.zeros((60, 80), np.uint8)
+    for number in range(1, 20):
+        own.see(number * 10**9 // rate, dark, T_BASE_CAMERA, np.zeros(3))
+    assert len(list(own.ready())) == 4  # the others wait for the IMU
+    own.filter = SimpleNamespace(lens=LensErrors(np.array([-0.07, 0.0]), np.array([0.01, 0.01])))
+    assert bool(own.lens_fault) == is_reported
 
 
 def test_another_distortion_is_reported():

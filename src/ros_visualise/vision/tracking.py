@@ -107,10 +107,12 @@ def flow(
     pixels_uv: Floats,
     guess_uv: Floats | None = None,
     levels: int = _LEVELS,
+    back_levels: int = _BACK_LEVELS,
 ) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Pixels (N, 2) of an image in the next one, and which were found (N,).
 
-    ``guess_uv``: where they may be; ``levels`` of the pyramid beyond the image itself.
+    ``guess_uv``: where they may be; ``levels`` of the pyramid beyond the image itself, and those on
+    the way back.
     """
     start = pixels_uv.astype(np.float32).reshape(-1, 1, 2)
     options: dict[str, Any] = {"winSize": (PATCH, PATCH), "maxLevel": levels, "criteria": _STOP}
@@ -118,7 +120,7 @@ def flow(
     guess = None if guess_uv is None else guess_uv.astype(np.float32).reshape(-1, 1, 2)
     pursue: Any = cv2.calcOpticalFlowPyrLK
     there, is_there, _ = pursue(before, gray, start, guess, flags=flags, **options)
-    options["maxLevel"] = min(levels, _BACK_LEVELS)
+    options["maxLevel"] = back_levels
     again = {"flags": cv2.OPTFLOW_USE_INITIAL_FLOW, **options}
     back, is_back, _ = pursue(gray, before, there, start.copy(), **again)
     found = (is_there & is_back)[:, 0].astype(bool)

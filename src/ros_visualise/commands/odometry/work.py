@@ -39,8 +39,10 @@ _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
 _LONGEST_MS = 200  # of a readout
 _WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, --scale or --imu"
-
-
+_UNCHECKED = (
+    "not checked: if it is 1% wrong, rotations (and lengths by --height or stereo) are about 1%"
+    " wrong"
+)
 _PIECES = (
     "tracking was lost: what happened meanwhile is unknown, so the parts of the trajectory may be"
     " misplaced relative to each other"
@@ -68,6 +70,8 @@ def find_trajectory(options: OdometryOptions) -> int:
     poses, again = places.correct(poses, stamps_ns[0])
     save(_files(poses, stamps_ns, options), options.overwrite)
     report = {**_report(poses, stamps_ns, reasons, odometry), "places": again.as_dict()}
+    if not options.imu:
+        report["focal_length_px"] = float(found.infos[0].K[0, 0])
     notes += [_PIECES] * bool(odometry.counts["losses"])
     if isinstance(odometry, InertialSteps) and odometry.lens_fault:
         notes.append(odometry.lens_fault)
@@ -285,6 +289,8 @@ def _lines(report: dict[str, Any]) -> list[str]:
         f"length:    {report['length']:.3f}{unit}",
         f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees",
     ]
+    if "focal_length_px" in report:
+        lines.append(f"focal:     {report['focal_length_px']:.0f} px, {_UNCHECKED}")
     lines += [
         f"no pose:   the first {count} ({why})" for why, count in report["without_pose"].items()
     ]

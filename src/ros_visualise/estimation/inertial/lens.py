@@ -47,8 +47,8 @@ FOCAL_SIGMA = 0.03
 but a message does not say how good it is. The error is estimated, so a large value costs little.
 """
 _RADIAL = 5 / 3  # standard deviation of k, as a multiple of that of a
-_WRONG = 2.0  # standard deviations before the flight,
-_KNOWN = 3.0  # and after it, by which an error is reported
+_WRONG = 1.0  # standard deviations before the flight,
+_KNOWN = 3.0  # and after it, by which an error is reported: 1.6 of the latter are usual
 _FARTHEST = 1.2  # |z|^2, 48 degrees from the axis: farther out, the error of distortion stays
 _LEAST_INVERSE = 1e-6  # 1/m
 _ROUNDS = 12

@@ -48,6 +48,8 @@ _MOST_WAITING = 15  # images, for the IMU
 _LOST_SPEED, _LOST_TURN = 1.0, 0.3  # m/s and rad/s: what may happen in a gap of the IMU
 _MOVES = "waiting for the robot to rest for half a second, or to speed up, slow down or turn"
 _LEAST_MOVING, _MOST_MOVING, _EVERY = 15, 20, 5  # views for a start in motion; those between tries
+_SELDOM_S = 0.125  # mean time between images, above which the focal length is estimated wrong
+_USUAL = 50  # images, of which that is the mean
 _THIN = 1 / 8  # size of images that are compared at rest
 
 
@@ -111,6 +113,7 @@ class InertialOdometry:
         self._before_ns = self._view_ns = self._held_ns = self._since_ns = self._first_ns = 0
         self._last: InertialPose | None = None
         self._tries = 0
+        self._period_s = 0.0
 
     @property
     def corners(self) -> FollowedCorners:
@@ -119,8 +122,11 @@ class InertialOdometry:
 
     @property
     def lens_fault(self) -> str:
-        """A warning if the images contradict the calibration; empty otherwise."""
-        if self.filter is None:
+        """A warning if the images contradict the calibration; empty otherwise.
+
+        With few images a second, a correct focal length is estimated too short, so nothing is said.
+        """
+        if self.filter is None or self._period_s > _SELDOM_S:
             return ""
         return self.filter.lens.fault(self._info, self.settings.camera.focal)
 
@@ -159,6 +165,8 @@ class InertialOdometry:
             fault = "the camera's transform jumps"
         corners = self._tracker.follow(image.gray)
         seconds, self._before_ns = (stamp_ns - self._before_ns) / 1e9, stamp_ns
+        if stamp_ns > self._first_ns:
+            self._period_s += (seconds - self._period_s) / min(self.counts["images"] - 1, _USUAL)
         if fault:
             self._tracker.refill()
             if self.filter is not None:

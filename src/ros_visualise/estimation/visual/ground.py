@@ -125,7 +125,7 @@ def _match(
     if kept.sum() < _LEAST:
         return None
     warped = cv2.warpPerspective(before, H, (width, height))
-    ends, found = flow(warped, gray, there[kept], there[kept], levels=1)
+    ends, found = flow(warped, gray, there[kept], there[kept], levels=1, back_levels=0)
     return pixels[kept][found], ends[found]
 
 

@@ -35,7 +35,7 @@ from ros_visualise.geometry import se3
 from ros_visualise.vision.tracking import Ids
 
 _STEPS, _STEPS_AGAIN = 4, 2  # the second time, after outliers were dropped
-_FEW = 0.0  # of the sightings, outliers after which poses are not adjusted again
+_FEW = 0.02  # of the sightings, outliers after which poses are not adjusted again
 _CONVERGED = 1e-2  # of the cost
 _LEAST_HELD = 4  # points of a keyframe, after outliers were dropped
 _START = 1e-4  # standard deviation of the first pose, m and rad: the map begins there
