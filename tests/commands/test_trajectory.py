@@ -270,12 +270,30 @@ class TestTruth:
         status, said, _ = run(*command, "--align=se3", "--json")
         errors = json.loads(said)["errors"]
         assert status == 0
-        assert errors["rpe"] is None
-        assert errors["ate"]["rotation_deg"] is None
+        assert errors["rpe"]["translation_m"]["max"] < 0.1
+        assert errors["rpe"]["rotation_deg"] is errors["ate"]["rotation_deg"] is None
         assert errors["ate"]["translation_m"]["rmse"] < 0.1
         told = run(*command)[1]
-        assert "no rotation error and no RPE" in told
+        assert "(without attitudes in /gps/fix: no errors in degrees, and the RPE compares" in told
         assert "not aligned, though the frames differ (map, odom)" in told
+
+    def test_a_file_of_positions_alone_has_no_rotations(self, run, compared, tmp_path):
+        """Programs that know no attitude write 0 0 0 1, which is not the truth."""
+        source, _, truth = compared["freiburg"]
+        points, aligned = tmp_path / "points.tum", tmp_path / "aligned.tum"
+        places = [line.split()[:4] for line in truth.read_text().splitlines() if line[0] != "#"]
+        points.write_text("".join(f"{' '.join(one)} 0 0 0 1\n" for one in places))
+        said = run(source, "--truth", points, "--align=se3")[1]
+        assert f"(without attitudes in {points}: no errors in degrees" in said
+        assert "(deg)" not in said
+        [ate, rpe] = [line.split() for line in said.splitlines() if line[1:6] in ("TE (m", "PE (m")]
+        whole = run(source, "--truth", truth, "--align=se3")[1].splitlines()
+        assert [ate] == [line.split() for line in whole if line.startswith("ATE (m)")]
+        assert float(rpe[5]) < 0.005  # evo_rpe -r point_distance
+        assert run(points, aligned, "--truth", truth, "--align=se3")[0] == 0
+        assert {line.split(maxsplit=4)[4] for line in aligned.read_text().splitlines()} == {
+            "0.0 0.0 0.0 1.0"
+        }
 
     def test_without_out_it_is_drawn(self, run, compared, monkeypatch):
         monkeypatch.setenv("COLUMNS", "80")

@@ -16,6 +16,7 @@ from ros_visualise.geometry.trajectory_errors import (
     fit_similarity,
     relative_errors,
     statistics,
+    step_errors,
 )
 
 S = 10**9
@@ -86,9 +87,12 @@ def test_rpe_is_evos(freiburg, amount, unit):
     T_truth, T_estimate, stamps_ns, evos = pair(freiburg)
     begins = chain(stamps_ns, T_estimate, Delta(amount, unit))
     errors = relative_errors(T_truth, T_estimate, begins)
+    without_attitudes = step_errors(T_truth, T_estimate, begins)
+    assert np.isnan(without_attitudes.rotation_deg).all()
     for relation, ours in (
         (metrics.PoseRelation.translation_part, errors.translation_m),
         (metrics.PoseRelation.rotation_angle_deg, errors.rotation_deg),
+        (metrics.PoseRelation.point_distance, without_attitudes.translation_m),
     ):
         expected = evo_statistics(metrics.RPE(relation, amount, UNITS[unit]), evos)
         assert statistics(ours) == pytest.approx(expected, rel=1e-6, abs=1e-9)

@@ -33,8 +33,10 @@ class TrajectoryErrors:
     Attributes:
         stamps_ns: (N,) of the compared poses; their numbers, if these have no times.
         ate_m: (N,) absolute trajectory error of each, metres.
-        ate_deg: (N,) of their attitudes, degrees; None if these are unknown.
-        rpe_m, rpe_deg: (P,) relative pose errors; None without attitudes, or without pairs.
+        ate_deg: (N,) of their attitudes, degrees; None if these are unknown, such as all 0 0 0 1.
+        rpe_m: (P,) relative pose errors, metres; without attitudes, errors of the lengths of the
+            steps; None without pairs.
+        rpe_deg: (P,) of the rotations, degrees; None without attitudes, or without pairs.
         aligned: the trajectory in the place in which it was compared.
     """
 
@@ -182,6 +184,6 @@ def _errors(found: Comparison) -> TrajectoryErrors:
         found.ate.translation_m,
         found.ate.rotation_deg if found.turns else None,
         found.rpe.translation_m if found.rpe else None,
-        found.rpe.rotation_deg if found.rpe else None,
+        found.rpe.rotation_deg if found.rpe and found.turns else None,
         as_arrays(found.trajectory),
     )

@@ -62,7 +62,10 @@ def parse_delta(text: str) -> Delta:
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Errors of each pose or pair: ``translation_m`` and ``rotation_deg`` (N,), not negative."""
+    """Errors of each pose or pair: ``translation_m`` and ``rotation_deg`` (N,), not negative.
+
+    NaN if unknown.
+    """
 
     translation_m: Floats
     rotation_deg: Floats
@@ -103,6 +106,17 @@ def relative_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> Pos
     true = se3.inverse(T_truth[first]) @ T_truth[last]
     estimated = se3.inverse(T_estimate[first]) @ T_estimate[last]
     return _size(se3.inverse(true) @ estimated)
+
+
+def step_errors(T_truth: Floats, T_estimate: Floats, begins: Indices) -> PoseErrors:
+    """The RPE of poses without attitudes: errors of the distances between the positions of pairs.
+
+    Evo calls it point distance. Arguments as of `relative_errors`; the rotations are unknown.
+    """
+    true, estimated = (
+        np.linalg.norm(np.diff(T[begins, :3, 3], axis=0), axis=1) for T in (T_truth, T_estimate)
+    )
+    return PoseErrors(abs(estimated - true), np.full(len(true), np.nan))
 
 
 def chain(stamps_ns: Stamps, T: Floats, delta: Delta) -> Indices:

@@ -23,10 +23,12 @@ from ros_visualise.geometry.trajectory_errors import (
     associate,
     chain,
     relative_errors,
+    step_errors,
 )
 from ros_visualise.sources.trajectories import Trajectory
 
 _NS = 1_000_000_000
+_IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,10 @@ class Comparison:
         moments: stamps (N,), or numbers, of the compared poses.
         apart_s: largest difference of the stamps of two compared poses.
         ate: errors of each compared pose.
-        rpe: errors of each pair of them; None if no two are so far apart.
-        turns: True if both have attitudes; else only the distances of the ATE are valid.
+        rpe: errors of each pair of them; None if no two are so far apart. Without attitudes: of the
+            lengths of the steps.
+        without_attitude: topics or files of the trajectories that have no attitudes; if there are
+            any, only the errors in metres are valid.
     """
 
     trajectory: Trajectory
@@ -52,7 +56,12 @@ class Comparison:
     apart_s: float
     ate: PoseErrors
     rpe: PoseErrors | None
-    turns: bool
+    without_attitude: tuple[str, ...]
+
+    @property
+    def turns(self) -> bool:
+        """True if both have attitudes."""
+        return not self.without_attitude
 
 
 def compare(
@@ -73,42 +82,51 @@ def compare(
     Raises:
         UsageError: no matching poses, or they cannot be aligned like that.
     """
-    _check_alignment(found, truth, how)
-    turns = found.turns and truth.turns
+    flat = _without_attitude(found, truth)
+    _check_alignment(flat, how)
     of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
         alignment = align(T_truth, T[of_found], how)
     except ValueError as error:
-        other = "origin" if turns else "none"
+        other = "none" if flat else "origin"
         why = f"cannot align by {how}: {error}; use {other}"
         raise UsageError(f"{found.topic}: {why}") from None
     T = alignment.apply(T)
     stamps_ns = found.path.stamps_ns[of_found]
     begins = chain(stamps_ns, T[of_found], delta)
-    has_pairs = turns and len(begins) > 1
+    relative = step_errors if flat else relative_errors
     apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
     return Comparison(
-        _moved(found, T) if how != "none" else found,
+        _moved(found, T, found.topic not in flat) if how != "none" else found,
         alignment,
         how,
         delta,
         (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.int64),
         float(apart_ns) / _NS,
         absolute_errors(T_truth, T[of_found]),
-        relative_errors(T_truth, T[of_found], begins) if has_pairs else None,
-        turns,
+        relative(T_truth, T[of_found], begins) if len(begins) > 1 else None,
+        flat,
     )
 
 
-def _check_alignment(found: Trajectory, truth: Trajectory, how: str) -> None:
+def _without_attitude(*both: Trajectory) -> tuple[str, ...]:
+    """Names of those without attitudes: by their type, or identity rotations all along.
+
+    Programs write an unknown attitude as 0 0 0 1. If neither turns, both are taken as stated.
+    """
+    is_flat = [not one.turns for one in both]
+    if not any(is_flat):
+        is_flat = [bool((one.path.quats_xyzw == _IDENTITY).all()) for one in both]
+        is_flat = is_flat if not all(is_flat) else []
+    return tuple(one.topic for one, lacks in zip(both, is_flat, strict=False) if lacks)
+
+
+def _check_alignment(flat: tuple[str, ...], how: str) -> None:
     if how not in ALIGNMENTS:
         raise UsageError(f"no alignment {how!r}{did_you_mean(how, ALIGNMENTS)}")
-    if how == "origin" and not (found.turns and truth.turns):
-        without = found if truth.turns else truth
-        raise UsageError(
-            f"{without.topic} has no attitudes, which align=origin needs; use align=se3"
-        )
+    if how == "origin" and flat:
+        raise UsageError(f"{flat[0]} has no attitudes, which align=origin needs; use align=se3")
 
 
 def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices, Indices]:
@@ -144,7 +162,8 @@ def _poses(path: Path) -> Floats:
     return se3.from_pose(path.positions_xyz, path.quats_xyzw)
 
 
-def _moved(found: Trajectory, T: Floats) -> Trajectory:
+def _moved(found: Trajectory, T: Floats, turns: bool) -> Trajectory:
     path: Any = found.path
     positions_xyz, quats_xyzw = se3.to_pose(T)
+    quats_xyzw = quats_xyzw if turns else path.quats_xyzw
     return replace(found, path=replace(path, positions_xyz=positions_xyz, quats_xyzw=quats_xyzw))

@@ -84,8 +84,12 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
     lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth)}"]
     lines += in_columns(rows, numbers=True)
     if not compared.turns:
-        lines.append("(no rotation error and no RPE, because one of the two lacks attitudes)")
-    elif compared.rpe is None:
+        flat = " and ".join(compared.without_attitude)
+        lines.append(
+            f"(without attitudes in {flat}: no errors in degrees, and the RPE compares the lengths"
+            " of the steps)"
+        )
+    if compared.rpe is None:
         lines.append(f"(no RPE, because no two poses are {compared.delta.words} apart)")
     return lines
 
@@ -109,7 +113,8 @@ def _measures(compared: Comparison) -> dict[str, Floats]:
         found["ATE (deg)"] = compared.ate.rotation_deg
     if compared.rpe is not None:
         found[f"RPE (m) over {compared.delta.words}"] = compared.rpe.translation_m
-        found[f"RPE (deg) over {compared.delta.words}"] = compared.rpe.rotation_deg
+        if compared.turns:
+            found[f"RPE (deg) over {compared.delta.words}"] = compared.rpe.rotation_deg
     return found
 
 
