@@ -9,7 +9,9 @@ import pytest
 from visual_flight import Flight, felt, place
 
 from ros_visualise.commands import main
+from ros_visualise.commands.odometry import work
 from ros_visualise.data import Header, Image, Transforms, TransformStamped
+from ros_visualise.estimation.visual.focal import FocalLength
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
@@ -38,6 +40,7 @@ def test_a_drive_has_the_length_and_the_end_of_the_truth(recordings, run, tmp_pa
     way = np.linalg.norm(truth[-1, :, 3])
     assert (status, report["in_metres"], report["poses"]) == (0, True, 14)
     assert report["focal_length_px"] == pytest.approx(707.09, abs=0.01)  # of its calib.txt
+    assert report["without_pose"] == {}  # the first have poses once a motion is seen
     assert np.linalg.norm(poses[-1, :, 3] - truth[-1, :, 3]) < 0.03 * way
     assert np.loadtxt(f"{out}.tum").shape == (14, 8)
     covariances = np.loadtxt(f"{out}.txt")[:, 1:].reshape(-1, 6, 6)
@@ -62,6 +65,24 @@ def test_images_of_a_camera_at_rest_are_refused(run, tmp_path):
     status, _, said = run(tmp_path)
     assert status == 2
     assert "no trajectory in 4 images: waiting for motion" in said
+
+
+@pytest.mark.parametrize(
+    ("focal", "says"),
+    [
+        (FocalLength(0.8125, True), "estimated from the images as 260 px; it can be wrong"),
+        (FocalLength(0.8125, False), "assumed to be 260 px, because the images do not show it"),
+    ],
+)
+def test_the_origin_of_a_focal_length_is_stated(run, tmp_path, monkeypatch, focal, says):
+    for number in range(8):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), Flight().image(number))
+    monkeypatch.setattr(work, "find_focal_length", lambda _: focal)
+    status, said, errors = run(tmp_path)
+    assert status == 0
+    assert f"no calibration: focal length {says}" in errors
+    assert said.startswith("images:    8, 8 with a pose, ")
+    assert "no pose" not in said  # the first have one since a motion was seen
 
 
 @pytest.mark.parametrize(

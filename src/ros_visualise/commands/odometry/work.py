@@ -38,6 +38,7 @@ _SUFFIXES = {".tum": "tum", ".kitti": "kitti"}
 _FRAME = "camera_start"
 _TRIED = 60  # images by which a focal length is estimated
 _LONGEST_MS = 200  # of a readout
+_UNSCALED, _UNTRACKED = "scale unknown", "not tracked"
 _WITHOUT_UNIT = "scale unknown: lengths are in arbitrary units; give --height, --scale or --imu"
 _UNCHECKED = (
     "not checked: if it is 1% wrong, rotations (and lengths by --height or stereo) are about 1%"
@@ -63,12 +64,14 @@ def find_trajectory(options: OdometryOptions) -> int:
     places = PlaceRecorder()
     with noticed() as request:
         stamps_ns, reasons = _follow(odometry, found, options, places, request)
-    poses = [one for one in odometry.finish() if one.in_metres or not _has_unit(options, found)]
+    whole = odometry.finish()
+    poses = [one for one in whole if one.in_metres or not _has_unit(options, found)]
     if not poses:
         why = _main_reason(odometry, reasons)
         raise OpenError(f"{options.input}: no trajectory in {len(stamps_ns)} images: {why}")
     poses, again = places.correct(poses, stamps_ns[0])
     save(_files(poses, stamps_ns, options), options.overwrite)
+    reasons |= {one.stamp_ns: _UNSCALED for one in whole}
     report = {**_report(poses, stamps_ns, reasons, odometry), "places": again.as_dict()}
     if not options.imu:
         report["focal_length_px"] = float(found.infos[0].K[0, 0])
@@ -102,10 +105,10 @@ def _follow(
     options: OdometryOptions,
     places: PlaceRecorder,
     request: StopRequest,
-) -> tuple[list[int], dict[str, int]]:
-    """Process the input, up to a stop request; stamps of images, and why some have no pose."""
+) -> tuple[list[int], dict[int, str]]:
+    """Process the input, up to a stop request; stamps of images, and why some had no pose yet."""
     stamps_ns: list[int] = []
-    reasons: Counter[str] = Counter()
+    reasons: dict[int, str] = {}
     for one in tqdm(_part(found, options), unit=" images", disable=None, leave=False):
         if request.asked:
             break
@@ -118,19 +121,20 @@ def _follow(
         if isinstance(odometry, VisualOdometry) and not options.keep_drift:
             places.look(odometry)
         if odometry.reason:
-            reasons[odometry.reason] += 1
-    return stamps_ns, dict(reasons)
+            reasons[one.stamp_ns] = odometry.reason
+    return stamps_ns, reasons
 
 
-def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[str, int]) -> str:
+def _main_reason(odometry: VisualOdometry | InertialSteps, reasons: dict[int, str]) -> str:
     """Why no image has a pose."""
     if odometry.done:
         return (
             "the scale could not be found; without --height or --scale, lengths are in arbitrary"
             " units"
         )
-    why = max(reasons, key=lambda reason: reasons[reason], default="too few images")
-    why = MOVING_THINGS if MOVING_THINGS in reasons else why
+    counts = Counter(reasons.values())
+    why = max(counts, key=lambda reason: counts[reason], default="too few images")
+    why = MOVING_THINGS if MOVING_THINGS in counts else why
     if why == TURNING and isinstance(odometry, VisualOdometry) and odometry.settings.is_guessed:
         return f"{why}, or to move over flat ground; give --calibration to distinguish the two"
     return why
@@ -185,15 +189,12 @@ def _estimate_focal_length(found: CameraInput, options: OdometryOptions) -> str:
     focal = find_focal_length([one.gray for one in views[: _TRIED * every : every]])
     found.infos = [pinhole(views[0].gray.shape, focal.widths)]
     pixels = focal.widths * views[0].gray.shape[1]
-    if focal.is_estimated:
-        low, high = (one * views[0].gray.shape[1] for one in (focal.low, focal.high))
-        return (
-            f"no calibration: focal length estimated as {pixels:.0f} px ({low:.0f} to {high:.0f})"
-        )
-    return (
-        f"no calibration: focal length assumed as {pixels:.0f} px, which these images do not show;"
-        " give --calibration"
+    how = (
+        "estimated from the images as {:.0f} px; it can be wrong by a third"
+        if focal.is_estimated
+        else "assumed to be {:.0f} px, because the images do not show it"
     )
+    return f"no calibration: focal length {how.format(pixels)}; give --calibration"
 
 
 def _part(found: CameraInput, options: OdometryOptions) -> Iterator[CameraImage | Position | Imu]:
@@ -260,19 +261,21 @@ def _length(poses: list[VisualPose]) -> str:
 def _report(
     poses: list[VisualPose],
     stamps_ns: list[int],
-    reasons: dict[str, int],
+    reasons: dict[int, str],
     odometry: VisualOdometry | InertialSteps,
 ) -> dict[str, Any]:
     last = poses[-1]
     change = se3.about_itself(last.p)
     deviations = np.sqrt(np.diag(change @ last.covariance @ change.T).clip(min=0))
     way = float(np.linalg.norm(np.diff([one.p for one in poses], axis=0), axis=1).sum())
+    posed = {one.stamp_ns for one in poses}  # with those that got theirs afterwards
+    missing = [reasons.get(one, _UNTRACKED) for one in stamps_ns if one not in posed]
     return {
         "images": len(stamps_ns),
         "poses": len(poses),
         "keyframes": odometry.counts["keyframes"],
         "losses": odometry.counts["losses"],
-        "without_pose": reasons,
+        "without_pose": dict(Counter(missing)),
         "in_metres": last.in_metres,
         "length": way,
         "end_sigma": float(np.linalg.norm(deviations[:3])),
@@ -292,7 +295,8 @@ def _lines(report: dict[str, Any]) -> list[str]:
     if "focal_length_px" in report:
         lines.append(f"focal:     {report['focal_length_px']:.0f} px, {_UNCHECKED}")
     lines += [
-        f"no pose:   the first {count} ({why})" for why, count in report["without_pose"].items()
+        f"no pose:   {counted(count, 'image')} ({why})"
+        for why, count in report["without_pose"].items()
     ]
     if report["losses"]:
         lines.append(f"lost:      {counted(report['losses'], 'time')}")
