@@ -191,3 +191,13 @@ def test_odometry_that_stalls_at_low_speed_stops_no_imu():
     assert run.says("odometry and IMU disagree")
     assert run.off(world, 8).max() < 0.4
     assert run.nees(world, 8).max() < 16
+
+
+def test_odometry_that_stalls_in_the_first_seconds_wins_not_silently():
+    """While it takes off, before the IMU has agreed with it for long; nothing else decides."""
+    sensors = {"odometry": Sensor(50), "imu": Sensor(100, priority=-1)}
+    world = World(along((0, 0, 0), (1, 0, 40)), frozen=[(1.5, 3)], **sensors)
+    run = drive(world.events(2.9), params(), start=world.start())
+    assert run.says("odometry and IMU disagree")
+    assert run.off(world, 2.5).max() > 2
+    assert run.nees(world, 0.5).max() < 25

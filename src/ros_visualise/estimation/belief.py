@@ -50,11 +50,13 @@ class RefusalRun:
 class Undecided(NamedTuple):
     """A disagreement of IMU and odometry that nothing decided: their difference goes on growing.
 
-    ``rate`` (6,) is that of the position and of a rotation about the robot, per second.
+    ``rate`` (6,) is that of the position and of a rotation about the robot, per second; its growth
+    has been added up to ``until_ns``.
     """
 
     rate: Floats
     since_ns: int
+    end_ns: int
     until_ns: int
 
 

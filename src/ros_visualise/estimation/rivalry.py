@@ -33,7 +33,9 @@ from ros_visualise.geometry import se3
 _MEMORY = 0.99  # smoothing of the rate of disagreements
 _TOO_MUCH = 0.2  # of the odometry messages
 _CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
-_DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone
+_DISAGREEMENT_NS = (
+    2_000_000_000  # longest that a trusted IMU is followed alone, and its doubt grows
+)
 _SHORTEST_S = 0.02  # of a disagreement
 
 
@@ -68,13 +70,13 @@ def compare(belief: Belief, step: OdometryStep, model: OdometryNoise, has_jumped
 def grow(belief: Belief, to_ns: int) -> None:
     """Let an undecided difference grow until a time, while the odometry alone is followed.
 
-    It does so until a tag decides, or the IMU is tried again: odometry that trembles where it has
-    stopped is not to be believed any more than the IMU.
+    It does so for 2 s, unless a tag decides: odometry that trembles where it has stopped is not to
+    be believed any more than the IMU.
     """
     undecided = belief.imu.undecided
     if undecided is None or to_ns <= undecided.until_ns:
         return
-    if belief.tags_ns > undecided.since_ns or to_ns > belief.imu.ignored_until_ns:
+    if belief.tags_ns > undecided.since_ns or to_ns > undecided.end_ns:
         belief.imu = replace(belief.imu, undecided=None)
         return
     before_s, now_s = ((one - undecided.since_ns) / 1e9 for one in (undecided.until_ns, to_ns))
@@ -109,7 +111,8 @@ def _disagree(belief: Belief, step: OdometryStep, model: OdometryNoise) -> None:
     trust = belief.imu
     rate = _MEMORY * trust.rate + (1 - _MEMORY)
     since_ns = trust.since_ns if trust.disagreements else step.from_ns
-    is_trusted = trust.agreed_s >= _CONFIRMED_S
+    # no robot stops as odometry that stalls does: even a new IMU is as likely
+    is_trusted = trust.agreed_s >= _CONFIRMED_S or step.speed_before > 0
     if is_trusted and step.to_ns - since_ns <= _DISAGREEMENT_NS and rate <= _TOO_MUCH:
         if belief.rival is None and belief.after_odometry is not None:
             belief.rival = belief.after_odometry.state.copy()
@@ -149,7 +152,8 @@ def _follow_odometry(belief: Belief) -> None:
     if belief.rival_lead <= DECIDED:
         _widen(belief, off)
         rate = off / max((belief.now_ns - since_ns) / 1e9, _SHORTEST_S)
-        undecided = Undecided(rate, since_ns, belief.now_ns)
+        end_ns = belief.now_ns + _DISAGREEMENT_NS
+        undecided = Undecided(rate, since_ns, end_ns, belief.now_ns)
         belief.imu = replace(belief.imu, undecided=undecided)
     belief.counts["imu rejected"] += 1
 
