@@ -142,6 +142,23 @@ def test_all_is_told_at_a_glance(find, picture, ost):
     assert find(picture, "--families", "16h5")[1] == "no landmarks in 1 image\n"
 
 
+def test_of_a_film_only_the_poses_in_the_camera_are_known_and_that_is_said(find, picture, ost):
+    film = picture.with_name("film.avi")
+    image = cv2.imread(str(picture))
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10, image.shape[1::-1])
+    for _ in range(3):
+        writer.write(image)
+    writer.release()
+    options = ["--size", 0.24, "--calibration", ost, "--model", "none"]
+    status, said, errors = find(film, *options)
+    assert status == 0
+    assert said.splitlines()[1].split() == ["tag36h11_7", "3", "-", "-", "camera_optical"]
+    assert f"{film}: no positions in a fixed frame, because the pose of the camera" in errors
+    assert find(film, *options, "--map", film.with_name("map.yaml"))[2].count("fixed frame") == 0
+    _, found, _ = find(film, *options, "--json")
+    assert found["images"][2]["detections"][0]["pose"]["position"][2] == pytest.approx(1, abs=0.01)
+
+
 def test_of_several_pictures_each_has_its_poses(find, picture, ost):
     (picture.parent / "second.png").write_bytes(picture.read_bytes())
     status, said, _ = find(picture.parent, "--size", 0.24, "--calibration", ost)

@@ -125,6 +125,8 @@ def test_a_film_gets_its_poses_from_a_recording_beside_it(find, tmp_path, caplog
     kinds = {"/fix": NavSatFix, "/tf": Transforms}
     types = {topic: TopicType(kind.type_name) for topic, kind in kinds.items()}
     recorder = open_recorder(beside, types, live=False)
+    fixes = tmp_path / "fixes.mcap"
+    only_fixes = open_recorder(fixes, {"/fix": types["/fix"]}, live=False)
     for number in range(20):
         stamp_ns, east = number * 10**8, float(number)
         place = LocalPlane(*PLACE, 100).from_enu([east, 0, 20])
@@ -132,8 +134,13 @@ def test_a_film_gets_its_poses_from_a_recording_beside_it(find, tmp_path, caplog
         body = np.array([east, 0.0, 20.0]), np.array([0.0, 0, 0, 1])
         pose = TransformStamped("base_link", *body, Header(stamp_ns, "map"))
         recorder.write("/fix", fix, stamp_ns)
+        only_fixes.write("/fix", fix, stamp_ns)
         recorder.write("/tf", Transforms((pose,)), stamp_ns)
     recorder.close()
+    only_fixes.close()
+    status, said = find(film, "--beside", fixes, "--geo", out)
+    assert status == 2
+    assert f"--geo: no valid positions with attitudes in {fixes}; give another log" in said
     options = ["--beside", beside, "--offset", "film=0.5", "--set", "georeference.lens=70"]
     assert find(film, *options, "--geo", out)[0] == 0
     assert "assumed fixed to base_link, 90 degrees below" in caplog.text

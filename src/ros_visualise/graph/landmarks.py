@@ -322,12 +322,19 @@ def _georeference(graph: Graph, inputs: Mapping[str, str]) -> Node:
     return place(find_node(GEOREFERENCE), taken)
 
 
-def check_poses(graph: Graph) -> None:
-    """Raises UsageError if landmarks are placed on the Earth with no attitude of the camera."""
+def check_poses(graph: Graph, beside: Sequence[str] = ()) -> None:
+    """Raises UsageError if landmarks are placed on the Earth with no attitude of the camera.
+
+    ``beside``: files beside a film that should give its poses.
+    """
     for node in graph.nodes:
         if node.type.name == GEOREFERENCE and not (has_frames(graph) or node.params.course):
             hint = ", or derive the attitude from the course with --set georeference.course=true"
-            raise UsageError(_NO_POSES.format("tf") + hint)
+            why = _NO_POSES.format("tf")
+            if beside:
+                why = f"--geo: no valid positions with attitudes in {', '.join(beside)}"
+                why += "; give another log with --beside"
+            raise UsageError(why + hint)
 
 
 def _pose_error(graph: Graph, navigator: Node) -> list[Node]:

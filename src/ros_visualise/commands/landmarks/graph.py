@@ -66,7 +66,7 @@ def landmark_graph(options: LandmarksOptions) -> Graph:
         if options.places:
             graph = with_places(graph, topics[0], str(options.map))
         graph = with_settings(graph, options)
-        check_poses(graph)
+        check_poses(graph, options.beside)
         undo.pop_all()  # the graph closes the recording
         return graph
 

@@ -32,7 +32,7 @@ from ros_visualise.estimation.localization import map_file
 from ros_visualise.estimation.localization.messages import LandmarkMessages
 from ros_visualise.estimation.visual.place_file import load_looks, places_path
 from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import LOCALIZER, PLACES
+from ros_visualise.graph.landmarks import LOCALIZER, PLACES, has_frames
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime
@@ -43,6 +43,11 @@ from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
 
 _SPIN_S = 0.05
+_UNPLACED = (
+    "no positions in a fixed frame, because the pose of the camera is unknown; --json prints the"
+    " poses of landmarks in the camera for each image, and --map OUT.yaml maps tags relative to"
+    " each other"
+)
 
 
 def find_landmarks(options: LandmarksOptions) -> int:
@@ -201,6 +206,14 @@ def _print(
     print_result(
         [*_table(rows, total), *(report_lines(mapped.map, mapped.unused) if mapped else [])]
     )
+    if not (paths or places or has_frames(graph)) and _are_unplaced(images, landmarks):
+        print_status(f"ros-visualise: {options.input}: {_UNPLACED}")
+
+
+def _are_unplaced(images: list[dict[str, Any]], landmarks: list[dict[str, Any]]) -> bool:
+    """True if there are poses in the camera alone."""
+    poses = [one["pose"] for image in images for one in image["detections"]]
+    return any(poses) and not any(one["pose"] for one in landmarks)
 
 
 def _paths(graph: Graph) -> dict[int, str]:
