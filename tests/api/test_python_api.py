@@ -236,6 +236,13 @@ def test_trajectories_are_arrays_with_errors(recordings, tmp_path):
     assert errors.rmse_m == pytest.approx(0.013470, abs=1e-6)  # as evo_ape -a prints
     assert errors.summary()["rpe_m"]["rmse"] == pytest.approx(0.024082, abs=1e-6)
     assert errors.summary()["rpe_m"]["pairs"] == len(errors.rpe_m)
+    lines = (
+        f"{t / 1e9} {x} {y} {z} 0 0 0 1\n"
+        for t, (x, y, z) in zip(truth.stamps_ns, truth.positions_xyz, strict=True)
+    )
+    (tmp_path / "points.tum").write_text("".join(lines))
+    against = found.errors(rv.trajectory(tmp_path / "points.tum"), align="se3")
+    assert {*against.summary()} == {"ate_m", "rpe_m"}  # a file without attitudes has no degrees
     aligned = found.align(truth)
     assert aligned.errors(truth).rmse_m == pytest.approx(0.013470, abs=1e-6)
     aligned.to_tum(tmp_path / "a.tum")

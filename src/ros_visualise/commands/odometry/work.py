@@ -190,7 +190,7 @@ def _estimate_focal_length(found: CameraInput, options: OdometryOptions) -> str:
     found.infos = [pinhole(views[0].gray.shape, focal.widths)]
     pixels = focal.widths * views[0].gray.shape[1]
     how = (
-        "estimated from the images as {:.0f} px; it can be wrong by a third"
+        "estimated from the images as {:.0f} px; it can be wrong by half"
         if focal.is_estimated
         else "assumed to be {:.0f} px, because the images do not show it"
     )

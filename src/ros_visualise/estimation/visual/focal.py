@@ -28,8 +28,9 @@ _LEAST_VIEWS = 6
 class FocalLength(NamedTuple):
     """In widths of the image; ``is_estimated``: by the images, else a usual one.
 
-    An estimate can be wrong by a third: over flat ground, and straight ahead, hardly anything shows
-    the focal length. One of a drive was 22% too short, one of a flight over a plane 32%.
+    An estimate can be wrong by half: over flat ground, and straight ahead, hardly anything shows
+    the focal length. One of a drive was 22% too short, one of a flight over a plane 32%; the first
+    60 and 120 images of one film gave 1.5 and 1.0.
     """
 
     widths: float
