@@ -75,6 +75,7 @@ def find_trajectory(options: OdometryOptions) -> int:
     report = {**_report(poses, stamps_ns, reasons, odometry), "places": again.as_dict()}
     if not options.imu:
         report["focal_length_px"] = float(found.infos[0].K[0, 0])
+        report["focal_length_is_given"] = not settings.is_guessed
     notes += [_PIECES] * bool(odometry.counts["losses"])
     if isinstance(odometry, InertialSteps) and odometry.lens_fault:
         notes.append(odometry.lens_fault)
@@ -292,7 +293,7 @@ def _lines(report: dict[str, Any]) -> list[str]:
         f"length:    {report['length']:.3f}{unit}",
         f"end:       +-{sigma:.3f}{unit}, +-{sigma_deg:.2f} degrees",
     ]
-    if "focal_length_px" in report:
+    if report.get("focal_length_is_given"):
         lines.append(f"focal:     {report['focal_length_px']:.0f} px, {_UNCHECKED}")
     lines += [
         f"no pose:   {counted(count, 'image')} ({why})"
