@@ -65,7 +65,7 @@ soak: .venv-test/.ready
 	.venv-test/bin/python benchmarks/soak/run.py $(ARGS) || test $$? -eq 130
 
 .venv/.ready: pyproject.toml package.xml
-	@echo 'setting up in .venv, which takes a minute or so ...'
+	@echo 'setting up in .venv, which takes a few minutes ...'
 	@$(call make_venv,$(PYTHON),.venv)
 	@.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]' \
 		>.venv/pip.log 2>&1 || { echo 'cannot install the Python packages, which takes a' \

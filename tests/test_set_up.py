@@ -110,7 +110,7 @@ def test_nothing_is_installed_where_nothing_is_missing(system: System) -> None:
     system.add_recorded("apt-get", "exit 1")
     assert system.demo() == (
         0,
-        ["setting up in .venv, which takes a minute or so ...", "the demo plays"],
+        ["setting up in .venv, which takes a few minutes ...", "the demo plays"],
     )
     assert not system.called
     assert system.is_ready

@@ -106,6 +106,7 @@ def test_a_wrong_first_sighting_of_a_still_pad_is_replaced_and_that_is_said(capl
     assert answer["landing_target"].position_xyz == pytest.approx([0, 0, -5], abs=0.01)
     assert [r.message for r in caplog.records] == [
         "landing_target: estimate of pad replaced, because sightings contradict it"
+        " (further occurrences suppressed)"
     ]
     assert node.report() == {"answers": 100, "refused": 5, "replaced": 1, "losses": 0}
 
@@ -122,16 +123,21 @@ def test_between_images_it_tells_at_its_rate_and_is_less_sure_each_time():
     assert variances == sorted(variances)
 
 
-def test_of_what_it_does_not_see_it_says_nothing_after_a_time_and_says_that_once(caplog):
+def test_a_lost_target_is_not_published_and_only_the_first_loss_is_logged(caplog):
     node = LandingTarget(PARAMS)
     node.step(PARAMS, seen(1, pad(0, 0, 0)), frames=frames())
     with caplog.at_level(logging.WARNING):
         answers = [node.step(PARAMS, seen(t), frames=frames()) for t in (1.5, 2.0, 2.1, 2.2)]
     assert [answer is not None for answer in answers] == [True, True, False, False]
-    assert [r.message for r in caplog.records] == ["landing_target: pad is lost: not seen for 1 s"]
     assert node.report() == {"answers": 3, "refused": 0, "replaced": 0, "losses": 1}
     again = node.step(PARAMS, seen(3, pad(3, 3, 0)), frames=frames())
     assert again["landing_target"].position_xyz == pytest.approx([3, 3, -5])
+    with caplog.at_level(logging.WARNING):
+        assert node.step(PARAMS, seen(5), frames=frames()) is None
+    assert node.report()["losses"] == 2
+    assert [r.message for r in caplog.records] == [
+        "landing_target: pad is lost: not seen for 1 s (further occurrences suppressed)"
+    ]
 
 
 def test_nothing_else_is_a_target_but_what_is_named():

@@ -118,7 +118,7 @@ def test_a_calibration_that_does_not_fit_is_said_once(caplog, info, said):
 def test_a_tag_of_unknown_size_has_no_pose_and_that_is_said(caplog):
     (one,) = found_in(picture(), size=0).detections
     assert not one.hypotheses[0].covariance.any()
-    assert "no poses for tags of unknown size: set size" in caplog.text
+    assert f"no poses for tags of unknown size ({one.class_id}): set size" in caplog.text
 
 
 def test_a_bundle_is_one_detection_of_its_name(tmp_path):

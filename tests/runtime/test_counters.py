@@ -21,6 +21,15 @@ def test_rates_go_by_the_newest_stamps_however_many_came():
     assert stats.rates(None)[0] == pytest.approx(25_000 / 400, rel=1e-3)
 
 
+def test_late_stamps_of_a_second_publisher_take_no_time_of_their_own():
+    stats = TopicCounter()
+    for number in range(1000):
+        stats.count(number * 20 * MS, 0)
+        stats.count(number * 20 * MS - 150 * MS, 0)
+    assert stats.rates(None)[0] == pytest.approx(100, rel=0.01)
+    assert stats.rates(3600)[0] == pytest.approx(100, rel=0.01)
+
+
 def test_no_time_passes_between_two_epochs():
     stats = TopicCounter()
     for epoch in range(3):

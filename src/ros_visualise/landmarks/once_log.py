@@ -18,8 +18,9 @@ class OnceLog:
         self._name = name
         self._said: set[str] = set()
 
-    def say(self, text: str) -> None:
-        """Log a warning unless it was logged before."""
-        if text not in self._said:
-            self._said.add(text)
+    def say(self, text: str, subject: str = "") -> None:
+        """Log a warning unless it, or another one on its subject, was logged before."""
+        key = subject or text
+        if key not in self._said:
+            self._said.add(key)
             log.warning("%s: %s (further occurrences suppressed)", self._name, text)

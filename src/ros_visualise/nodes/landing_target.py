@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,9 +30,8 @@ from ros_visualise.estimation.localization.seen import Ground, sighting_of
 from ros_visualise.estimation.steadiness import words
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import node
-
-log = logging.getLogger(__name__)
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -179,6 +177,7 @@ class LandingTarget:
         self._tracker = TargetTracker()
         self._published_ns = 0
         self._answers = self._losses = 0
+        self._remarks = OnceLog("landing_target")
 
     def reset(self) -> None:
         """Start over: time jumped."""
@@ -233,9 +232,8 @@ class LandingTarget:
             replaced, level = self._tracker.replaced, self._tracker.steadiness.level
             self._tracker.observe(stamp_ns, known, _motion(params), ground, _camera(params))
             if self._tracker.replaced > replaced:
-                log.warning(
-                    "landing_target: estimate of %s replaced, because sightings contradict it",
-                    params.target,
+                self._remarks.say(
+                    f"estimate of {params.target} replaced, because sightings contradict it"
                 )
             if self._tracker.steadiness.level > level:
                 self._warn_of_camera(params)
@@ -261,9 +259,7 @@ class LandingTarget:
     def _warn_of_camera(self, params: LandingTargetParams) -> None:
         now = _camera(params).at_level(self._tracker.steadiness.level)
         assumed = words(now.attitude_rad, now.attitude_s)
-        log.warning(
-            "landing_target: the camera is less steady than attitude_sigma says; %s", assumed
-        )
+        self._remarks.say(f"the camera is less steady than attitude_sigma says; {assumed}")
 
     def _drop_if_lost(self, stamp_ns: int, params: LandingTargetParams) -> None:
         tracker = self._tracker
@@ -272,7 +268,7 @@ class LandingTarget:
             return
         tracker.forget()
         self._losses += 1
-        log.warning("landing_target: %s is lost: not seen for %g s", params.target, params.timeout)
+        self._remarks.say(f"{params.target} is lost: not seen for {params.timeout:g} s")
 
 
 def _motion(p: LandingTargetParams) -> TargetMotion:

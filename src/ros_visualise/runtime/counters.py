@@ -13,6 +13,8 @@ from ros_visualise.runtime.report import NodeReport, TopicReport
 _KEPT = 4096
 """Newest times kept, from which rates and percentiles are computed."""
 
+_JUMP_NS = 1_000_000_000  # stamps on a topic that go back by less are late
+
 _LARGEST = 2**63 - 1  # damaged messages may have any number as a stamp
 
 
@@ -106,7 +108,10 @@ class _Ring:
 
 
 class _Rate:
-    """The mean rate of a series of times; repeated and late times are ignored."""
+    """The mean rate of a series of times; repeated ones and jumps back are ignored.
+
+    Times that are late by less, as from several publishers on one topic, count.
+    """
 
     def __init__(self) -> None:
         self.times = _Ring()
@@ -115,9 +120,10 @@ class _Rate:
         self._span_ns = 0
 
     def count(self, time_ns: int) -> None:
-        if self._last is not None and time_ns > self._last:
+        step_ns = 0 if self._last is None else time_ns - self._last
+        if step_ns and step_ns > -_JUMP_NS:
             self._steps += 1
-            self._span_ns += time_ns - self._last
+            self._span_ns += step_ns
         self._last = time_ns
         self.times.add(time_ns)
 
@@ -131,8 +137,9 @@ class _Rate:
 
     def mean_of_last(self, count: int) -> float | None:
         steps = np.diff(self.times.newest()[-max(count, 1) :])
-        return _hz(int((steps > 0).sum()), int(steps[steps > 0].sum()))
+        steps = steps[(steps != 0) & (steps > -_JUMP_NS)]
+        return _hz(len(steps), int(steps.sum()))
 
 
 def _hz(steps: int, span_ns: int) -> float | None:
-    return round(steps / span_ns * 1e9, 3) if span_ns else None
+    return round(steps / span_ns * 1e9, 3) if span_ns > 0 else None

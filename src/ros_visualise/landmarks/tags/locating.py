@@ -69,8 +69,11 @@ def locate_or_remark(
     remarks: OnceLog,
 ) -> tuple[Detection, ...]:
     """`locate`, with a warning if the calibration or a missing size prevents poses."""
-    if info and not size_m and any(tag.id not in known.every for tag in tags):
-        remarks.say("no poses for tags of unknown size: set size, or give a file of tags")
+    unsized = {tag.name for tag in tags if tag.id not in known.every}
+    if info and not size_m and unsized:
+        names = ", ".join(sorted(unsized))
+        text = f"no poses for tags of unknown size ({names}): set size, or give a file of tags"
+        remarks.say(text, "unknown size")
     try:
         return locate(tags, known, size_m, info, camera, errors)
     except (UncalibratedCamera, UnsupportedImage) as error:
