@@ -28,8 +28,8 @@ SETS = [f"set*/{'/'.join('*' * depth)}" for depth in range(2, 6)]
 _BOARDS = " ".join(f"{{data}}/calib/opencv/left0{number}.jpg" for number in range(1, 7))
 COMMANDS: dict[str, tuple[str, list[str]]] = {
     "demo": ("demo --view none --frames 3 --rate 0", NOTHING),
-    "demo, page": ("demo landscape --duration 2", NOTHING),
-    "demo, page for others": ("demo landscape --duration 2 --host 0.0.0.0", NOTHING),
+    "demo, page": ("demo landscape --frames 60", NOTHING),
+    "demo, page for others": ("demo landscape --frames 60 --host 0.0.0.0", NOTHING),
     "sim": ("sim quadrotor --view none --frames 3 --rate 0 --navigate", NOTHING),
     "sim, page": ("sim husky --world plane --duration 2 --record run.mcap", ["run.mcap"]),
     "video": (
@@ -37,7 +37,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
         " --record e.mp4@/edges",
         ["e.mp4"],
     ),
-    "video, page": ("video {video} --loop --duration 2", NOTHING),
+    "video, page": ("video {video} --loop --frames 60", NOTHING),
     "video, windows": ("video {video} --view windows --frames 3", NOTHING),
     "view": ("view --view none --listen tcp/127.0.0.1:0 --duration 1", NOTHING),
     "camera": ("camera test --view none --frames 3", NOTHING),

@@ -209,6 +209,7 @@ def following(
     options = replace(  # without what was for the first file, or is done
         options,
         start=None,
+        duration=None,
         set=[],
         params=None,
         preset="",

@@ -132,6 +132,13 @@ class PaceOptions(PartOptions):
         f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
         type=rate,
     )
+    duration: float | None = option(
+        None,
+        "stop after S seconds; of a video or recording, a page or window plays only these and stays"
+        " open",
+        type=positive,
+        metavar="S",
+    )
     loop: bool = option(False, "start again when the end is reached (loop)")
     paused: bool = False
     """Begin paused; no argument."""

@@ -121,19 +121,32 @@ def _run(played: _Played, view: View, chooser: FileChooser) -> int:
 def _open(
     options: PlayingOptions, graph: Graph, view: View, transport: Transport | None
 ) -> Running:
-    is_seamless = graph.source is not None and graph.source.type.seamless
-    playback = Playback(
-        rate=1.0 if options.rate is None else options.rate,
-        loop=options.loop or (view.stays and is_seamless),
-        start_s=options.start or 0.0,
-        duration_s=options.duration,
-        frames=options.frames,
-        hold=view.stays and options.duration is None and options.frames is None,
-    )
+    playback = _playback(options, graph, view.stays)
     if options.paused:
         playback.pause()
     playback.step_topic = stepped_topic(graph)
     return running(graph, playback, transport)
+
+
+def _playback(options: PlayingOptions, graph: Graph, stays: bool) -> Playback:
+    """The playback that the options ask for; ``stays``: its view stays open at the end.
+
+    In such a view ``--start`` and ``--duration`` are the playback range of a film or a recording.
+    """
+    source = graph.source.type if graph.source is not None else None
+    has_range = stays and source is not None and not (source.live or source.inputs)
+    start_s, duration_s = options.start or 0.0, options.duration
+    playback = Playback(
+        rate=1.0 if options.rate is None else options.rate,
+        loop=options.loop or (stays and source is not None and source.seamless),
+        start_s=start_s,
+        duration_s=None if has_range else duration_s,
+        frames=options.frames,
+        hold=stays and (has_range or duration_s is None) and options.frames is None,
+    )
+    if has_range:
+        playback.set_part(start_s, None if duration_s is None else start_s + duration_s)
+    return playback
 
 
 class _Played:
