@@ -74,6 +74,25 @@ def test_steps_and_seeks_are_shown_by_all(clock, playback, port):
         clock.read_until(lambda state: state["loop"])
 
 
+def test_what_comes_before_the_page_has_heard_of_the_first_adds_up():
+    playback, clock = Playback(hold=True), PageClock()
+    clock.show(SimpleNamespace(playback=playback, graph=SimpleNamespace(live=False, source=None)))
+
+    def act(*actions):
+        for action, value in actions:
+            clock.act(json.dumps({action: value}))
+        return playback.state
+
+    assert act(("skip", 5), ("skip", 5), ("skip", -2)).position_s == 8
+    assert act(("skip", -50)).position_s == 0
+    assert act(("faster", True), ("faster", True)).rate == 4
+    assert act(*[("faster", True)] * 3).rate == 8
+    assert act(("rate", 0), ("faster", False)).rate == 8
+    assert act(*[("faster", False)] * 9).rate == 0.1
+    assert act(("loop", None)).loop
+    assert not act(("loop", None)).loop
+
+
 def test_a_range_is_set_by_keys_and_numbers(clock, playback):
     playback.seek(3.0)
     clock.read_until(lambda state: state["position"] == 3.0)
@@ -94,7 +113,8 @@ def test_a_range_is_set_by_keys_and_numbers(clock, playback):
 def test_a_viewer_sees_the_time_and_moves_nothing(clock, playback, port):
     before = playback.state
     with ClockClient(port, VIEW_TOKEN) as viewer:
-        for action in ("toggle", "step", "seek", "rate", "loop", "begin", "end", "end_at", "topic"):
+        moving = ("toggle", "step", "seek", "skip", "rate", "faster", "loop")
+        for action in (*moving, "begin", "end", "end_at", "topic"):
             viewer.act(**{action: 5})
         clock.act(seek=2.0)
         viewer.read_until(lambda state: state["position"] == 2.0)
@@ -111,7 +131,7 @@ def test_nonsense_is_ignored():
     clock.show(SimpleNamespace(playback=playback, graph=SimpleNamespace(live=False, source=None)))
     for text in ("", "x", "[]", "{}", "null", "[" * 50_000, '{"act": 1}', '{"__class__": 1}'):
         clock.act(text)
-    for action in ("seek", "rate", "topic", "begin_at", "end_at"):
+    for action in ("seek", "skip", "rate", "topic", "begin_at", "end_at"):
         for value in WILD:
             clock.act(json.dumps({action: value}))
     assert 0 <= playback.state.rate <= 100

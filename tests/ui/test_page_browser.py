@@ -78,6 +78,16 @@ def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, run
     wait_in(late, lambda: is_brightest(late, 77))
 
 
+def test_undo_before_the_server_has_answered_undoes_that_change(browse, runtime):
+    tab, filters = browse(""), runtime.parameters["filters"]
+    tab.evaluate("rv.nodes.set('filters', 'threshold', 50)")
+    tab.wait_for_function("rv.past.done.length === 1", timeout=60_000)
+    tab.evaluate("rv.nodes.set('filters', 'threshold', 99); rv.past.undo()")
+    answered = "rv.nodes.sent.size === 0 && rv.past.undone.length === 1"
+    tab.wait_for_function(answered, timeout=60_000)
+    wait_in(tab, lambda: filters.current.threshold == 50)
+
+
 def test_buttons_and_keys_play(browse, runtime):
     tab, playback = browse(""), runtime.playback
     tab.get_by_role("button", name="Play").click()
@@ -100,6 +110,11 @@ def test_buttons_and_keys_play(browse, runtime):
     wait_in(tab, lambda: playback.state.position_s == pytest.approx(5, abs=0.1))
     tab.keyboard.press(".")
     wait_in(tab, lambda: playback.state.position_s > 5)
+    twice = (
+        "key => [1, 2].forEach(() => document.dispatchEvent(new KeyboardEvent('keydown', {key})))"
+    )
+    tab.evaluate(twice, ">")  # the page has not heard of the first one yet
+    wait_in(tab, lambda: playback.state.rate == 4)
 
 
 def test_the_bar_scrubs_and_browsers_stay_in_step(browse, runtime):

@@ -49,6 +49,15 @@ def test_other_files_are_refused_and_left_alone(tmp_path, text):
     assert path.read_text() == text
 
 
+def test_new_marks_get_the_next_free_name():
+    marks = Marks()
+    for at_s in (1.0, 2.0, 2.0004):  # the last two are one
+        marks.add(at_s)
+    marks.set(1.0, "")
+    marks.add(3.0)
+    assert marks.names == {2.0: "Mark 2", 3.0: "Mark 3"}
+
+
 def test_there_is_a_limit():
     marks = Marks()
     for number in range(1000):
@@ -85,10 +94,10 @@ def test_a_browser_sets_marks_and_a_viewer_does_not(recording, port):
         clock.act(mark=[2.0, "<b>"])
         for wild in (None, 5, [], [1], [1, 2], ["x", "y"], [float("nan"), "n"], [True, "t"]):
             clock.act(mark=wild)
-        clock.act(mark=[None, "now"])
+        clock.act(mark=[None, ""])
         shown = viewer.read_until(lambda state: len(state.get("marks", ())) == 2)
-    assert shown["marks"] == [[0.2, "now"], [2.0, "<b>"]]
-    wait_for(lambda: Marks(recording).names == {0.2: "now", 2.0: "<b>"})
+    assert shown["marks"] == [[0.2, "Mark 2"], [2.0, "<b>"]]
+    wait_for(lambda: Marks(recording).names == {0.2: "Mark 2", 2.0: "<b>"})
 
 
 def test_messages_of_each_topic_are_counted_along_the_time(recording, port):

@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 
 _PERIOD_S, _PLAYING_S = 0.03, 0.09
 _FARTHEST_S = 1e9
+_RATES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _OF_LIVE, _OF_PAST = ("toggle", "step"), ("toggle", "step", "rate")
 _FLOWING = ("position", "duration", "begin", "stamp", "megabytes")
 
@@ -50,8 +51,10 @@ class PageClock:
             "toggle": lambda playback, _: playback.toggle(),
             "step": lambda playback, forward: playback.step(1 if forward else -1),
             "seek": lambda playback, to: playback.seek(seconds_of(to)),
+            "skip": lambda playback, by: playback.seek(seconds_of(playback.state.position_s + by)),
             "rate": lambda playback, rate: playback.set_rate(float(rate)),
-            "loop": lambda playback, loop: playback.set_loop(loop is True),
+            "faster": _change_rate,
+            "loop": _loop,
             "topic": _step_by,
             "begin": lambda playback, _: begin_at(playback, playback.state.position_s),
             "end": lambda playback, _: end_at(playback, playback.state.position_s),
@@ -105,25 +108,34 @@ class PageClock:
 
     def _act_live(self, rewinder: Rewinder, action: str, value: Any) -> None:
         """Do what a browser asks of a live source: pause it, or show what is kept of it."""
+        past = rewinder.past  # it may end meanwhile
         if action == "seek":
             rewinder.seek(seconds_of(value))
+        elif action == "skip":
+            place_s = rewinder.now_s if past is None else past.state.position_s
+            rewinder.seek(max(seconds_of(place_s + value), rewinder.buffer.begin_ns / 1e9))
         elif action == "live":
             rewinder.leave_past()
-        elif rewinder.past is not None and action in _OF_PAST:
-            self._actions[action](rewinder.past, value)
+        elif past is not None and action in _OF_PAST:
+            self._actions[action](past, value)
         elif self._playback is not None and action in _OF_LIVE:
             self._actions[action](self._playback, value)
         elif action == "toggle":
             rewinder.seek(rewinder.now_s, paused=True)
 
     def _mark(self, playback: Playback, mark: Any) -> None:
-        """Set the mark at a time to a name; ``None`` stands for the present time."""
+        """Set the mark at a time to a name, or one at the present time, for which ``None`` stands.
+
+        A mark at the present time without a name gets the next free one.
+        """
         at, name = mark
         if not isinstance(name, str):
             raise ValueError(name)
         at_s = playback.state.position_s if at is None else seconds_of(at)
         at_s = max(at_s - playback.lead_s, 0.0)  # they are those of the first source
-        writing = self._write(partial(self.marks.set, at_s, name))
+        is_new = at is None and not name
+        write = partial(self.marks.add, at_s) if is_new else partial(self.marks.set, at_s, name)
+        writing = self._write(write)
         asyncio.run_coroutine_threadsafe(writing, page_loop())
 
     async def _write(self, write: Callable[[], None]) -> None:
@@ -160,6 +172,7 @@ class PageClock:
             "playing": state.playing,
             "ended": state.ended,
             "rate": state.rate,
+            "rates": _RATES,
             "loop": state.loop,
             "part": state.part_s,
             "topics": playback.step_topics,
@@ -221,6 +234,20 @@ def seconds_of(value: Any) -> float:
     if isinstance(value, bool) or not math.isfinite(value):
         raise ValueError(f"{value!r} is not a time")
     return float(min(max(value, 0.0), _FARTHEST_S))
+
+
+def _change_rate(playback: Playback, faster: Any) -> None:
+    """Take the next speed up or down; without a limit, the fastest."""
+    rate = playback.state.rate or math.inf
+    if faster is True:
+        playback.set_rate(min((one for one in _RATES if one > rate), default=_RATES[-1]))
+    else:
+        playback.set_rate(max((one for one in _RATES if one < rate), default=_RATES[0]))
+
+
+def _loop(playback: Playback, loop: Any) -> None:
+    """Set whether playback loops; ``None`` changes that."""
+    playback.set_loop(not playback.state.loop if loop is None else loop is True)
 
 
 def _step_by(playback: Playback, topic: Any) -> None:

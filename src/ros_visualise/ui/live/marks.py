@@ -56,6 +56,14 @@ class Marks:
             self.names = dict(sorted({**self.names, at_s: name}.items()))
         self._write()
 
+    def add(self, at_s: float) -> None:
+        """Add a mark with the next free name, unless one has this time; raises as `set` does."""
+        taken, number = {*self.names.values()}, len(self.names) + 1
+        while f"Mark {number}" in taken:
+            number += 1
+        if round(at_s, 3) not in self.names:
+            self.set(at_s, f"Mark {number}")
+
     def note(self, text: str) -> None:
         """Replace the notes.
 

@@ -36,6 +36,7 @@
         closed: () => {
           this.drafts = {};
           this.sent.clear();
+          rv.past.setUnderWay(0);
           this.run = null; // an address that was not restored yet is restored when it is back
           this.changed();
         },
@@ -111,6 +112,7 @@
         then(answer);
         this.note(before, answer.after, stroke);
       });
+      rv.past.setUnderWay(this.sent.size);
       return true;
     }
 
@@ -124,6 +126,7 @@
       else if ("done" in message) {
         this.sent.get(message.done)?.(message);
         this.sent.delete(message.done);
+        rv.past.setUnderWay(this.sent.size);
       } else Object.assign(this, message);
     }
 

@@ -88,26 +88,34 @@
     }
   }
 
-  // What a person did, in all of the page; each is {undo, redo}. "change" tells of another state.
+  // What a person did, in all of the page; each is {undo, redo}. "change" tells of another state. What is
+  // `underWay`, a number of changes, is noted once the server has answered; until then undo and redo wait.
   class EditHistory extends EventTarget {
     done = [];
     undone = [];
+    waiting = [];
+    underWay = 0;
     did(step) {
       this.done = [...this.done.slice(-99), step];
       this.undone = [];
       this.dispatchEvent(new Event("change"));
     }
     undo() {
-      this.step(this.done, this.undone, "undo");
+      this.step("done", "undone", "undo");
     }
     redo() {
-      this.step(this.undone, this.done, "redo");
+      this.step("undone", "done", "redo");
+    }
+    setUnderWay(count) {
+      this.underWay = count;
+      while (this.waiting.length && !this.underWay) this.step(...this.waiting.shift());
     }
     step(from, to, way) {
-      const step = from.pop();
+      if (this.underWay) return this.waiting.push([from, to, way]);
+      const step = this[from].pop();
       if (!step) return;
       step[way]();
-      to.push(step);
+      this[to].push(step);
       this.dispatchEvent(new Event("change"));
     }
   }

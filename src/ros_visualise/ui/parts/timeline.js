@@ -1,5 +1,4 @@
 // The timeline: clock, controls and a bar to scrub.
-const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 0];
 const SKIP_S = 5;
 const MARGIN = 10;
 const clock = rv.asClock;
@@ -52,7 +51,7 @@ export default {
           <option v-for="rate in rates" :key="rate" :value="rate">{{ rate ? rate + " ×" : "Unlimited" }}</option>
         </select>
         <q-btn flat dense round icon="repeat" :color="state.loop ? 'primary' : undefined" :disable="readOnly" aria-label="Loop"
-          :aria-pressed="String(!!state.loop)" title="Repeat: start again when the end is reached" @mousedown.prevent @click="act({ loop: !state.loop })" />
+          :aria-pressed="String(!!state.loop)" title="Repeat: start again when the end is reached" @mousedown.prevent @click="act({ loop: null })" />
         <q-btn flat dense round icon="flag" :disable="readOnly" aria-label="Set a mark"
           title="Set a mark, that is, a bookmark in time (M); right-click a mark to rename or remove it" @mousedown.prevent @click="mark" />
         <q-btn flat dense round icon="density_medium" :color="rows.length ? 'primary' : undefined" aria-label="Messages per topic"
@@ -84,7 +83,10 @@ export default {
     time() { return this.state.past ? `−${clock(this.end - this.shown)}` : clock(this.shown); },
     length() { return this.state.live || this.state.duration == null ? "" : clock(this.state.duration); },
     icon() { return this.state.playing ? "pause" : this.state.ended ? "replay" : "play_arrow"; },
-    rates() { return RATES.includes(this.state.rate) ? RATES : [this.state.rate ?? 1, ...RATES]; },
+    rates() {
+      const { rate = 1, rates = [] } = this.state;
+      return [...(rates.includes(rate) || !rate ? [] : [rate]), ...rates, 0]; // 0 is unlimited
+    },
   },
   mounted() {
     rv.clock.addEventListener("change", this.heard);
@@ -118,9 +120,17 @@ export default {
       if (!this.readOnly) rv.clock.act(message);
     },
     seek(seconds) {
-      const to = Math.min(Math.max(seconds, this.begin), this.end);
-      this.scrubbed = to;
-      this.act({ seek: to });
+      this.scrub(seconds);
+      this.act({ seek: this.scrubbed });
+    },
+    // Go on or back from where the server is then: another key may be under way.
+    skip(by) {
+      this.scrub(this.shown + by);
+      this.act({ skip: by });
+    },
+    // Show a time until the server's comes.
+    scrub(seconds) {
+      if (!this.readOnly) this.scrubbed = Math.min(Math.max(seconds, this.begin), this.end);
       this.draw();
     },
     key(event) {
@@ -129,10 +139,9 @@ export default {
       if (/^(Arrow|Home|End|Page)/.test(event.key) && event.target.matches?.("input[type=range]")) return false; // a slider's own
       const { live } = this.state;
       const part = this.state.part?.[0] ?? 0;
-      const to = RATES.filter((rate) => rate);
       const back = {
-        ArrowLeft: () => this.seek(this.shown - (event.shiftKey ? 1 : SKIP_S)),
-        ArrowRight: () => this.seek(this.shown + (event.shiftKey ? 1 : SKIP_S)),
+        ArrowLeft: () => this.skip(event.shiftKey ? -1 : -SKIP_S),
+        ArrowRight: () => this.skip(event.shiftKey ? 1 : SKIP_S),
       };
       const actions = {
         " ": () => this.act({ toggle: 1 }),
@@ -145,8 +154,8 @@ export default {
           "[": () => this.act({ begin: 1 }),
           m: () => this.mark(),
           "]": () => this.act({ end: 1 }),
-          "<": () => this.act({ rate: to.findLast((rate) => rate < this.state.rate) ?? to[0] }),
-          ">": () => this.act({ rate: to.find((rate) => rate > this.state.rate) ?? to.at(-1) }),
+          "<": () => this.act({ faster: false }),
+          ">": () => this.act({ faster: true }),
         }),
         ...(this.canRewind && { ...back, End: () => this.act({ live: 1 }), Home: () => this.seek(this.begin) }),
       };
@@ -181,7 +190,7 @@ export default {
       target.onpointerup = target.onpointercancel = release;
     },
     mark() {
-      this.act({ mark: [null, `Mark ${(this.state.marks ?? []).length + 1}`] });
+      this.act({ mark: [null, ""] });
     },
     // Play what lies between this mark and the next one.
     range(at) {

@@ -58,6 +58,7 @@ export default {
   template: `
     <div class="rv-workspace">
       <component :is="'style'">{{ css }}</component>
+      <h1 class="rv-unseen">ros_visualise</h1>
       <div class="rv-room" ref="room" :class="{ 'rv-stacked': isNarrow }" @rv-keep="keep">
         <div class="rv-height" :style="{ height: total + 'px' }"></div>
         <div v-for="one in heads" :key="one.place.key" class="rv-tabs" :style="one.style" @dblclick="maximise(one.place)">

@@ -20,8 +20,8 @@ export default {
       <div class="rv-lines" ref="lines" role="table" aria-label="Topics" :aria-rowcount="found.length" tabindex="0"
         @scroll="top = $event.target.scrollTop">
         <div class="rv-line rv-head" role="row">
-          <button v-for="column in columns" :key="column.name" role="columnheader" :title="column.hint"
-            :aria-sort="sort === column.at ? (down ? 'descending' : 'ascending') : 'none'" @click="order(column.at)">{{ column.name }}</button>
+          <span v-for="column in columns" :key="column.name" role="columnheader" :aria-sort="sort === column.at ? (down ? 'descending' : 'ascending') : 'none'">
+            <button :title="column.hint || null" @click="order(column.at)">{{ column.name }}</button></span>
         </div>
         <div :style="{ height: found.length * ${LINE} + 'px', position: 'relative' }">
           <div v-for="[row, number] in inView" :key="row[0]" class="rv-line" role="row" draggable="true"
