@@ -21,6 +21,7 @@ ELSEWHERE = re.compile(
 )
 """What a browser would load from another place."""
 
+pytestmark = pytest.mark.timeout(300)  # the first of these tests waits for the whole site
 
 ORIGIN = "git@github.com:me/mine.git"
 """Where the repository was cloned from, whose pages have links to it."""
