@@ -41,8 +41,9 @@ DATA = Path(os.environ.get("ROS_VISUALISE_DATA", ROOT.parent / "shared" / "data"
 WIDTH = 640
 FILM = "demo landscape --duration 8 --record flight.mp4@/image_raw"
 WALL = "IMG_1369.JPG"
-DRIVE = "sim husky --world playpen --mission square --duration 40 --record drive.bag"
-DRIVE += "@/odom,/ground_truth/odom,/tf,/tf_static --set husky.camera=false"
+DRIVE = "sim husky --world playpen --mission square --duration 30 --record drive.bag"
+DRIVE += "@/odom,/ground_truth/odom,/tf,/tf_static"
+DRIVE += " --set husky.camera=false --set husky.lidar=false"
 FLIGHT = "sim quadrotor --mission default --profile ideal --duration 22"
 FLIGHT += " --set quadrotor.lidar=false"
 QUADROTOR = f"{FLIGHT} --record field.mp4@/image_raw"
@@ -112,7 +113,7 @@ PAGES = {
     "page": ("video flight.mp4 --loop", 12),
     "explain": ("explain canny photo.jpg", 12),
     "kitti": (f"kitti {KITTI} --loop", 12),
-    "landmarks": ("sim quadrotor --mission landing.yaml --profile ideal", 28),
+    "landmarks": ("sim quadrotor --mission landing.yaml", 20),
 }
 """Picture -> the page it shows in its full size, and the seconds until then."""
 
