@@ -274,7 +274,7 @@ class TestTruth:
         assert errors["rpe"]["rotation_deg"] is errors["ate"]["rotation_deg"] is None
         assert errors["ate"]["translation_m"]["rmse"] < 0.1
         told = run(*command)[1]
-        assert "(without attitudes in /gps/fix: no errors in degrees, and the RPE compares" in told
+        assert "(no rotations in /gps/fix: no errors in degrees, and the RPE compares" in told
         assert "not aligned, though the frames differ (map, odom)" in told
 
     def test_a_file_of_positions_alone_has_no_rotations(self, run, compared, tmp_path):
@@ -284,12 +284,13 @@ class TestTruth:
         places = [line.split()[:4] for line in truth.read_text().splitlines() if line[0] != "#"]
         points.write_text("".join(f"{' '.join(one)} 0 0 0 1\n" for one in places))
         said = run(source, "--truth", points, "--align=se3")[1]
-        assert f"(without attitudes in {points}: no errors in degrees" in said
+        assert f"(no rotations in {points}: no errors in degrees" in said
         assert "(deg)" not in said
         [ate, rpe] = [line.split() for line in said.splitlines() if line[1:6] in ("TE (m", "PE (m")]
         whole = run(source, "--truth", truth, "--align=se3")[1].splitlines()
         assert [ate] == [line.split() for line in whole if line.startswith("ATE (m)")]
         assert float(rpe[5]) < 0.005  # evo_rpe -r point_distance
+        assert run(source, "--truth", points, "--align=origin")[0] == 0  # a robot may never turn
         assert run(points, aligned, "--truth", truth, "--align=se3")[0] == 0
         assert {line.split(maxsplit=4)[4] for line in aligned.read_text().splitlines()} == {
             "0.0 0.0 0.0 1.0"

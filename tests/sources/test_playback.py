@@ -343,6 +343,15 @@ def test_seeking_at_the_held_end_shows_one_and_does_not_play_on(clock: FakeClock
     assert [i for t, i in passed if t >= 3] == [2, 3]
 
 
+def test_playing_twice_at_the_held_end_starts_over_from_the_start(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    frames = Spied([0, 0.1, 0.2], playback)
+    clock.at(1, lambda: (playback.play(), playback.play()))
+    clock.at(2, playback.close)
+    assert [number for _, number in playback.run(frames)] == [0, 1, 2, 0, 1, 2]
+    assert frames.places[3] == (0, 0)
+
+
 def test_starting_over_at_the_end_keeps_stamps_increasing(clock: FakeClock) -> None:
     playback = Playback(hold=True, clock=clock)
     clock.at(1, playback.play)
@@ -362,6 +371,15 @@ def test_the_real_end_corrects_the_promised_length(clock: FakeClock) -> None:
     playback = Playback(clock=clock)
     play(playback, Frames([0, 0.1, 0.2], promised_s=100), clock)
     assert playback.state.duration_s == pytest.approx(0.3)
+
+
+def test_a_range_beyond_the_true_end_is_cleared(clock: FakeClock, caplog) -> None:
+    playback = Playback(clock=clock, start_s=100, loop=True, frames=5)
+    playback.set_part(100, None)
+    shown = [number for _, number in playback.run(Frames([0, 0.1, 0.2]))]
+    assert shown == [2, 0, 1, 2, 0]
+    assert playback.state.part_s == (0, None)
+    assert "starts after the end" in caplog.text
 
 
 def test_close_ends_a_wait_within_a_long_gap(clock: FakeClock) -> None:

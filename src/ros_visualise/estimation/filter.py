@@ -204,7 +204,8 @@ class Filter:
             return
         self._age(belief)
         params = self.settings.sensor(reading.sensor)
-        rivalry.judge_by_sensor(belief, reading, sensor, params)
+        if not sensor.is_of_another(belief, reading, params):
+            rivalry.judge_by_sensor(belief, reading, sensor, params)
         sensor.apply(belief, reading, params)
 
     def _age(self, belief: Belief) -> None:

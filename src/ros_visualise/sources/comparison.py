@@ -44,8 +44,9 @@ class Comparison:
         ate: errors of each compared pose.
         rpe: errors of each pair of them; None if no two are so far apart. Without attitudes: of the
             lengths of the steps.
-        without_attitude: topics or files of the trajectories that have no attitudes; if there are
-            any, only the errors in metres are valid.
+        without_attitude: topics or files of the trajectories that have no attitudes, or state that
+            nothing turned, as an unknown attitude is written; if there are any, only the errors in
+            metres are valid.
     """
 
     trajectory: Trajectory
@@ -82,8 +83,9 @@ def compare(
     Raises:
         UsageError: no matching poses, or they cannot be aligned like that.
     """
-    flat = _without_attitude(found, truth)
-    _check_alignment(flat, how)
+    _check_alignment(found, truth, how)
+    is_flat = _lack_attitudes(found, truth)
+    flat = tuple(one.topic for one, lacks in zip((found, truth), is_flat, strict=True) if lacks)
     of_truth, of_found = _pairs(found, truth, round(max_difference_s * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
@@ -98,7 +100,7 @@ def compare(
     relative = step_errors if flat else relative_errors
     apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
     return Comparison(
-        _moved(found, T, found.topic not in flat) if how != "none" else found,
+        _moved(found, T, not is_flat[0]) if how != "none" else found,
         alignment,
         how,
         delta,
@@ -110,21 +112,21 @@ def compare(
     )
 
 
-def _without_attitude(*both: Trajectory) -> tuple[str, ...]:
-    """Names of those without attitudes: by their type, or identity rotations all along.
+def _lack_attitudes(*both: Trajectory) -> list[bool]:
+    """Tell which have no attitudes: by their type, or identity rotations all along.
 
     Programs write an unknown attitude as 0 0 0 1. If neither turns, both are taken as stated.
     """
     is_flat = [not one.turns for one in both]
     if not any(is_flat):
         is_flat = [bool((one.path.quats_xyzw == _IDENTITY).all()) for one in both]
-        is_flat = is_flat if not all(is_flat) else []
-    return tuple(one.topic for one, lacks in zip(both, is_flat, strict=False) if lacks)
+    return is_flat if not all(is_flat) else [not one.turns for one in both]
 
 
-def _check_alignment(flat: tuple[str, ...], how: str) -> None:
+def _check_alignment(found: Trajectory, truth: Trajectory, how: str) -> None:
     if how not in ALIGNMENTS:
         raise UsageError(f"no alignment {how!r}{did_you_mean(how, ALIGNMENTS)}")
+    flat = [one.topic for one in (found, truth) if not one.turns]
     if how == "origin" and flat:
         raise UsageError(f"{flat[0]} has no attitudes, which align=origin needs; use align=se3")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -11,6 +12,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.sources.timeline import PlaybackTimeline, PlayedPart
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -243,7 +246,8 @@ class Playback:
         """Go on; at the end, start again."""
         with self._changing():
             self._line.change(running=True)
-            self._requests.steps, self._requests.start_over = 0, self._is_over
+            self._requests.steps = 0
+            self._requests.start_over |= self._is_over
 
     def pause(self) -> None:
         """Stop at the present message."""
@@ -449,7 +453,7 @@ class Playback:
         start_ns = _time_before(recording, start_ns, frames_back)
         with self._changed:
             self._heading_ns = start_ns
-        self._part.enter(start_ns)
+            self._part.enter(start_ns)
         return start_ns
 
     def _correct_length(self) -> None:
@@ -457,6 +461,9 @@ class Playback:
         known_ns, period_ns = self._length_ns or 0, self._period_ns
         if not 0 < known_ns - self._position_ns <= (2 * period_ns or known_ns):
             self._length_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
+        if self._part.begin_ns >= (self._length_ns or math.inf):  # nothing could be played
+            log.warning("the playback range starts after the end of the source: it is cleared")
+            self._part.set(0, None)
 
     def _wait_at_end(self) -> None:
         while self.holds and not (self.closed or self._done or self._wants_more()):
@@ -472,6 +479,8 @@ class Playback:
         self._line.begin_loop(self._part.begin_lap(self._length_ns or 0))
         self.epoch += self._requests.start_over
         self.laps += not self._requests.start_over
+        if self._requests.start_over:
+            self._heading_ns = self._part.begin_ns
         self._line.is_fresh, self._requests.start_over = self._requests.start_over, False
         return self._part.begin_ns
 

@@ -85,10 +85,8 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
     lines += in_columns(rows, numbers=True)
     if not compared.turns:
         flat = " and ".join(compared.without_attitude)
-        lines.append(
-            f"(without attitudes in {flat}: no errors in degrees, and the RPE compares the lengths"
-            " of the steps)"
-        )
+        lengths = ", and the RPE compares the lengths of the steps" * (compared.rpe is not None)
+        lines.append(f"(no rotations in {flat}: no errors in degrees{lengths})")
     if compared.rpe is None:
         lines.append(f"(no RPE, because no two poses are {compared.delta.words} apart)")
     return lines

@@ -50,6 +50,7 @@ _MOVES = "waiting for the robot to rest for half a second, or to speed up, slow 
 _LEAST_MOVING, _MOST_MOVING, _EVERY = 15, 20, 5  # views for a start in motion; those between tries
 _SELDOM_S = 0.125  # mean time between images, above which the focal length is estimated wrong
 _USUAL = 50  # images, of which that is the mean
+_GAP_S = 1.0  # a longer time between two images is a gap, and counts as so much
 _THIN = 1 / 8  # size of images that are compared at rest
 
 
@@ -166,7 +167,8 @@ class InertialOdometry:
         corners = self._tracker.follow(image.gray)
         seconds, self._before_ns = (stamp_ns - self._before_ns) / 1e9, stamp_ns
         if stamp_ns > self._first_ns:
-            self._period_s += (seconds - self._period_s) / min(self.counts["images"] - 1, _USUAL)
+            usual_s = min(seconds, _GAP_S)
+            self._period_s += (usual_s - self._period_s) / min(self.counts["images"] - 1, _USUAL)
         if fault:
             self._tracker.refill()
             if self.filter is not None:

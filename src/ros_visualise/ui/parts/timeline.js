@@ -202,8 +202,8 @@ export default {
       rv.open("files");
     },
     loop(at) {
+      this.act({ loop: true }); // first: a range that is set at the end waits there otherwise
       this.range(at);
-      this.act({ loop: true });
       this.seek(at);
     },
     async toggleTicks() {
