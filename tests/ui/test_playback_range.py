@@ -7,13 +7,29 @@ import sys
 import forked
 import pytest
 from made_videos import numbered, write_video
-from page_client import TOKEN, ClockClient
+from page_client import TOKEN, ClockClient, Live, wait_in
 
 from ros_visualise.graph.pipelines import image_pipeline, simulation_pipeline
 from ros_visualise.running.options import PlayingOptions
 from ros_visualise.running.play import _playback
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.ui import ViewOptions, read_arrangement
+from ros_visualise.ui.page import Page
 
 OPTIONS = PlayingOptions(start=0.1, duration=0.2)
+WHOLE = {"playback range/start": 0.0, "playback range/end": 0.0}
+
+
+@pytest.fixture
+def runtime():
+    """The demo, paused, with a range of the command line."""
+    graph = image_pipeline("landscape")
+    playback = _playback(OPTIONS, graph, stays=True)
+    playback.pause()
+    running = LocalRuntime(graph, playback)
+    running.start()
+    yield running
+    running.stop()
 
 
 @pytest.mark.parametrize(
@@ -48,3 +64,40 @@ def test_the_page_stays_at_the_end_of_the_range_and_loops_it(tmp_path, port):
             clock.read_until(lambda state: state["position"] > 0.4)
         process.send_signal(signal.SIGINT)
         assert process.wait(60) == 130
+
+
+def save(client, path):
+    client.send("save", what="layout", name=path.name)
+    client.read_until(lambda: client.state.get("saved") == str(path))
+    found = read_arrangement(path)
+    return {place: value for place, value in found.items() if "range" in place}
+
+
+def test_a_layout_holds_the_range_once_a_person_has_changed_it(port, runtime, tmp_path):
+    page = Page(ViewOptions(port=port, record_dir=tmp_path))
+    page.open(runtime)
+    with Live(port, "/live/files") as client:
+        assert save(client, tmp_path / "first.yaml") == {}
+        runtime.playback.set_part(0.1, 5.0)
+        assert save(client, tmp_path / "longer.yaml") == {"playback range/end": 5.0}
+        runtime.playback.set_part()
+        assert save(client, tmp_path / "whole.yaml") == WHOLE
+    page.close()
+
+
+def test_a_range_that_was_cleared_is_so_again(port, runtime):
+    page = Page(ViewOptions(port=port, arrangement=WHOLE))
+    page.open(runtime)
+    assert runtime.playback.state.part_s == (0.0, None)
+    page.close()
+
+
+def test_the_address_holds_the_range_once_a_person_has_changed_it(browse, runtime):
+    tab = browse("?layout={~panel~:~nodes~}", images=False)
+    runtime.parameters["filters"].update({"threshold": 77})
+    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+    assert tab.evaluate("rv.clock.state.part")[0] == 0.1
+    tab.evaluate("rv.clock.act({ whole: true })")
+    wait_in(tab, lambda: tab.url.endswith("&playback%20range/start=0&playback%20range/end=0"))
+    runtime.playback.set_part(*runtime.playback.first_part_s)
+    wait_in(tab, lambda: tab.url.endswith("#filters/threshold=77"))

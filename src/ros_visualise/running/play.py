@@ -136,17 +136,16 @@ def _playback(options: PlayingOptions, graph: Graph, stays: bool) -> Playback:
     source = graph.source.type if graph.source is not None else None
     has_range = stays and source is not None and not (source.live or source.inputs)
     start_s, duration_s = options.start or 0.0, options.duration
-    playback = Playback(
+    end_s = None if duration_s is None else start_s + duration_s
+    return Playback(
         rate=1.0 if options.rate is None else options.rate,
         loop=options.loop or (stays and source is not None and source.seamless),
         start_s=start_s,
         duration_s=None if has_range else duration_s,
         frames=options.frames,
         hold=stays and (has_range or duration_s is None) and options.frames is None,
+        part_s=(start_s, end_s) if has_range else (0.0, None),
     )
-    if has_range:
-        playback.set_part(start_s, None if duration_s is None else start_s + duration_s)
-    return playback
 
 
 class _Played:

@@ -94,12 +94,14 @@ class Playback:
         duration_s: how much to play in all, over loops and seeks.
         frames: how many messages to play in all.
         hold: at the end, wait for a seek or for `close`.
+        part_s: beginning and end of the part that is played at first; see `set_part`.
         live_stamps: stamp each message with the clock's time at which it is due, as a camera would,
             rather than with its place in the recording.
         clock: measures time.
 
     Attributes:
         holds: it waits at the end.
+        first_part_s: beginning and end of the part that was played at first.
         closed: it was closed, so the source is to end.
         epoch: number of seeks and restarts so far, known before the first message after one.
         laps: number of loops so far; the stamps go on.
@@ -112,7 +114,7 @@ class Playback:
         step_topic: a step shows the next message of this topic; empty: of any.
 
     Raises:
-        ParameterError: the rate is not from 0 to 100.
+        ParameterError: the rate is not from 0 to 100, or the part ends before it begins.
     """
 
     def __init__(
@@ -124,13 +126,15 @@ class Playback:
         duration_s: float | None = None,
         frames: int | None = None,
         hold: bool = False,
+        part_s: tuple[float, float | None] = (0.0, None),
         live_stamps: bool = False,
         clock: Clock | None = None,
     ) -> None:
         self._clock = clock or WallClock()
         self._changed = threading.Condition()
         self._line = PlaybackTimeline(self._clock, rate, live_stamps)
-        self._part = PlayedPart()
+        self._part = PlayedPart(*part_s)
+        self.first_part_s = self._part.span_s
         self._requests = _Requests()
         self._quota = _Quota(duration_s, frames)
         self._loop, self.holds = loop, hold
@@ -298,8 +302,7 @@ class Playback:
             ParameterError: the end does not come after the beginning.
         """
         with self._changing():
-            end_ns = None if end_s is None else round(end_s * 1e9)
-            self._part.set(round(begin_s * 1e9), end_ns)
+            self._part.set(begin_s, end_s)
             target_ns = self._target_ns
             if not self._part.has(self._position_ns if target_ns is None else target_ns):
                 self.seek(begin_s)

@@ -129,9 +129,8 @@ class PlayedPart:
         next_ns: time of the first message after the end, once the end was reached; else None.
     """
 
-    def __init__(self) -> None:
-        self.begin_ns = 0
-        self.end_ns: int | None = None
+    def __init__(self, begin_s: float, end_s: float | None) -> None:
+        self.set(begin_s, end_s)
         self.next_ns: int | None = None
         self._floor_ns = self._last_ns = 0
         self._is_first = True
@@ -141,8 +140,9 @@ class PlayedPart:
         """Beginning and end, in seconds."""
         return self.begin_ns / 1e9, None if self.end_ns is None else self.end_ns / 1e9
 
-    def set(self, begin_ns: int, end_ns: int | None) -> None:
+    def set(self, begin_s: float, end_s: float | None) -> None:
         """Choose another part; raises ParameterError unless its end comes after its beginning."""
+        begin_ns, end_ns = round(begin_s * 1e9), None if end_s is None else round(end_s * 1e9)
         if begin_ns < 0 or (end_ns is not None and end_ns <= begin_ns):
             raise ParameterError("the end of the playback range must be after its start")
         self.begin_ns, self.end_ns = begin_ns, end_ns

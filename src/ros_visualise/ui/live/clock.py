@@ -175,6 +175,7 @@ class PageClock:
             "rates": _RATES,
             "loop": state.loop,
             "part": state.part_s,
+            "first_part": playback.first_part_s,
             "topics": playback.step_topics,
             "topic": playback.step_topic,
             "live": False,

@@ -27,16 +27,15 @@ from ros_visualise.ui import Value
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.live.asked import Asked, Given, Name, Whole, check_type, understand
 from ros_visualise.ui.live.board import LiveBoard, Visitor
-from ros_visualise.ui.live.clock import begin_at, end_at, seconds_of
 from ros_visualise.ui.live.declared import actions_of, declaration, sent
 from ros_visualise.ui.live.notices import Notices
+from ros_visualise.ui.live.played_range import changed_range, restore_range
 from ros_visualise.ui.live.settings import Settings, by_name, shown_specs
 from ros_visualise.ui.server.gate import Receive, Scope, Send, Visit
 from ros_visualise.ui.shown import texts_of
 from ros_visualise.ui.worker import PageWorker
 
 _PERIOD_S = 0.1
-_RANGE = "playback range"
 _CLOSE_S = 0.3
 _MOST = 200
 
@@ -159,13 +158,11 @@ class NodesHub:
     def saved(self) -> dict[str, Value]:
         """The values that differ from how they began, by their places."""
         playback = self._playback
-        part_s = (0.0, None) if playback is None else playback.state.part_s
-        part = {"start": part_s[0], "end": part_s[1]}
-        return {
+        return ({} if playback is None else changed_range(playback)) | {
             f"{node}/{name}": value
             for node, parameters in self._nodes.items()
             for name, value in self.settings.changed(node, parameters).items()
-        } | {f"{_RANGE}/{name}": value for name, value in part.items() if value}
+        }
 
     def _hear(self, visitor: Visitor, is_viewer: bool, text: str) -> None:
         request = understand(_DECODER, text)
@@ -284,7 +281,8 @@ class NodesHub:
 
     def _restore(self) -> None:
         """Set what waits for the present nodes: of each node as one whole, else one by one."""
-        self._restore_range()
+        if self._playback is not None:
+            restore_range(self._playback, self.settings, self._notices.note)
         for node, parameters in self._nodes.items():
             values = self.settings.take(node, parameters)
             try:
@@ -295,18 +293,6 @@ class NodesHub:
                         self._update(node, {name: value})
                     except ParameterError as error:
                         self._notices.note(str(error))
-
-    def _restore_range(self) -> None:
-        playback = self._playback
-        if playback is None:
-            return
-        for name, set_part in (("start", begin_at), ("end", end_at)):
-            value = self.settings.pop(f"{_RANGE}/{name}")
-            try:
-                if value is not None:
-                    set_part(playback, seconds_of(float(value)))
-            except (ValueError, RosVisualiseError) as error:
-                self._notices.note(f"{_RANGE}/{name}: {error}")
 
     def _changed(self, node: str, *_: object) -> None:
         self._worker.post(("show", node), partial(self._show, node))

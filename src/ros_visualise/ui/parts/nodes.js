@@ -171,9 +171,8 @@
       for (const node of this.names)
         for (const [name, value] of Object.entries(this.values[node] ?? {}))
           if (this.isChanged(node, name)) found.push([`${node}/${name}`, value]);
-      const [from, until] = rv.clock.state.part ?? [];
-      if (from) found.push(["playback range/start", from]);
-      if (until != null) found.push(["playback range/end", until]);
+      const { part = [], first_part: first = [] } = rv.clock.state;
+      ["start", "end"].forEach((name, at) => part[at] !== first[at] && found.push([`playback range/${name}`, part[at] ?? 0]));
       const words = (text) => encodeURIComponent(text).replace(/%2F|%2C|%3A/g, decodeURIComponent);
       let address = "";
       for (const [place, value] of found) {
@@ -239,7 +238,8 @@
   nodes.begin();
   nodes.addEventListener("change", () => nodes.write());
   rv.clock.addEventListener("change", () => {
-    const part = String(rv.clock.state.part);
+    const { state } = rv.clock;
+    const part = String([state.part, state.first_part]);
     if (part !== nodes.part) nodes.write((nodes.part = part));
   });
   // The address may have been written anew since.
