@@ -2,11 +2,13 @@
 
 import json
 import logging
+import threading
 
 import pytest
 from page_client import VIEW_TOKEN, Live
 from test_page_changes import Changing, make
 
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Text
 from ros_visualise.graph import Node
 from ros_visualise.nodes import NodeType, NoParams, find
@@ -146,6 +148,46 @@ def test_a_drag_leaves_no_queue_and_the_last_value(live, filters, monkeypatch):
     assert filters.current.threshold == 199
     assert seen == sorted(seen)
     assert live.values["filters"]["threshold"] == 199
+
+
+def answers(live, numbers):
+    """The reasons that are answered to requests with these numbers."""
+    live.read_until(lambda: {one.get("done") for one in live.got} >= set(numbers))
+    return {one["done"]: one["reason"] for one in live.got if "done" in one}
+
+
+def test_what_no_page_can_ask_is_answered_if_it_has_a_number(live, filters):
+    values = {f"filters/{number}": 3 for number in range(201)}
+    live.send("restore", values=values, number=1)
+    live.send("set", values={"filters": {"threshold": None}}, number=2)
+    assert "nothing was set" in answers(live, [1, 2])[1]
+    live.read_until(lambda: live.said("a value is invalid: nothing was set"))
+    assert filters.current.threshold == 128
+
+
+def test_a_change_that_fails_is_answered(live, filters):
+    def fail(*_):
+        raise KeyError("a bug")
+
+    forget = filters.on_change(fail)
+    assert "internal error" in live.set("filters", "threshold", 77)["reason"]
+    forget()
+    assert live.set("filters", "threshold", 78)["reason"] == ""
+    assert {failure.kind for failure in PROCESS.failures} == {"KeyError"}
+    PROCESS.forget()
+
+
+def test_changes_that_are_too_many_are_all_answered(live, filters):
+    is_over = threading.Event()
+    filters.on_change(lambda *_: is_over.wait(60))
+    live.send("set", values={"filters": {"threshold": 77}}, number=1)
+    for number in range(2, 300):
+        live.send("set", values={f"none {number}": {"a": 1}}, number=number)
+    assert "too many changes" in answers(live, [299])[299]
+    is_over.set()
+    reasons = answers(live, range(1, 300)).values()
+    assert sum("too many" in reason for reason in reasons) == pytest.approx(98, abs=3)
+    assert sum("no such node" in reason for reason in reasons) == pytest.approx(200, abs=3)
 
 
 def test_an_answer_says_all_that_has_changed(live, runtime):

@@ -88,6 +88,29 @@ def test_undo_before_the_server_has_answered_undoes_that_change(browse, runtime)
     wait_in(tab, lambda: filters.current.threshold == 50)
 
 
+BREAK = """() => {
+    const { send } = WebSocket.prototype;
+    WebSocket.prototype.send = function () { this.close(); };
+    rv.nodes.set("filters", "threshold", 99);
+    WebSocket.prototype.send = send;
+    rv.past.undo();
+}"""
+
+
+def test_a_broken_connection_loses_no_step_of_undo(browse, runtime):
+    tab, filters = browse("", images=False), runtime.parameters["filters"]
+    tab.wait_for_function("window.rv?.nodes?.run", timeout=60_000)
+    tab.evaluate("rv.nodes.set('filters', 'threshold', 50)")
+    tab.wait_for_function("rv.past.done.length === 1", timeout=60_000)
+    tab.evaluate(BREAK)
+    tab.wait_for_function("rv.nodes.run === null", timeout=60_000)
+    tab.wait_for_function("rv.nodes.run !== null", timeout=60_000)
+    assert tab.evaluate("[rv.past.done.length, rv.past.waiting.length]") == [1, 0]
+    assert filters.current.threshold == 50
+    tab.evaluate("rv.past.undo()")
+    wait_in(tab, lambda: filters.current.threshold == 128)
+
+
 def test_buttons_and_keys_play(browse, runtime):
     tab, playback = browse(""), runtime.playback
     tab.get_by_role("button", name="Play").click()

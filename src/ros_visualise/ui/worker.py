@@ -56,10 +56,12 @@ class PageWorker:
         if self._thread is not None:
             self._thread.join(timeout_s)
 
-    def ask(self, key: Hashable, action: Callable[[], object]) -> None:
-        """Post a job for a browser, unless too many wait."""
-        if self.is_posted(key) or len(self._posted) < _MOST_ASKED:
+    def ask(self, key: Hashable, action: Callable[[], object]) -> bool:
+        """Post a job for a browser; False if too many wait."""
+        has_room = self.is_posted(key) or len(self._posted) < _MOST_ASKED
+        if has_room:
             self.post(key, action)
+        return has_room
 
     def _run(self) -> None:
         next_tick_s = time.monotonic()

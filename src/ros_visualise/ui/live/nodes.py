@@ -12,7 +12,7 @@ from functools import partial
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, Struct
 
 from ros_visualise.core.errors import ParameterError, RosVisualiseError, UsageError
 from ros_visualise.core.params import Parameters, Spec
@@ -88,7 +88,14 @@ class Read(Asked, tag="read"):
     topics: Annotated[list[Name], Meta(max_length=_MOST)]
 
 
+class _Numbered(Struct):
+    """The number of any request, also of an invalid one."""
+
+    number: Whole = 0
+
+
 _DECODER = msgspec.json.Decoder(_Change | NodeAct | Read)
+_NUMBER = msgspec.json.Decoder(_Numbered)
 
 
 class NodesHub:
@@ -168,18 +175,30 @@ class NodesHub:
         request = understand(_DECODER, text)
         if isinstance(request, Read):
             self._reading[visitor] = frozenset(request.topics)
-        elif is_viewer or request is None:
+        elif is_viewer:
             return
+        elif request is None:
+            self._refuse(visitor, understand(_NUMBER, text), "a value is invalid: nothing was set")
         elif isinstance(request, NodeAct):
             self._worker.ask(object(), partial(self._begin, request))
         else:
             key = visitor, _key(request)
-            self._worker.ask(key, partial(self._set, visitor, request))
+            if not self._worker.ask(key, partial(self._set, visitor, request)):
+                self._refuse(visitor, request, "too many changes are waiting: try again")
 
     def _set(self, visitor: Visitor, request: _Change) -> None:
         """Set parameters, and answer, after their values, with what changed or was rejected."""
         after: dict[str, Mapping[str, Any]] = {}
-        reason = ""
+        reason = "internal error; see the log"
+        try:
+            reason = self._change(request, after)
+            for node in after:
+                self._show(node)
+        finally:  # browsers wait for it
+            self._answer(visitor, request.number, reason, after)
+
+    def _change(self, request: _Change, after: dict[str, Mapping[str, Any]]) -> str:
+        """Set parameters, and put what has changed into ``after``; the reason of a rejection."""
         try:
             for node, values in self._wanted(request).items():
                 old = self._of(node)
@@ -187,12 +206,21 @@ class NodesHub:
                 new = self._of(node)
                 after[node] = {n: value for n, value in new.items() if old.get(n) != value}
         except RosVisualiseError as error:
-            reason = str(error)
+            self._notices.note(str(error))
+            return str(error)
+        return ""
+
+    def _refuse(self, visitor: Visitor, request: _Change | _Numbered | None, reason: str) -> None:
+        """Answer a request that is not carried out, if it has a number."""
+        if request is not None and request.number:
             self._notices.note(reason)
-        for node in after:
-            self._show(node)
-        answer = {"done": request.number, "reason": reason, "after": after}
-        self._board.tell(visitor, f"done/{_key(request)}", answer)
+            self._answer(visitor, request.number, reason, {})
+
+    def _answer(
+        self, visitor: Visitor, number: int, reason: str, after: Mapping[str, Mapping[str, Any]]
+    ) -> None:
+        answer = {"done": number, "reason": reason, "after": after}
+        self._board.tell(visitor, f"done/{number}", answer)
 
     def _wanted(self, request: _Change) -> Mapping[str, Mapping[str, Any]]:
         """The values that a request sets.

@@ -36,6 +36,7 @@
         closed: () => {
           this.drafts = {};
           this.sent.clear();
+          rv.past.waiting = []; // there is nobody to undo it
           rv.past.setUnderWay(0);
           this.run = null; // an address that was not restored yet is restored when it is back
           this.changed();
