@@ -374,11 +374,10 @@ def test_the_real_end_corrects_the_promised_length(clock: FakeClock) -> None:
 
 
 def test_a_range_beyond_the_true_end_is_cleared(clock: FakeClock, caplog) -> None:
-    playback = Playback(clock=clock, start_s=100, loop=True, frames=5)
-    playback.set_part(100, None)
+    playback = Playback(clock=clock, start_s=100, part_s=(100, None), loop=True, frames=5)
     shown = [number for _, number in playback.run(Frames([0, 0.1, 0.2]))]
     assert shown == [2, 0, 1, 2, 0]
-    assert playback.state.part_s == (0, None)
+    assert playback.state.part_s == playback.first_part_s == (0, None)
     assert "starts after the end" in caplog.text
 
 

@@ -101,7 +101,7 @@ class Playback:
 
     Attributes:
         holds: it waits at the end.
-        first_part_s: beginning and end of the part that was played at first.
+        first_part_s: beginning and end of the part that is played unless a person changes it.
         closed: it was closed, so the source is to end.
         epoch: number of seeks and restarts so far, known before the first message after one.
         laps: number of loops so far; the stamps go on.
@@ -467,6 +467,7 @@ class Playback:
         if self._part.begin_ns >= (self._length_ns or math.inf):  # nothing could be played
             log.warning("the playback range starts after the end of the source: it is cleared")
             self._part.set(0, None)
+            self.first_part_s = self._part.span_s
 
     def _wait_at_end(self) -> None:
         while self.holds and not (self.closed or self._done or self._wants_more()):
