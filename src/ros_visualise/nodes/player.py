@@ -61,10 +61,12 @@ class Player:
             self._playable = self._placed(params)
             self._playback.seek(self._playable.time.place_ns(shown_ns) / 1e9)
 
-    def configure(self, params: Any, _: Collection[str]) -> None:
+    def configure(self, params: Any, changed: Collection[str]) -> None:
         """Move sources that are played together; what is shown stays as it can."""
-        self._moved = params
-        self._playback.restart()
+        recording = self._recording
+        if isinstance(recording, JoinedRecording) and not set(recording.names).isdisjoint(changed):
+            self._moved = params
+            self._playback.restart()
 
     def report(self) -> dict[str, Any]:
         """Losses, and topics that cannot be played with the reasons."""

@@ -294,3 +294,15 @@ def test_the_key_images_of_the_only_film_are_previews(film_and_bag):
     place_ns, image = playback.key_image(2 * S)
     assert (place_ns / S, image.width) == (pytest.approx(2, abs=0.05), 32)
     assert playback.key_image(0)[0] == S
+
+
+def test_a_change_of_the_speed_sends_no_message_again(bags):
+    """On a graph, speed and pause are parameters of the player, beside the offsets."""
+    sent = []
+    with closing(open_joined(bags)) as joined:
+        source, playback = player(joined, joined.topics), Playback(rate=0)
+        made = source.make(source.params(), playback)
+        for topic, _ in made.messages():
+            sent.append(topic)
+            made.configure(source.params(), {"rate", "paused"})
+        assert len(sent) == len(read(joined))
