@@ -113,7 +113,7 @@ PAGES = {
     "page": ("video flight.mp4 --loop", 12),
     "explain": ("explain canny photo.jpg", 12),
     "kitti": (f"kitti {KITTI} --loop", 12),
-    "landmarks": ("sim quadrotor --mission landing.yaml", 20),
+    "landmarks": ("sim quadrotor --mission landing.yaml", 13),
 }
 """Picture -> the page it shows in its full size, and the seconds until then."""
 
