@@ -97,11 +97,21 @@ BREAK = """() => {
 }"""
 
 
+UNDO_WITHOUT_CONNECTION = """() => {
+    const { send } = rv.nodes.socket;
+    rv.nodes.socket.send = () => false;
+    rv.past.undo();
+    rv.nodes.socket.send = send;
+    return [rv.past.done.length, rv.past.undone.length];
+}"""
+
+
 def test_a_broken_connection_loses_no_step_of_undo(browse, runtime):
     tab, filters = browse("", images=False), runtime.parameters["filters"]
     tab.wait_for_function("window.rv?.nodes?.run", timeout=60_000)
     tab.evaluate("rv.nodes.set('filters', 'threshold', 50)")
     tab.wait_for_function("rv.past.done.length === 1", timeout=60_000)
+    assert tab.evaluate(UNDO_WITHOUT_CONNECTION) == [1, 0]
     tab.evaluate(BREAK)
     tab.wait_for_function("rv.nodes.run === null", timeout=60_000)
     tab.wait_for_function("rv.nodes.run !== null", timeout=60_000)

@@ -117,6 +117,7 @@ def test_a_file_arranges_the_page(port, runtime, tmp_path):
     assert found == {
         "filters/threshold": 60,
         "playback range/start": 1.5,
+        "playback range/end": 0.0,
         "layout": '{"panel": "nodes"}',
     }
     page.close()

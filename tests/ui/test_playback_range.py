@@ -79,7 +79,8 @@ def test_a_layout_holds_the_range_once_a_person_has_changed_it(port, runtime, tm
     with Live(port, "/live/files") as client:
         assert save(client, tmp_path / "first.yaml") == {}
         runtime.playback.set_part(0.1, 5.0)
-        assert save(client, tmp_path / "longer.yaml") == {"playback range/end": 5.0}
+        longer = {"playback range/start": 0.1, "playback range/end": 5.0}
+        assert save(client, tmp_path / "longer.yaml") == longer
         runtime.playback.set_part()
         assert save(client, tmp_path / "whole.yaml") == WHOLE
     page.close()

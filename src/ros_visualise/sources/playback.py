@@ -466,8 +466,9 @@ class Playback:
             self._length_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
         if self._part.begin_ns >= (self._length_ns or math.inf):  # nothing could be played
             log.warning("the playback range starts after the end of the source: it is cleared")
+            is_first = self._part.span_s == self.first_part_s
             self._part.set(0, None)
-            self.first_part_s = self._part.span_s
+            self.first_part_s = self._part.span_s if is_first else self.first_part_s
 
     def _wait_at_end(self) -> None:
         while self.holds and not (self.closed or self._done or self._wants_more()):

@@ -87,6 +87,8 @@ def table(compared: Comparison, truth: Trajectory) -> list[str]:
         flat = " and ".join(compared.without_attitude)
         lengths = ", and the RPE compares the lengths of the steps" * (compared.rpe is not None)
         lines.append(f"(no rotations in {flat}: no errors in degrees{lengths})")
+        if compared.align == "origin":
+            lines.append("(aligned by a first attitude that may be unknown; try --align se3)")
     if compared.rpe is None:
         lines.append(f"(no RPE, because no two poses are {compared.delta.words} apart)")
     return lines

@@ -14,9 +14,13 @@ _RANGE = "playback range"
 
 
 def changed_range(playback: Playback) -> dict[str, Value]:
-    """Place -> end of the range, s, if it differs from how it began; without an end, 0."""
-    ends = zip(("start", "end"), playback.state.part_s, playback.first_part_s, strict=True)
-    return {f"{_RANGE}/{name}": now or 0.0 for name, now, first in ends if now != first}
+    """Place -> start and end of the range, s, if it differs from how it began; 0: no end."""
+    part_s = playback.state.part_s
+    if part_s == playback.first_part_s:
+        return {}
+    return {
+        f"{_RANGE}/{name}": at or 0.0 for name, at in zip(("start", "end"), part_s, strict=True)
+    }
 
 
 def restore_range(playback: Playback, settings: Settings, note: Callable[[str], None]) -> None:

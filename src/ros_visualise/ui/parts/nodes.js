@@ -173,7 +173,7 @@
         for (const [name, value] of Object.entries(this.values[node] ?? {}))
           if (this.isChanged(node, name)) found.push([`${node}/${name}`, value]);
       const { part = [], first_part: first = [] } = rv.clock.state;
-      ["start", "end"].forEach((name, at) => part[at] !== first[at] && found.push([`playback range/${name}`, part[at] ?? 0]));
+      if (String(part) !== String(first)) ["start", "end"].forEach((name, at) => found.push([`playback range/${name}`, part[at] ?? 0]));
       const words = (text) => encodeURIComponent(text).replace(/%2F|%2C|%3A/g, decodeURIComponent);
       let address = "";
       for (const [place, value] of found) {

@@ -114,7 +114,7 @@
       if (this.underWay) return this.waiting.push([from, to, way]);
       const step = this[from].pop();
       if (!step) return;
-      step[way]();
+      if (step[way]() === false) return this[from].push(step); // there is no connection
       this[to].push(step);
       this.dispatchEvent(new Event("change"));
     }
