@@ -235,11 +235,17 @@ class Spied(Frames):
             yield item
 
 
-def test_the_position_is_the_target_while_its_message_is_read(clock: FakeClock) -> None:
+def begun(clock: FakeClock) -> tuple[Playback, Spied, Generator[tuple[int, int], None, None]]:
+    """A playback that has shown the first of four messages."""
     playback = Playback(hold=True, clock=clock)
     frames = Spied([0, 0.1, 0.2, 0.3], playback)
     run = playback.run(frames)
     next(run)
+    return playback, frames, run
+
+
+def test_the_position_is_the_target_while_its_message_is_read(clock: FakeClock) -> None:
+    playback, frames, run = begun(clock)
     playback.pause()
     playback.seek(0.3)
     next(run)
@@ -248,10 +254,7 @@ def test_the_position_is_the_target_while_its_message_is_read(clock: FakeClock) 
 
 
 def test_a_step_back_while_another_is_read_goes_on_from_that_one(clock: FakeClock) -> None:
-    playback = Playback(hold=True, clock=clock)
-    frames = Spied([0, 0.1, 0.2, 0.3], playback)
-    run = playback.run(frames)
-    next(run)
+    playback, frames, run = begun(clock)
     playback.seek(0.3)
     assert next(run)[1] == 3
     playback.step(-1)
@@ -261,10 +264,7 @@ def test_a_step_back_while_another_is_read_goes_on_from_that_one(clock: FakeCloc
 
 
 def test_a_restart_while_a_sought_message_is_read_goes_there(clock: FakeClock) -> None:
-    playback = Playback(hold=True, clock=clock)
-    frames = Spied([0, 0.1, 0.2, 0.3], playback)
-    run = playback.run(frames)
-    next(run)
+    playback, frames, run = begun(clock)
     playback.seek(0.2)
     frames.once_read = playback.restart
     assert list(run) == []
@@ -350,6 +350,13 @@ def test_playing_twice_at_the_held_end_starts_over_from_the_start(clock: FakeClo
     clock.at(2, playback.close)
     assert [number for _, number in playback.run(frames)] == [0, 1, 2, 0, 1, 2]
     assert frames.places[3] == (0, 0)
+
+
+def test_a_part_repeated_from_the_held_end_plays_on_there(clock: FakeClock) -> None:
+    playback = Playback(hold=True, frames=8, clock=clock)
+    clock.at(1, lambda: playback.repeat(0.1, 0.2))
+    passed = play(playback, Frames([0, 0.1, 0.2, 0.3]), clock)
+    assert [number for _, number in passed] == [0, 1, 2, 3, 1, 2, 1, 2]
 
 
 def test_starting_over_at_the_end_keeps_stamps_increasing(clock: FakeClock) -> None:

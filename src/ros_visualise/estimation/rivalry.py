@@ -33,9 +33,7 @@ from ros_visualise.geometry import se3
 _MEMORY = 0.99  # smoothing of the rate of disagreements
 _TOO_MUCH = 0.2  # of the odometry messages
 _CONFIRMED_S = 2.0  # agreement that makes an IMU trusted
-_DISAGREEMENT_NS = (
-    2_000_000_000  # longest that a trusted IMU is followed alone, and its doubt grows
-)
+_DISAGREEMENT_NS = 2_000_000_000  # longest that a trusted IMU is followed alone, or doubt grows
 _SHORTEST_S = 0.02  # of a disagreement
 
 

@@ -307,6 +307,13 @@ class Playback:
             if not self._part.has(self._position_ns if target_ns is None else target_ns):
                 self.seek(begin_s)
 
+    def repeat(self, begin_s: float, end_s: float | None) -> None:
+        """Play a part from its start, again and again; errors as of `set_part`."""
+        with self._changing():
+            self._loop = True  # before the rest: at the end, it then does not wait
+            self.set_part(begin_s, end_s)
+            self.seek(begin_s)
+
     def restart(self) -> None:
         """End the present run, as the source is to be opened anew; see `take_restart`."""
         with self._changing():

@@ -61,7 +61,8 @@ class PageClock:
             "begin_at": lambda playback, to: begin_at(playback, seconds_of(to)),
             "end_at": lambda playback, to: end_at(playback, seconds_of(to)),
             "whole": lambda playback, _: playback.set_part(),
-            "range": _play_range,
+            "range": lambda playback, ends: playback.set_part(*_part_s(ends)),
+            "repeat": lambda playback, ends: playback.repeat(*_part_s(ends)),
             "mark": self._mark,
         }
 
@@ -225,9 +226,9 @@ def end_at(playback: Playback, time_s: float) -> None:
     playback.set_part(begin_s if begin_s < time_s or not time_s else 0.0, time_s or None)
 
 
-def _play_range(playback: Playback, ends: Any) -> None:
+def _part_s(ends: Any) -> tuple[float, float | None]:
     begin, end = ends
-    playback.set_part(seconds_of(begin), None if end is None else seconds_of(end))
+    return seconds_of(begin), None if end is None else seconds_of(end)
 
 
 def seconds_of(value: Any) -> float:

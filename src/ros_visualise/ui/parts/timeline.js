@@ -192,19 +192,17 @@ export default {
     mark() {
       this.act({ mark: [null, ""] });
     },
-    // Play what lies between this mark and the next one.
-    range(at) {
-      const next = (this.state.marks ?? []).find(([time]) => time > at)?.[0];
-      this.act({ range: [at, next ?? null] });
+    // What lies between this mark and the next one.
+    partFrom(at) {
+      return [at, (this.state.marks ?? []).find(([time]) => time > at)?.[0] ?? null];
     },
     exportFrom(at) {
-      this.range(at);
+      this.act({ range: this.partFrom(at) });
       rv.open("files");
     },
     loop(at) {
-      this.act({ loop: true }); // first: a range that is set at the end waits there otherwise
-      this.range(at);
-      this.seek(at);
+      this.scrub(at);
+      this.act({ repeat: this.partFrom(at) });
     },
     async toggleTicks() {
       if (this.rows.length) return (this.rows = []);
